@@ -1,0 +1,1 @@
+"""Triangle-mesh denoising by cascaded normal regression, beside the classical methods."""

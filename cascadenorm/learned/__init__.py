@@ -1,0 +1,1 @@
+"""Cascaded normal regression: descriptors, clusters, networks, cascade, training."""

@@ -1,0 +1,136 @@
+"""A triangle mesh as two contiguous arrays, checked once where it enters."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.mesh.topology import Topology
+
+Vectors = NDArray[np.float64]
+"""(k, 3) float64: positions, normals or displacements."""
+
+
+class MeshError(ValueError):
+    """A mesh that cannot be worked on; the message says what is wrong, where, and what to do."""
+
+
+class Mesh:
+    """n vertices and m triangles; immutable, what is derived from them is computed when first asked for.
+
+    Parameters
+    ----------
+    vertices : (n, 3) finite numbers, kept as contiguous float64
+    faces : (m, 3) integers in 0 … n - 1, m at least 1, kept as contiguous int32
+
+    Raises
+    ------
+    MeshError : wrong shape or type, a vertex that is not finite, a face that names a vertex that does not exist
+    """
+
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+        self.vertices = _checked_vertices(vertices)
+        self.faces = _checked_faces(faces, len(self.vertices))
+        self.topology = Topology(self.faces, len(self.vertices))
+
+    def moved(self, vertices: Vectors) -> "Mesh":
+        """Return the same faces over other positions of the same vertices; the topology is shared."""
+        mesh = object.__new__(Mesh)
+        mesh.vertices = np.array(vertices, np.float64, order="C")
+        mesh.faces, mesh.topology = self.faces, self.topology
+        mesh.vertices.flags.writeable = False
+        return mesh
+
+    @cached_property
+    def corners(self) -> NDArray[np.float64]:
+        """(m, 3, 3) positions of the corners of each face."""
+        return self.vertices[self.faces]
+
+    @cached_property
+    def centroids(self) -> Vectors:
+        """(m, 3) mean of the corners of each face."""
+        return self.corners.mean(axis=1)
+
+    @cached_property
+    def area_vectors(self) -> Vectors:
+        """(m, 3) normal of each face times its area."""
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        return 0.5 * np.cross(b - a, c - a)
+
+    @cached_property
+    def areas(self) -> NDArray[np.float64]:
+        """(m,) area of each face."""
+        return np.linalg.norm(self.area_vectors, axis=1)
+
+    @cached_property
+    def normals(self) -> Vectors:
+        """(m, 3) unit normal of each face; zero where the face has no area."""
+        return unit(self.area_vectors)
+
+    @cached_property
+    def mean_edge_length(self) -> float:
+        """Mean length of the undirected edges."""
+        ends = self.vertices[self.topology.edges]
+        return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
+
+    @property
+    def area(self) -> float:
+        """Total area."""
+        return float(self.areas.sum())
+
+    @property
+    def volume(self) -> float:
+        """Signed enclosed volume; of an open mesh, that of the cone over it from the mean of its vertices."""
+        origin = self.vertices.mean(axis=0)
+        return float(np.einsum("ij,ij->", self.centroids - origin, self.area_vectors) / 3)
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Length of the diagonal of the bounding box."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+
+def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vectors:
+    """Scale each row to length 1; rows of length zero become `otherwise`, or stay zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    scaled = np.divide(vectors, length, out=np.zeros(vectors.shape), where=length > 0)
+    return scaled if otherwise is None else np.where(length > 0, scaled, otherwise)
+
+
+def first_places(bad: NDArray[np.bool_]) -> str:
+    """Name the first few true places: '17, 18, 40, …'."""
+    places = np.flatnonzero(bad)
+    return ", ".join(map(str, places[:3])) + (", …" if len(places) > 3 else "")
+
+
+def _checked_vertices(vertices: ArrayLike) -> Vectors:
+    array = np.asarray(vertices)
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
+        raise MeshError(f"vertices have shape {array.shape} and type {array.dtype}; they must be (n, 3) numbers")
+    array = np.array(array, np.float64, order="C")
+    bad = ~np.isfinite(array).all(axis=1)
+    if bad.any():
+        raise MeshError(
+            f"{bad.sum()} of {len(array)} vertices are not finite (vertices {first_places(bad)}): "
+            "give them a position, or remove them and their faces"
+        )
+    array.flags.writeable = False
+    return array
+
+
+def _checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
+    array = np.asarray(faces)
+    if array.size == 0:
+        raise MeshError("the mesh has no faces: points alone cannot be denoised here")
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
+        raise MeshError(f"faces have shape {array.shape} and type {array.dtype}; they must be (m, 3) integers")
+    bad = ((array < 0) | (array >= vertex_count)).any(axis=1)
+    if bad.any():
+        raise MeshError(
+            f"{bad.sum()} faces use vertices that do not exist (faces {first_places(bad)}; there are {vertex_count} "
+            "vertices): drop them, or check whether the numbering starts at 0"
+        )
+    array = np.array(array, np.int32, order="C")
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,53 @@
+"""Compiled kernels over index ranges, on several threads.
+
+A kernel is `kernel(start, stop, *arrays)` and writes only what belongs to start … stop, in an order that does not
+depend on the range; so the bytes of the result do not depend on the number of threads.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any
+
+import numba
+
+CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
+SMALLEST_CHUNK = 512
+
+kernel = numba.njit(nogil=True, cache=True, error_model="numpy")
+"""Decorator of every compiled loop: releases the interpreter, is cached on disk, divides by zero as numpy does."""
+
+_limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
+
+
+def thread_count() -> int:
+    """Threads that `over` uses: the innermost `limit_threads`, else the CPUs this process may use."""
+    limit = _limit.get()
+    if limit is not None:
+        return limit
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def limit_threads(threads: int | None) -> Iterator[None]:
+    """Use at most `threads` threads inside the block; None leaves the choice as it is."""
+    if threads is not None and threads < 1:
+        raise ValueError(f"threads is {threads}; it must be at least 1, or None for all")
+    token = _limit.set(_limit.get() if threads is None else threads)
+    try:
+        yield
+    finally:
+        _limit.reset(token)
+
+
+def over(count: int, run: Callable[..., Any], *arguments: Any) -> list[Any]:
+    """Call run(start, stop, *arguments) on ranges that cover 0 … count; the results in the order of the ranges."""
+    threads = thread_count()
+    chunk = max(SMALLEST_CHUNK, -(-count // (threads * CHUNKS_PER_THREAD)))
+    starts = range(0, count, chunk)
+    if threads == 1 or len(starts) < 2:
+        return [run(start, min(start + chunk, count), *arguments) for start in starts]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(lambda start: run(start, min(start + chunk, count), *arguments), starts))

@@ -1,0 +1,174 @@
+"""Who touches whom: the part of a mesh that does not change when vertices move."""
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cascadenorm.mesh.threads import kernel, over
+
+
+class Csr(NamedTuple):
+    """Rows of unequal length: row i is indices[indptr[i] : indptr[i + 1]]."""
+
+    indptr: NDArray[np.int64]
+    indices: NDArray[np.int32]
+
+    def row(self, i: int) -> NDArray[np.int32]:
+        """Return the entries of row i."""
+        return self.indices[self.indptr[i] : self.indptr[i + 1]]
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Length of each row."""
+        return np.diff(self.indptr)
+
+    @property
+    def rows(self) -> NDArray[np.int32]:
+        """Row number of each entry, so that (rows, indices) are the pairs."""
+        return np.repeat(np.arange(len(self.indptr) - 1, dtype=np.int32), self.counts)
+
+
+class Topology:
+    """Neighbourhoods of m triangles over n vertices, each made when first asked for.
+
+    Nothing here needs a manifold: an edge may have one, two or more faces, and neighbours carry no order beyond
+    that of their numbers.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32, every entry in 0 … n - 1
+    vertex_count : n
+    """
+
+    def __init__(self, faces: NDArray[np.int32], vertex_count: int) -> None:
+        self.faces = faces
+        self.vertex_count = vertex_count
+        self._face_rings: dict[int, Csr] = {}
+
+    @cached_property
+    def vertex_faces(self) -> Csr:
+        """Faces around each vertex, ascending; a face that names a vertex twice is listed twice."""
+        indptr = np.zeros(self.vertex_count + 1, np.int64)
+        np.cumsum(np.bincount(self.faces.ravel(), minlength=self.vertex_count), out=indptr[1:])
+        indices = np.empty(self.faces.size, np.int32)
+        _fill_vertex_faces(self.faces, indptr[:-1].copy(), indices)
+        return Csr(indptr, indices)
+
+    def face_rings(self, ring: int) -> Csr:
+        """Faces within `ring` steps of each face, itself left out; a step leads to a face that shares a vertex."""
+        if ring < 1:
+            raise ValueError(f"ring is {ring}; it must be at least 1")
+        if ring not in self._face_rings:
+            count = len(self.faces)
+            parts = over(count, _face_ring_range, self.faces, *self.vertex_faces, ring)
+            indptr = np.zeros(count + 1, np.int64)
+            if parts:
+                np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
+            indices = np.concatenate([found for _, found in parts]) if parts else np.empty(0, np.int32)
+            self._face_rings[ring] = Csr(indptr, indices)
+        return self._face_rings[ring]
+
+    @cached_property
+    def _edges(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Unique undirected edges, and the edge of each face side; side k joins corners k and k + 1."""
+        sides = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+        low, high = sides.min(axis=1).astype(np.int64), sides.max(axis=1)
+        keys, inverse = np.unique(low * self.vertex_count + high, return_inverse=True)
+        edges = np.stack(np.divmod(keys, self.vertex_count), axis=1).astype(np.int32)
+        return edges, inverse.reshape(-1, 3).astype(np.int32)
+
+    @property
+    def edges(self) -> NDArray[np.int32]:
+        """(e, 2) vertices of each undirected edge, smaller first, rows ascending."""
+        return self._edges[0]
+
+    @property
+    def face_edges(self) -> NDArray[np.int32]:
+        """(m, 3) edge of each face side; side k joins corners k and (k + 1) % 3."""
+        return self._edges[1]
+
+    @cached_property
+    def edge_faces(self) -> Csr:
+        """Faces at each edge, ascending: one at a rim, two inside a manifold, more at a non-manifold edge."""
+        order = np.argsort(self.face_edges, axis=None, kind="stable")
+        indptr = np.zeros(len(self.edges) + 1, np.int64)
+        np.cumsum(np.bincount(self.face_edges.ravel(), minlength=len(self.edges)), out=indptr[1:])
+        return Csr(indptr, (order // 3).astype(np.int32))
+
+    @cached_property
+    def interior_edges(self) -> NDArray[np.int32]:
+        """Numbers of the edges that have exactly two faces."""
+        return np.flatnonzero(self.edge_faces.counts == 2).astype(np.int32)
+
+    @cached_property
+    def boundary_vertices(self) -> NDArray[np.bool_]:
+        """(n,) whether a vertex lies on an edge with a single face."""
+        mask = np.zeros(self.vertex_count, bool)
+        mask[self.edges[self.edge_faces.counts == 1]] = True
+        return mask
+
+    @cached_property
+    def vertex_neighbors(self) -> Csr:
+        """Vertices joined to each vertex by an edge, ascending."""
+        proper = self.edges[self.edges[:, 0] != self.edges[:, 1]]
+        ends = np.concatenate([proper, proper[:, ::-1]])
+        matrix = sparse.csr_matrix(
+            (np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), (self.vertex_count, self.vertex_count)
+        )
+        matrix.sort_indices()
+        return Csr(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
+
+    @cached_property
+    def components(self) -> NDArray[np.int32]:
+        """(n,) number of the connected component of each vertex; a vertex without a face is one of its own."""
+        neighbors = self.vertex_neighbors
+        graph = sparse.csr_matrix(
+            (np.ones(len(neighbors.indices), np.int8), neighbors.indices, neighbors.indptr),
+            (self.vertex_count, self.vertex_count),
+        )
+        return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], np.int32)
+
+
+@kernel
+def _fill_vertex_faces(faces, free, indices):  # type: ignore[no-untyped-def]
+    for f in range(len(faces)):
+        for corner in range(3):
+            v = faces[f, corner]
+            indices[free[v]] = f
+            free[v] += 1
+
+
+@kernel
+def _face_ring_range(start, stop, faces, vf_indptr, vf_indices, ring):  # type: ignore[no-untyped-def]
+    """Search breadth first from each face in start … stop; the counts, and the faces found, row after row."""
+    seen = np.full(len(faces), -1, np.int32)
+    counts = np.empty(stop - start, np.int64)
+    found = np.empty(max(64, 16 * ring * ring * (stop - start)), np.int32)
+    end = 0
+    for f in range(start, stop):
+        first = end
+        seen[f] = f
+        level_start, level_stop = first, first
+        for step in range(ring):
+            level_size = 1 if step == 0 else level_stop - level_start
+            for i in range(level_size):
+                center = f if step == 0 else found[level_start + i]
+                for corner in range(3):
+                    v = faces[center, corner]
+                    for k in range(vf_indptr[v], vf_indptr[v + 1]):
+                        g = vf_indices[k]
+                        if seen[g] == f:
+                            continue
+                        seen[g] = f
+                        if end == len(found):
+                            larger = np.empty(2 * len(found), np.int32)
+                            larger[:end] = found
+                            found = larger
+                        found[end] = g
+                        end += 1
+            level_start, level_stop = level_stop, end
+        counts[f - start] = end - first
+    return counts, found[:end].copy()
