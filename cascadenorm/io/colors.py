@@ -1,0 +1,36 @@
+"""Colours of vertices and faces, which formats spell in different ways."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.text import Places, Text
+
+CHANNELS = ("red", "green", "blue", "alpha")
+
+
+def from_words(text: Text, words: Places) -> dict[str, NDArray[Any]]:
+    """Return the channels, as bytes, that words (k, 3 or 4) spell as 0 … 255, or as fractions if one has a point."""
+    values = text.numbers(words)
+    fractions = any(b"." in text.word(word) for word in words[:100].ravel().tolist())
+    with np.errstate(invalid="ignore"):
+        scaled = np.nan_to_num(np.clip(np.rint(values * 255 if fractions else values), 0, 255)).astype(np.uint8)
+    return dict(zip(CHANNELS, scaled.T, strict=False))
+
+
+def channels(values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.uint8]]:
+    """Return the channels among attributes as bytes; empty without red, green and blue."""
+    if any(name not in values for name in CHANNELS[:3]):
+        return {}
+    found = {name: values[name] for name in CHANNELS if name in values}
+    return {name: _as_byte(value) for name, value in found.items()}
+
+
+def _as_byte(values: NDArray[Any]) -> NDArray[np.uint8]:
+    if values.dtype == np.uint8:
+        return values
+    whole = 255 if values.dtype.kind == "f" else np.iinfo(values.dtype).max
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(np.clip(np.rint(values * (255 / whole if whole > 255 else 255)), 0, 255)).astype(np.uint8)

@@ -1,0 +1,182 @@
+"""What every mesh format offers: a file that was read, and the same file with its vertices moved."""
+
+import copy
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.io.normals import Normals, renewed_normals
+from cascadenorm.io.polygons import Polygons, triangulate
+from cascadenorm.io.welding import weld
+from cascadenorm.mesh import Mesh, MeshError, first_places
+
+Positions = NDArray[Any]
+"""(k, 3) float32 or float64, as the file holds them."""
+
+AnyMeshFile = TypeVar("AnyMeshFile", bound="MeshFile")
+
+
+class ReadError(MeshError):
+    """A file that cannot be read as a mesh; the message says what is wrong, where, and what to do."""
+
+
+class OutputError(OSError):
+    """An output that exists already or cannot be written; nothing has been changed."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What formats have in common, to turn one into another; attributes carry the names that PLY uses.
+
+    Parameters
+    ----------
+    positions : (k, 3) float32 or float64
+    polygons : corners are rows of positions
+    vertex_values : name -> (k,); colours are red, green, blue, alpha as uint8, texture coordinates s, t
+    face_values : name -> one for each polygon
+    left_out : what the source holds that has no place here, in words
+    """
+
+    positions: Positions
+    polygons: Polygons
+    vertex_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    face_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+
+class MeshFile(ABC):
+    """A mesh file in memory, complete: what is not a position or a normal is written as it was read.
+
+    Attributes
+    ----------
+    format : name of the format, which is also its extension
+    positions : (k, 3) float32 or float64, as the file holds them, copies at seams included
+    polygons : the faces of the file, corners counted from 0 in `positions`
+    data : the file as it was read
+    triangles : (m, 3) the polygons cut into triangles
+    welds : (k,) for each position the vertex of `mesh` that it is a copy of
+    mesh : n vertices and m triangles; n < k where the file splits vertices at seams or for each face
+    """
+
+    format: ClassVar[str]
+    counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self._read_positions, self.polygons = self._parse()
+        self.positions = self._read_positions
+
+    @abstractmethod
+    def _parse(self) -> tuple[Positions, Polygons]:
+        """Read `data`; raises ReadError."""
+
+    @abstractmethod
+    def _moved_pieces(self) -> Sequence[bytes | memoryview]:
+        """Return `data` with its positions and normals replaced, in pieces."""
+
+    @abstractmethod
+    def _read_content(self) -> Content:
+        """Return what other formats can take over from `data`."""
+
+    @staticmethod
+    @abstractmethod
+    def encode(content: Content) -> tuple[bytes, list[str]]:
+        """Write content in this format; the bytes, and what they leave out, in words."""
+
+    def pieces(self) -> Sequence[bytes | memoryview]:
+        """Return the bytes of the file with its present positions, in pieces."""
+        return self._moved_pieces() if self._changed.any() else [self.data]
+
+    def content(self) -> Content:
+        """Return what other formats can take over."""
+        here = type(self)(b"".join(self.pieces())) if self._changed.any() else self
+        return here._read_content()
+
+    @cached_property
+    def triangles(self) -> NDArray[np.int64]:
+        """(m, 3) the polygons cut into triangles, in their order; corners are rows of `positions`."""
+        return self._cut[0]
+
+    @cached_property
+    def triangle_polygons(self) -> NDArray[np.int64]:
+        """(m,) the polygon that each triangle was cut from."""
+        return self._cut[1]
+
+    @cached_property
+    def _cut(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        bad = (self.polygons.corners < 0) | (self.polygons.corners >= len(self.positions))
+        if bad.any():
+            faces = np.unique(self.polygons.owners[bad]) + self.counts_from
+            raise MeshError(
+                f"{len(faces)} faces use vertices that do not exist (faces {', '.join(map(str, faces[:3]))}"
+                f"{', …' if len(faces) > 3 else ''}; the first names vertex "
+                f"{self.polygons.corners[bad][0] + self.counts_from}; there are {len(self.positions)}, counted from "
+                f"{self.counts_from}): drop these faces, or write the file again where it came from"
+            )
+        return triangulate(self._read_positions, self.polygons)
+
+    @cached_property
+    def _weld(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        return weld(self._read_positions, self.triangles)
+
+    @property
+    def welds(self) -> NDArray[np.int32]:
+        """(k,) for each position the vertex of `mesh` that it is a copy of."""
+        return self._weld[0]
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The triangles with seams closed; raises MeshError where the file describes no valid mesh."""
+        if not len(self.polygons):
+            raise MeshError(f"the file has {len(self.positions)} vertices and no faces: points alone are not a mesh")
+        bad: NDArray[np.bool_] = ~np.isfinite(self.positions).all(axis=1)
+        if bad.any():
+            raise MeshError(
+                f"{bad.sum()} of {len(bad)} vertices are not finite (vertices {first_places(bad)}, counted from 0): "
+                "give them a position, or remove them and their faces"
+            )
+        return Mesh(self.positions[self._weld[1]], self.welds[self.triangles])
+
+    def with_vertices(self: AnyMeshFile, vertices: ArrayLike) -> AnyMeshFile:
+        """Return this file with the vertices of `mesh` elsewhere; every copy of a vertex goes with it.
+
+        Parameters
+        ----------
+        vertices : (n, 3) finite, in the order of mesh.vertices; rounded to the type that the file holds
+
+        Returns
+        -------
+        A new file; positions that did not move stay bit for bit, normals around those that did are recomputed
+
+        Raises
+        ------
+        MeshError : wrong shape, or numbers that are not finite in the type of the file
+        """
+        mesh = self.mesh
+        wanted = np.asarray(vertices, np.float64)
+        if wanted.shape != mesh.vertices.shape:
+            raise MeshError(f"vertices have shape {wanted.shape}; the mesh of this file has {mesh.vertices.shape}")
+        copies = wanted[self.welds]
+        with np.errstate(over="ignore"):
+            rounded = copies.astype(self.positions.dtype)
+        bad = ~np.isfinite(rounded).all(axis=1)
+        if bad.any():
+            raise MeshError(f"{bad.sum()} vertices are not finite as {rounded.dtype} (vertices {first_places(bad)})")
+        moved = copy.copy(self)
+        moved.positions = np.where(copies == self.positions, self.positions, rounded)
+        moved.__dict__["mesh"] = mesh.moved(moved.positions[self._weld[1]].astype(np.float64))
+        return moved
+
+    @property
+    def _changed(self) -> NDArray[np.bool_]:
+        """(k, 3) which coordinates differ from those that were read."""
+        return np.asarray((self.positions != self._read_positions) & ~np.isnan(self._read_positions))
+
+    def _renewed(self, normals: Normals) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the normals of the present positions, and which of them belong to faces that moved."""
+        return renewed_normals(normals, self.triangles, self.welds, self._read_positions, self.positions)

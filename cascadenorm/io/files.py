@@ -1,0 +1,142 @@
+"""Read a mesh file of any format, and write one."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import BinaryIO, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.io.contract import Content, MeshFile, OutputError, ReadError
+from cascadenorm.io.obj import ObjFile
+from cascadenorm.io.off import MAGIC, OffFile
+from cascadenorm.io.ply import PlyFile
+from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.stl import StlFile, is_binary_stl
+from cascadenorm.mesh import Mesh
+
+FORMATS: dict[str, type[MeshFile]] = {kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile)}
+
+Source = str | os.PathLike[str] | BinaryIO
+
+
+def read(source: Source, format: str | None = None) -> MeshFile:
+    """Read a mesh file whole.
+
+    Parameters
+    ----------
+    source : path, or a stream of bytes
+    format : 'ply', 'obj', 'stl', 'off' or another extension; by default the content decides, then the extension
+
+    Returns
+    -------
+    The file, to be moved by `with_vertices` and written by `write`; its `mesh` raises MeshError where its vertices
+    or faces are no valid mesh
+
+    Raises
+    ------
+    ReadError : missing, unreadable, empty, truncated or damaged, or not a mesh; the message names the file
+    """
+    name, data = _bytes_of(source)
+    try:
+        if not data:
+            raise ReadError("the file is empty")
+        chosen = (format or _sniffed(data) or Path(name).suffix).lower().lstrip(".")
+        if chosen in FORMATS:
+            return FORMATS[chosen](data)
+        raise ReadError(
+            f"'{chosen}' is not a format known here, and the content is none of those that are: {', '.join(FORMATS)}"
+        )
+    except ReadError as error:
+        raise ReadError(f"{name}: {error}") from error.__cause__
+
+
+def write(file: MeshFile, target: Source, *, format: str | None = None, force: bool = False) -> list[str]:
+    """Write a file, whole or not at all; in another format if the extension says so.
+
+    Parameters
+    ----------
+    file : from `read` or `from_arrays`
+    target : path, or a stream of bytes
+    format : by default that of the extension, and for a stream that of the file
+    force : replace an existing file
+
+    Returns
+    -------
+    What the target cannot hold and was left out, in words; empty if nothing was
+
+    Raises
+    ------
+    OutputError : the target exists and force is not given, or it cannot be written
+    """
+    path = Path(target) if isinstance(target, str | os.PathLike) else None
+    chosen = (format or (path.suffix if path else "") or file.format).lower().lstrip(".")
+    if path:
+        check_output(path, force=force)
+    pieces, lost = encode(file, chosen)
+    if path:
+        write_atomically(path, pieces, force=force)
+    else:
+        cast(BinaryIO, target).writelines(pieces)
+    return lost
+
+
+def encode(file: MeshFile, format: str) -> tuple[Iterable[bytes | memoryview], list[str]]:
+    if format == file.format:
+        return file.pieces(), []
+    if format not in FORMATS:
+        raise OutputError(f"'{format}' is not a format that can be written: choose one of {', '.join(FORMATS)}")
+    content = file.content()
+    data, lost = FORMATS[format].encode(content)
+    return [data], [*content.left_out, *lost]
+
+
+def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
+    """Make a binary PLY file of a mesh.
+
+    Parameters
+    ----------
+    vertices : (n, 3) numbers; float32 stays float32, all else becomes float64
+    faces : (m, 3) integers in 0 … n - 1
+
+    Raises
+    ------
+    MeshError : the arrays are no valid mesh
+    """
+    mesh = Mesh(vertices, faces)
+    kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
+    content = Content(mesh.vertices.astype(kind), Polygons.from_rows(mesh.faces.astype(np.int64)))
+    return PlyFile(PlyFile.encode(content)[0])
+
+
+def _bytes_of(source: Source) -> tuple[str, bytes]:
+    """Return a name for messages, and the content."""
+    if not isinstance(source, str | os.PathLike):
+        return str(getattr(source, "name", "the stream")), source.read()
+    path = Path(source)
+    if path.is_dir():
+        raise ReadError(f"{path} is a folder: give the name of a mesh file in it")
+    try:
+        return str(path), path.read_bytes()
+    except FileNotFoundError:
+        raise ReadError(f"{path} does not exist: check the name") from None
+    except OSError as error:
+        raise ReadError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def _sniffed(data: bytes) -> str | None:
+    """Recognise a format by its content."""
+    if data[:4] in (b"ply\n", b"ply\r", b"ply "):
+        return "ply"
+    if MAGIC.match(data):
+        return "off"
+    if is_binary_stl(data) or data.lstrip()[:6].lower() in (b"solid ", b"solid\n", b"solid\r"):
+        return "stl"
+    lines = data[:100_000].split(b"\n")
+    return (
+        "obj"
+        if any(line.startswith(b"v ") for line in lines) and any(line.startswith(b"f ") for line in lines)
+        else None
+    )

@@ -1,0 +1,136 @@
+"""Wavefront OBJ: its lines, of which only the numbers of `v` and `vn` are ever replaced."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.colors import channels, from_words
+from cascadenorm.io.contract import Content, MeshFile
+from cascadenorm.io.normals import Normals
+from cascadenorm.io.polygons import Polygons, ranges
+from cascadenorm.io.text import Places, Text, rows_of, spelled
+
+KEPT_ELSEWHERE = {
+    "vn": "normals",
+    "vt": "texture coordinates",
+    "usemtl": "materials",
+    "g": "groups",
+    "o": "object names",
+    "s": "smoothing groups",
+    "l": "lines",
+    "p": "points",
+}
+TEXTURE = ("s", "t")
+
+
+class ObjFile(MeshFile):
+    """An OBJ file; everything but positions and normals is kept. Positions are float64.
+
+    A normal is recomputed from the faces that use it at a corner, so that creases stay creases.
+    """
+
+    format = "obj"
+    counts_from = 1
+
+    def _parse(self) -> tuple[NDArray[np.float64], Polygons]:
+        self._text = text = Text(self.data, continued=True)
+        self._vertices = text.lines_with(b"v")
+        self._words = text.columns(self._vertices, 3)
+        self._faces = np.sort(np.concatenate([text.lines_with(b"f"), text.lines_with(b"fo")]))
+        counts = (text.stop - text.first)[self._faces] - 1
+        self._corners = ranges(text.first[self._faces] + 1, counts)
+        self._slashes = np.flatnonzero(text.bytes == ord("/"))
+        corners = self._references(0, self._vertices)
+        return text.numbers(self._words), Polygons.from_counts(counts, corners)
+
+    def _references(self, field: int, lines: Places) -> NDArray[np.int64]:
+        """Return what each corner names in its field (of v/vt/vn), counted from 0 among the lines; -1 where nothing."""
+        text, words = self._text, self._corners
+        starts, ends = text.starts[words], text.ends[words]
+        if len(self._slashes):
+            next_slash = np.searchsorted(self._slashes, starts)
+            padded = np.append(self._slashes, [len(text.data)] * 3)
+            borders = np.stack([starts - 1, *(np.minimum(padded[next_slash + i], ends) for i in range(3))])
+            starts, ends = np.minimum(borders[field] + 1, ends), borders[field + 1]
+        elif field:
+            return np.full(len(words), -1)
+        given = np.ones(len(words), bool) if field == 0 else ends > starts
+        numbers = np.zeros(len(words), np.int64)
+        numbers[given] = text.numbers_at(starts[given], ends[given], int)
+        before = np.searchsorted(text.first[lines], words) if (numbers < 0).any() else 0
+        return np.where(numbers < 0, np.maximum(numbers + before, -1), numbers - 1)
+
+    def _moved_pieces(self) -> list[bytes | memoryview]:
+        text = self._text
+        words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
+        lines = text.lines_with(b"vn")
+        if len(lines):
+            columns = text.columns(lines, 3)
+            stored = text.numbers_at(text.starts[columns], text.ends[columns], lax=True)
+            named = self._references(2, lines)
+            named[named >= len(lines)] = -1
+            normals, renewed = self._renewed(Normals(stored, self._at_triangles(named)))
+            words = np.concatenate([words, columns[renewed].ravel()])
+            spellings += spelled(normals[renewed])
+        return text.replaced(words, spellings)
+
+    def _at_triangles(self, named: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return what the corners of the polygons name at the corners of the triangles."""
+        counts = self.polygons.counts
+        if (counts == 3).all():
+            return named.reshape(-1, 3)
+        # A polygon that visits a vertex twice may name either of its two normals there.
+        keys = self.polygons.owners * len(self.positions) + self.polygons.corners
+        order = np.argsort(keys, kind="stable")
+        wanted = self.triangle_polygons[:, None] * len(self.positions) + self.triangles
+        return named[order[np.searchsorted(keys[order], wanted)]]
+
+    def _read_content(self) -> Content:
+        text = self._text
+        width = (text.stop - text.first)[self._vertices] - 1
+        values: dict[str, NDArray[np.float64]] = {}
+        has_colors = len(width) > 0 and width.min() >= 6
+        colors = from_words(text, text.columns(self._vertices, 3, start=4)) if has_colors else {}
+        textured = self._texture()
+        left_out = [what for key, what in KEPT_ELSEWHERE.items() if len(text.lines_with(key.encode()))]
+        if textured:
+            left_out.remove("texture coordinates")
+        if b"#" in self.data:
+            left_out.append("comments")
+        return Content(self.positions, self.polygons, {**values, **colors, **textured}, {}, tuple(left_out))
+
+    def _texture(self) -> dict[str, NDArray[np.float64]]:
+        """Return the texture coordinates of the positions, if each has only one."""
+        lines = self._text.lines_with(b"vt")
+        named = self._references(1, lines)
+        if not len(lines) or (named < 0).any() or (named >= len(lines)).any():
+            return {}
+        of_position = np.full(len(self.positions), -1)
+        of_position[self.polygons.corners] = named
+        if (of_position[self.polygons.corners] != named).any():
+            return {}
+        found = self._text.numbers(self._text.columns(lines, 2))
+        used = np.where(of_position[:, None] >= 0, found[of_position], 0)
+        return dict(zip(TEXTURE, used.T, strict=True))
+
+    @staticmethod
+    def encode(content: Content) -> tuple[bytes, list[str]]:
+        """Write content as OBJ, with the colours and texture coordinates of vertices."""
+        colors = channels(content.vertex_values)
+        colors.pop("alpha", None)
+        textured = all(name in content.vertex_values for name in TEXTURE)
+        taken = (*colors, *(TEXTURE if textured else ()))
+        lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in taken]
+        lost += [f"face property '{name}'" for name in content.face_values]
+        rows = [b"v " + row for row in rows_of(content.positions)]
+        if colors:
+            fractions = rows_of(np.stack(list(colors.values()), axis=1) / np.float32(255))
+            rows = [row + b" " + color for row, color in zip(rows, fractions, strict=True)]
+        if textured:
+            rows += [b"vt " + row for row in rows_of(np.stack([content.vertex_values[n] for n in TEXTURE], axis=1))]
+        corners = spelled(content.polygons.corners + 1)
+        if textured:
+            corners = [b"%b/%b" % (corner, corner) for corner in corners]
+        rows += [b"f " + b" ".join(corners[a:b]) for a, b in pairwise(content.polygons.indptr.tolist())]
+        return b"\n".join(rows) + b"\n", lost

@@ -1,0 +1,107 @@
+"""OFF and its variants COFF, NOFF, STOFF, 4OFF in text: vertices, then polygons, a line each."""
+
+import re
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.colors import channels, from_words
+from cascadenorm.io.contract import Content, MeshFile, ReadError
+from cascadenorm.io.normals import Normals
+from cascadenorm.io.polygons import Polygons, ranges
+from cascadenorm.io.text import Places, Text, rows_of, spelled
+
+MAGIC = re.compile(rb"\s*((?:ST)?C?N?4?n?OFF)(?=[\s\d#]|\Z)")
+
+
+class OffFile(MeshFile):
+    """An OFF file; comments, colours and further columns are kept. Positions are float64."""
+
+    format = "off"
+
+    def _parse(self) -> tuple[NDArray[np.float64], Polygons]:
+        data = self.data
+        magic = MAGIC.match(data)
+        self._flavour = magic[1].decode() if magic else "OFF"
+        if "n" in self._flavour or b"BINARY" in data[:40]:
+            raise ReadError("this variant of OFF (binary, or not in 3 dimensions) cannot be read: export it as PLY")
+        self._text = text = Text(data, start=magic.end() if magic else 0)
+        lines = np.flatnonzero(text.stop > text.first)
+        if not len(lines):
+            raise ReadError("the OFF file has no line with the numbers of vertices and faces: it is empty or truncated")
+        vertex_count, face_count = text.numbers(text.columns(lines[:1], 2, start=0)[0], int).tolist()
+        if min(vertex_count, face_count) < 0 or vertex_count + face_count > len(lines) - 1:
+            raise ReadError(
+                f"the OFF header promises {vertex_count} vertices and {face_count} faces, a line each, but only "
+                f"{len(lines) - 1} lines follow: the file is truncated, or its header is wrong; get a complete copy"
+            )
+        self._vertices, self._faces = np.split(lines[1 : 1 + vertex_count + face_count], [vertex_count])
+        self._words = text.columns(self._vertices, 3, start=0)
+        return text.numbers(self._words), self._read_polygons()
+
+    def _read_polygons(self) -> Polygons:
+        text = self._text
+        counts = text.numbers(text.columns(self._faces, 1, start=0)[:, 0], int)
+        if (counts < 0).any():
+            line = text.line_number(text.starts[text.first[self._faces[counts < 0][0]]])
+            raise ReadError(f"line {line}: a face has {counts.min()} corners: the file is damaged; get a complete copy")
+        text.require(self._faces, counts + 1)
+        return Polygons.from_counts(counts, text.numbers(ranges(text.first[self._faces] + 1, counts), int))
+
+    def _moved_pieces(self) -> list[bytes | memoryview]:
+        words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
+        if "N" in self._flavour:
+            columns = self._text.columns(self._vertices, 3, start=4 if "4" in self._flavour else 3)
+            stored = self._text.numbers_at(self._text.starts[columns], self._text.ends[columns], lax=True)
+            normals, renewed = self._renewed(Normals(stored, self.triangles))
+            words = np.concatenate([words, columns[renewed].ravel()])
+            spellings += spelled(normals[renewed])
+        return self._text.replaced(words, spellings)
+
+    def _read_content(self) -> Content:
+        counts = self.polygons.counts
+        skipped = 3 + 3 * ("N" in self._flavour) + ("4" in self._flavour)
+        colors = self._colors(self._vertices, np.full(len(self._vertices), skipped))
+        face_colors = self._colors(self._faces, 1 + counts)
+        further = (self._text.stop - self._text.first)[self._faces] > 1 + counts
+        left_out = {
+            "comments": b"#" in self.data,
+            "normals": "N" in self._flavour,
+            "texture coordinates": "ST" in self._flavour,
+            "colours that only some faces have, or that a colour map defines": further.any() and not face_colors,
+        }
+        return Content(
+            self.positions, self.polygons, colors, face_colors, tuple(what for what, is_so in left_out.items() if is_so)
+        )
+
+    def _colors(self, lines: Places, skipped: Places) -> dict[str, NDArray[np.uint8]]:
+        """Return the channels that follow the skipped words, if every line has three or four of them."""
+        further = self._text.stop[lines] - self._text.first[lines] - skipped
+        if not len(lines) or further.min() < 3:
+            return {}
+        words = (self._text.first[lines] + skipped)[:, None] + np.arange(min(int(further.min()), 4))
+        return from_words(self._text, words)
+
+    @staticmethod
+    def encode(content: Content) -> tuple[bytes, list[str]]:
+        """Write content as OFF in text, with the colours of vertices (COFF) and of faces."""
+        colors, face_colors = channels(content.vertex_values), channels(content.face_values)
+        lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in colors]
+        lost += [f"face property '{name}'" for name in content.face_values if name not in face_colors]
+        corners = spelled(content.polygons.corners)
+        faces = [b"%d " % (b - a) + b" ".join(corners[a:b]) for a, b in pairwise(content.polygons.indptr.tolist())]
+        lines = [
+            b"COFF" if colors else b"OFF",
+            b"%d %d 0" % (len(content.positions), len(faces)),
+            *_with_colors(rows_of(content.positions), colors),
+            *_with_colors(faces, face_colors),
+        ]
+        return b"\n".join(lines) + b"\n", lost
+
+
+def _with_colors(rows: list[bytes], colors: dict[str, NDArray[np.uint8]]) -> list[bytes]:
+    """Append channels to the rows."""
+    if not colors:
+        return rows
+    return [row + b" " + c for row, c in zip(rows, rows_of(np.stack(list(colors.values()), axis=1)), strict=True)]

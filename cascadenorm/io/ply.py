@@ -1,0 +1,198 @@
+"""PLY: a header, then tables in text or in either byte order; any element, property and comment is kept."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.contract import Content, MeshFile, ReadError
+from cascadenorm.io.normals import Normals
+from cascadenorm.io.ply_header import NAMES, Property, parse_header
+from cascadenorm.io.ply_table import Column, Kind, columns
+from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.text import Text, spelled
+
+XYZ, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
+CORNERS = ("vertex_indices", "vertex_index")
+WORD = 8  # bytes for each number of a text body
+
+Replaced = tuple[str, tuple[str, ...], NDArray[Any], NDArray[np.bool_]]
+"""Element, properties, and their values side by side with those to be replaced."""
+
+
+class PlyFile(MeshFile):
+    """A PLY file; positions in float stay float32, those in double or in an integer type are float64."""
+
+    format = "ply"
+
+    def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        data = self.data
+        self.header = header = parse_header(data)
+        self._text = None if header.byte_order else Text(data, start=header.length)
+        self._body = data
+        if self._text is not None:
+            self._body = self._text.numbers(np.arange(len(self._text.starts))).astype("<f8").tobytes()
+        self._columns: dict[tuple[str, str], Column] = {}
+        start = header.length if header.byte_order else 0
+        for element in header.elements:
+            kinds = [_kind(p, header.byte_order) for p in element.properties]
+            found, start = columns(self._body, element, start, kinds)
+            for p, column in zip(element.properties, found, strict=True):
+                self._columns.setdefault((element.name, p.name), column)
+        return self._positions(), self._polygons()
+
+    def _property(self, element: str, name: str) -> Property | None:
+        found = [p for e in self.header.elements if e.name == element for p in e.properties if p.name == name]
+        return found[0] if found else None
+
+    def _read(self, element: str, names: Iterable[str]) -> NDArray[Any] | None:
+        """Return the values of single-number properties side by side, or None where the file lacks one."""
+        properties = [self._property(element, name) for name in names]
+        if any(p is None or p.count_kind is not None for p in properties):
+            return None
+        return np.stack([self._columns[element, p.name].read(self._body) for p in properties if p is not None], axis=1)
+
+    def _positions(self) -> NDArray[Any]:
+        values = self._read("vertex", XYZ)
+        if values is None:
+            raise ReadError("the PLY header has no element 'vertex' with the properties x, y and z: this is no mesh")
+        declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
+        return values.astype(np.float32 if declared == {"f4"} else np.float64)
+
+    def _polygons(self) -> Polygons:
+        for name in CORNERS:
+            if ("face", name) in self._columns:
+                column = self._columns["face", name]
+                counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
+                return Polygons.from_counts(counts, _whole(column.read(self._body)))
+            if ("tristrips", name) in self._columns:
+                column = self._columns["tristrips", name]
+                counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
+                return _strips(counts, _whole(column.read(self._body)))
+        return Polygons.from_rows(np.zeros((0, 3), np.int64))
+
+    def _moved_pieces(self) -> list[bytes | memoryview]:
+        replaced: list[Replaced] = [("vertex", XYZ, self.positions, self._changed)]
+        corners = {"vertex": self.triangles, "face": np.repeat(self.triangle_polygons[:, None], 3, axis=1)}
+        for element, used in corners.items():
+            values = self._read(element, NORMAL)
+            if values is not None:
+                normals, renewed = self._renewed(Normals(values.astype(np.float64), used))
+                replaced.append((element, NORMAL, normals, np.repeat(renewed[:, None], 3, axis=1)))
+        if self._text is not None:
+            return self._spliced(self._text, replaced)
+        body = bytearray(self._body)
+        for element, names, values, chosen in replaced:
+            for axis, name in enumerate(names):
+                self._columns[element, name].put(body, values[:, axis], chosen[:, axis])
+        return [memoryview(body)]
+
+    def _spliced(self, text: Text, replaced: list[Replaced]) -> list[bytes | memoryview]:
+        places, words = [], list[bytes]()
+        for element, names, values, chosen in replaced:
+            for axis, name in enumerate(names):
+                declared = self._property(element, name)
+                assert declared is not None
+                places.append(np.asarray(self._columns[element, name].offsets)[chosen[:, axis]] // WORD)
+                kind = np.float32 if declared.kind == "f4" else np.float64
+                words += spelled(values[chosen[:, axis], axis].astype(kind))
+        return text.replaced(np.concatenate(places), words)
+
+    def _read_content(self) -> Content:
+        values = {}
+        left_out = []
+        for element in self.header.elements:
+            for p in element.properties:
+                known = (element.name == "vertex" and p.name in XYZ) or (element.name != "vertex" and p.name in CORNERS)
+                if element.name in ("vertex", "face") and p.count_kind is None and not known:
+                    values[element.name, p.name] = self._columns[element.name, p.name].read(self._body).astype(p.kind)
+                elif not known:
+                    left_out.append(f"property '{p.name}' of '{element.name}'")
+        if b"comment" in self.data[: self.header.length]:
+            left_out.append("comments")
+        per = {e: {name: v for (of, name), v in values.items() if of == e} for e in ("vertex", "face")}
+        return Content(self.positions, self.polygons, per["vertex"], per["face"], tuple(left_out))
+
+    @staticmethod
+    def encode(content: Content) -> tuple[bytes, list[str]]:
+        """Write content as binary little-endian PLY."""
+        vertex = _fields({**dict(zip(XYZ, content.positions.T, strict=True)), **content.vertex_values})
+        face, counts = _fields(content.face_values), content.polygons.counts
+        length = "u1" if counts.max(initial=0) < 256 else "<i4"
+        lines = [
+            *["ply", "format binary_little_endian 1.0", f"element vertex {len(content.positions)}"],
+            *[f"property {NAMES[v.dtype.str[1:]]} {name}" for name, v in vertex.items()],
+            *[f"element face {len(counts)}", f"property list {NAMES[length[-2:]]} int vertex_indices"],
+            *[f"property {NAMES[v.dtype.str[1:]]} {name}" for name, v in face.items()],
+            *["end_header", ""],
+        ]
+        rows = np.zeros(len(content.positions), [(f"{i}", v.dtype) for i, v in enumerate(vertex.values())])
+        for i, v in enumerate(vertex.values()):
+            rows[f"{i}"] = v
+        return "\n".join(lines).encode() + rows.tobytes() + _face_rows(content.polygons, length, face), []
+
+
+def _kind(p: Property, byte_order: str) -> Kind:
+    if not byte_order:
+        number = np.dtype("<f8")
+        return Kind(number, None if p.count_kind is None else number)
+    length = None if p.count_kind is None else np.dtype(byte_order + p.count_kind)
+    return Kind(np.dtype(byte_order + p.kind), length)
+
+
+def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
+    """Return vertex numbers as integers; raises ReadError where they are none."""
+    if values.dtype.kind == "f":
+        bad = ~((values == np.rint(values)) & (np.abs(values) < 2**53))
+        if bad.any():
+            raise ReadError(f"a face names vertex {values[bad][0]}, which is not a whole number: write the file again")
+    return values.astype(np.int64)
+
+
+def _strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
+    """Cut triangle strips, which -1 ends and every other triangle of which is turned, into triangles."""
+    ends = np.zeros(len(corners) + 1, bool)
+    ends[np.cumsum(counts)] = True
+    cut = np.concatenate([[True], (corners == -1) | ends[1:]])[: len(corners)]
+    begin = np.maximum.accumulate(np.where(cut, np.arange(len(corners)), 0))
+    window = np.arange(max(len(corners) - 2, 0))
+    inside = ~ends[window + 1] & ~ends[window + 2] if len(window) else np.zeros(0, bool)
+    triangles = np.stack([corners[window], corners[window + 1], corners[window + 2]], axis=1)
+    odd = (window - begin[window]) % 2 == 1
+    triangles[odd] = triangles[odd][:, [1, 0, 2]]
+    return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1)])
+
+
+def _fields(values: Any) -> dict[str, NDArray[Any]]:
+    """Return arrays of types that PLY has, under names without spaces, in little-endian order."""
+    fields = {}
+    for name, value in values.items():
+        kind = value.dtype.str[1:] if value.dtype.str[1:] in NAMES else "f8"
+        fields["_".join(name.split())] = value.astype("<" + kind)
+    return fields
+
+
+def _face_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) -> bytes:
+    """Join the rows of the element face, those with equally many corners at a time."""
+    counts = polygons.counts
+    extra = sum(v.dtype.itemsize for v in fields.values())
+    sizes = np.dtype(length).itemsize + 4 * counts + extra
+    starts = np.cumsum(sizes) - sizes
+    out = np.zeros(int(sizes.sum()), np.uint8)
+    for count in np.unique(counts).tolist():
+        chosen = np.flatnonzero(counts == count)
+        kinds = [
+            ("n", length),
+            ("corners", "<i4", (count,)),
+            *[(f"{i}", v.dtype) for i, v in enumerate(fields.values())],
+        ]
+        rows = np.zeros(len(chosen), kinds)
+        rows["n"], rows["corners"] = count, polygons.corners[polygons.indptr[chosen, None] + np.arange(count)]
+        for i, v in enumerate(fields.values()):
+            rows[f"{i}"] = v[chosen]
+        raw = np.frombuffer(rows.tobytes(), np.uint8).reshape(len(rows), -1)
+        if len(chosen) == len(counts):
+            return raw.tobytes()
+        out[starts[chosen, None] + np.arange(raw.shape[1])] = raw
+    return out.tobytes()

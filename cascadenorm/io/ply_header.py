@@ -1,0 +1,92 @@
+"""The header of a PLY file: which elements follow, and what each is made of."""
+
+import re
+from typing import NamedTuple
+
+from cascadenorm.io.contract import ReadError
+
+TYPES = {
+    "char": "i1",
+    "uchar": "u1",
+    "short": "i2",
+    "ushort": "u2",
+    "int": "i4",
+    "uint": "u4",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "float": "f4",
+    "double": "f8",
+    "float32": "f4",
+    "float64": "f8",
+}
+NAMES = {
+    "i1": "char",
+    "u1": "uchar",
+    "i2": "short",
+    "u2": "ushort",
+    "i4": "int",
+    "u4": "uint",
+    "f4": "float",
+    "f8": "double",
+}
+BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+class Property(NamedTuple):
+    """A number, or a list of them behind its length; types as numpy codes without byte order."""
+
+    name: str
+    kind: str
+    count_kind: str | None
+    line: int  # of the header, counted from 0
+
+
+class Element(NamedTuple):
+    """A table with so many rows."""
+
+    name: str
+    rows: int
+    properties: list[Property]
+
+
+class Header(NamedTuple):
+    """What a PLY file says about itself; `byte_order` is empty for text, `length` is where the body starts."""
+
+    byte_order: str
+    elements: list[Element]
+    length: int
+
+
+def parse_header(data: bytes) -> Header:
+    """Read the header; raises ReadError that names the line."""
+    first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    if first is None:
+        raise ReadError("this is no PLY file: its first line is not 'ply'")
+    end = re.compile(rb"(?:\r\n|\n|\r)end_header[ \t]*(?:" + first[1] + rb"|\Z)").search(data)
+    if end is None:
+        raise ReadError("the PLY header has no line 'end_header': the file is truncated, or not a PLY file")
+    byte_order, elements = None, list[Element]()
+    for number, line in enumerate(re.split(rb"\r\n|\n|\r", data[: end.start()])[1:], start=1):
+        match line.decode("latin-1").split():
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case ["format", name, _] if name in BYTE_ORDERS:
+                byte_order = BYTE_ORDERS[name]
+            case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 19:
+                elements.append(Element(name, int(count), []))
+            case ["property", "list", count_kind, kind, name] if (
+                elements and kind in TYPES and TYPES.get(count_kind, "f")[0] in "iu"
+            ):
+                elements[-1].properties.append(Property(name, TYPES[kind], TYPES[count_kind], number))
+            case ["property", kind, name] if elements and kind in TYPES:
+                elements[-1].properties.append(Property(name, TYPES[kind], None, number))
+            case _:
+                text = line[:60].decode("latin-1")
+                raise ReadError(f"line {number + 1} of the PLY header cannot be understood: {text!r}")
+    if byte_order is None:
+        raise ReadError("the PLY header has no line 'format ascii 1.0' or 'format binary_… 1.0'")
+    return Header(byte_order, elements, end.end())

@@ -1,0 +1,118 @@
+"""STL: triangles with their own corners, binary or in text; welded inside."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.contract import Content, MeshFile, ReadError
+from cascadenorm.io.normals import Normals
+from cascadenorm.io.polygons import Polygons, area_vectors, triangulate
+from cascadenorm.io.text import Places, Text, spelled
+from cascadenorm.mesh import unit
+
+RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+HEADER = 84  # 80 bytes of anything, then the number of triangles
+
+
+class StlFile(MeshFile):
+    """An STL file; the header and the attribute bytes, or the names and the layout of the text, are kept.
+
+    Positions are float32 in a binary file and float64 in a text.
+    """
+
+    format = "stl"
+
+    def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        data = self.data
+        self._text = Text(data) if _is_text(data) else None
+        if self._text is None:
+            count = int.from_bytes(data[80:HEADER], "little")
+            if len(data) < HEADER + count * RECORD.itemsize:
+                raise ReadError(
+                    f"the STL header promises {count} triangles, but the file ends within number "
+                    f"{max(len(data) - HEADER, 0) // RECORD.itemsize}: it is truncated, or no STL file"
+                )
+            self._records = np.frombuffer(data, RECORD, count, HEADER)
+            positions: NDArray[Any] = self._records["corners"].reshape(-1, 3).astype(np.float32)
+        else:
+            self._facets, vertices = _facets(self._text)
+            self._words = self._text.columns(vertices, 3)
+            positions = self._text.numbers(self._words)
+        return positions, Polygons.from_rows(np.arange(len(positions)).reshape(-1, 3))
+
+    def _moved_pieces(self) -> list[bytes | memoryview]:
+        facets = np.repeat(np.arange(len(self.triangles))[:, None], 3, axis=1)
+        if self._text is None:
+            normals, renewed = self._renewed(Normals(self._records["normal"].astype(np.float64), facets))
+            records = self._records.copy()
+            records["corners"] = self.positions.reshape(-1, 3, 3)
+            records["normal"][renewed] = normals[renewed]
+            end = HEADER + records.nbytes
+            return [self.data[:HEADER], records.tobytes(), memoryview(self.data)[end:]]
+        words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
+        text, facet_lines = self._text, self._facets
+        if (text.stop[facet_lines] - text.first[facet_lines] >= 5).all():  # facet normal x y z
+            columns = text.columns(facet_lines, 3, start=2)
+            stored = text.numbers_at(text.starts[columns], text.ends[columns], lax=True)
+            normals, renewed = self._renewed(Normals(stored, facets))
+            words = np.concatenate([words, columns[renewed].ravel()])
+            spellings += spelled(normals[renewed].astype(np.float32))
+        return text.replaced(words, spellings)
+
+    def _read_content(self) -> Content:
+        mesh = self.mesh
+        positions = mesh.vertices.astype(self.positions.dtype)
+        polygons = Polygons.from_rows(mesh.faces.astype(np.int64))
+        if self._text is not None:
+            return Content(positions, polygons, left_out=("names of solids",))
+        attribute = self._records["attribute"]
+        values = {"attribute": attribute.astype(np.uint16)} if attribute.any() else {}
+        return Content(positions, polygons, face_values=values, left_out=("the header",) if any(self.data[:80]) else ())
+
+    @staticmethod
+    def encode(content: Content) -> tuple[bytes, list[str]]:
+        """Write content as binary STL."""
+        triangles, owners = triangulate(content.positions, content.polygons)
+        records = np.zeros(len(triangles), RECORD)
+        with np.errstate(over="ignore"):
+            records["corners"] = content.positions[triangles]
+        records["normal"] = unit(area_vectors(content.positions, triangles))
+        lost = [f"vertex property '{name}'" for name in content.vertex_values]
+        lost += [f"face property '{name}'" for name in content.face_values if name != "attribute"]
+        if "attribute" in content.face_values:
+            records["attribute"] = content.face_values["attribute"][owners]
+        if (content.polygons.counts != 3).any():
+            lost.append("polygons (cut into triangles)")
+        if (content.positions.astype(np.float32) != content.positions).any():
+            lost.append("digits of the positions beyond single precision")
+        lost.append("the order of the vertices")
+        return bytes(80) + len(records).to_bytes(4, "little") + records.tobytes(), lost
+
+
+def is_binary_stl(data: bytes) -> bool:
+    """Test by the length, since binary files too may begin with 'solid'."""
+    return len(data) == HEADER + int.from_bytes(data[80:HEADER], "little") * RECORD.itemsize
+
+
+def _is_text(data: bytes) -> bool:
+    return not is_binary_stl(data) and data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:100_000].lower()
+
+
+def _facets(text: Text) -> tuple[Places, Places]:
+    """Return the lines of facets and of their corners; raises ReadError where they do not go together."""
+    facets, vertices = text.lines_with(b"facet"), text.lines_with(b"vertex")
+    ends, solids, solid_ends = (text.lines_with(word) for word in (b"endfacet", b"solid", b"endsolid"))
+    if len(ends) != len(facets) or len(solid_ends) != len(solids):
+        raise ReadError(
+            f"the STL text has {len(facets)} 'facet' and {len(ends)} 'endfacet', {len(solids)} 'solid' and "
+            f"{len(solid_ends)} 'endsolid': it is truncated; get a complete copy"
+        )
+    corners = np.bincount(np.searchsorted(facets, vertices, "right"), minlength=len(facets) + 1)
+    if corners[0] or (corners[1:] != 3).any():
+        bad = int(np.flatnonzero(corners[1:] != 3)[0]) if not corners[0] else 0
+        line = text.line_number(text.starts[text.first[facets[bad]]])
+        raise ReadError(
+            f"line {line}: this facet does not have three corners: the file is damaged; get a complete copy"
+        )
+    return facets, vertices

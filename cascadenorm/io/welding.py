@@ -1,0 +1,66 @@
+"""Find the copies of vertices that a file has split."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def weld(positions: NDArray[Any], triangles: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Join vertices that lie at the same place on the rim of the mesh: there a file has cut it.
+
+    Copies inside a surface are left apart: there two surfaces touch that the file keeps apart.
+
+    Parameters
+    ----------
+    positions : (k, 3)
+    triangles : (m, 3) rows of positions
+
+    Returns
+    -------
+    (k,) welded vertex of each position, and (n,) the first position of each welded vertex, ascending
+    """
+    same = _same_place(positions)
+    if same is None:
+        return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
+    on_rim = _on_rim(triangles, np.bincount(same, minlength=len(same))[same] > 1)
+    target = np.arange(len(positions))
+    first_on_rim = np.full(len(positions), -1)
+    rim = np.flatnonzero(on_rim)
+    first_on_rim[same[rim[::-1]]] = rim[::-1]
+    target[rim] = first_on_rim[same[rim]]
+    first = np.flatnonzero(target == np.arange(len(target)))
+    number = np.zeros(len(target), np.int32)
+    number[first] = np.arange(len(first), dtype=np.int32)
+    return number[target], first
+
+
+def _same_place(positions: NDArray[Any]) -> NDArray[np.int64] | None:
+    """Return for each position the number of some position with the same coordinates; None where all differ."""
+    bits = (positions.astype(np.float64) + 0.0).view(np.uint64)  # adding 0 makes -0 equal to 0
+    keys = np.zeros(len(bits), np.uint64)
+    for axis in range(3):  # multiply and fold, so that every bit of every coordinate counts
+        keys = (keys ^ bits[:, axis]) * np.uint64(0x9E3779B97F4A7C15)
+        keys ^= keys >> np.uint64(29)
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    starts = np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)]
+    if starts.all():
+        return None
+    same = np.empty(len(bits), np.int64)
+    same[order] = order[starts][np.cumsum(starts) - 1]
+    if (bits[same] != bits).any():  # two places share a key
+        _, first, inverse = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+        same = first[inverse.reshape(-1)]
+    return same
+
+
+def _on_rim(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which of the candidates lie on an edge with a single triangle."""
+    near = triangles[candidates[triangles].any(axis=1)]
+    sides = np.sort(np.stack([near, np.roll(near, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    keys = sides[:, 0] * len(candidates) + sides[:, 1]
+    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
+    on_rim = np.zeros(len(candidates), bool)
+    on_rim[sides[first[counts == 1]]] = True
+    return on_rim & candidates
