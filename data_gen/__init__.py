@@ -1,0 +1,19 @@
+"""Training data: random shapes, their meshes, the noise put on them, and data sets of noisy/clean pairs."""
+
+from cascadenorm.data_gen.dataset import DatasetConfig, Pair, clean_mesh, family_of, noisy_vertices, pair, write_dataset
+from cascadenorm.data_gen.families import FAMILIES, Family
+from cascadenorm.data_gen.noise import NoiseKind, displacements
+
+__all__ = [
+    "FAMILIES",
+    "DatasetConfig",
+    "Family",
+    "NoiseKind",
+    "Pair",
+    "clean_mesh",
+    "displacements",
+    "family_of",
+    "noisy_vertices",
+    "pair",
+    "write_dataset",
+]

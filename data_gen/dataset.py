@@ -1,0 +1,160 @@
+"""Noisy/clean pairs, each a function of (seed, index) alone, and the folder that holds a data set of them."""
+
+import json
+import math
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+import numpy as np
+
+from cascadenorm.data_gen.families import FAMILIES
+from cascadenorm.data_gen.noise import NoiseKind, displacements
+from cascadenorm.data_gen.surface import UnfitShapeError
+from cascadenorm.mesh import Mesh, Vectors
+
+ATTEMPTS = 60  # shapes drawn for one index before giving up
+
+_SHAPE, _NOISE = 0, 1  # separate streams of random numbers, so that noise settings leave the shapes as they are
+
+
+@dataclass(frozen=True)
+class DatasetConfig:
+    """What to generate; the same config gives the same bytes.
+
+    Parameters
+    ----------
+    count : pairs in the data set
+    seed : of everything
+    families : names out of FAMILIES; those left out are held out
+    min_faces, max_faces : bounds for the wanted number of faces, drawn log-uniformly; meshes meet it within a third or so
+    noise_kinds : drawn with equal chance; name one twice to double its chance
+    min_level, max_level : noise level in mean edge lengths, drawn log-uniformly
+    """
+
+    count: int = 2000
+    seed: int = 0
+    families: tuple[str, ...] = tuple(FAMILIES)
+    min_faces: int = 4000
+    max_faces: int = 15000
+    noise_kinds: tuple[NoiseKind, ...] = ("normal", "normal", "gaussian", "uniform", "impulsive", "varying", "mixed")
+    min_level: float = 0.02
+    max_level: float = 0.9
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise ValueError(f"count is {self.count}; it must be at least 1")
+        if self.seed < 0:
+            raise ValueError(f"seed is {self.seed}; it must be at least 0")
+        unknown = [name for name in self.families if name not in FAMILIES]
+        if unknown or not self.families:
+            raise ValueError(f"families are {unknown or 'empty'}; there are {', '.join(FAMILIES)}")
+        if not 200 <= self.min_faces <= self.max_faces:
+            raise ValueError(f"faces are {self.min_faces} to {self.max_faces}; at least 200, and the larger one last")
+        strange = [kind for kind in self.noise_kinds if kind not in get_args(NoiseKind)]
+        if strange or not self.noise_kinds:
+            raise ValueError(f"noise kinds are {strange or 'empty'}; there are {', '.join(get_args(NoiseKind))}")
+        if not 0 < self.min_level <= self.max_level < math.inf:
+            raise ValueError(f"noise levels are {self.min_level} to {self.max_level}; above 0, and the larger one last")
+
+
+class Pair(NamedTuple):
+    """The same faces over noisy and over clean vertices."""
+
+    noisy: Mesh
+    clean: Mesh
+    family: str
+    noise_kind: NoiseKind
+    level: float  # in mean edge lengths of the clean mesh
+
+
+def family_of(config: DatasetConfig, index: int) -> str:
+    """Name of the family of shapes that an index draws from."""
+    weights = np.array([FAMILIES[name].weight for name in config.families])
+    rng = _stream(config, index, _SHAPE)
+    return str(rng.choice(config.families, p=weights / weights.sum()))
+
+
+def clean_mesh(config: DatasetConfig, index: int) -> Mesh:
+    """Make the clean mesh of an index; shapes that come out unfit are drawn again."""
+    family = FAMILIES[family_of(config, index)]
+    for attempt in range(ATTEMPTS):
+        rng = _stream(config, index, _SHAPE, attempt + 1)
+        faces = round(math.exp(rng.uniform(math.log(config.min_faces), math.log(config.max_faces))))
+        try:
+            mesh = family.make(rng=rng, faces=faces)
+        except UnfitShapeError:
+            continue
+        if 0.6 * faces <= len(mesh.faces) <= 1.6 * faces:
+            return mesh
+    raise RuntimeError(f"no fit shape for index {index} of seed {config.seed} in {ATTEMPTS} attempts")
+
+
+def noisy_vertices(
+    config: DatasetConfig, index: int, clean: Mesh, *, epoch: int = 0
+) -> tuple[Vectors, NoiseKind, float]:
+    """Draw noise for the clean mesh of an index: vertices, kind and level; another draw in each epoch."""
+    rng = _stream(config, index, _NOISE, epoch)
+    kind: NoiseKind = config.noise_kinds[rng.integers(len(config.noise_kinds))]
+    level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))
+    if kind == "none":
+        level = 0.0
+    return clean.vertices + displacements(clean, kind, level=level, rng=rng), kind, level
+
+
+def pair(config: DatasetConfig, index: int) -> Pair:
+    """Make one noisy/clean pair; it depends on the config and the index alone."""
+    clean = clean_mesh(config, index)
+    vertices, kind, level = noisy_vertices(config, index, clean)
+    return Pair(clean.moved(vertices), clean, family_of(config, index), kind, level)
+
+
+def write_dataset(folder: Path, config: DatasetConfig, *, write: Callable[[Path, Mesh], None], workers: int = 1,
+                  progress: Callable[[int, int], None] | None = None) -> None:  # fmt: skip
+    """Write `<index>_<family>/noisy.ply` and `clean.ply` for each pair, then `dataset.json` with what they are.
+
+    Parameters
+    ----------
+    folder : made if it is not there; files in it are overwritten
+    write : writes a mesh to a path; has to be importable where there are several workers
+    workers : processes
+    progress : called with (pairs done, pairs in all) after each pair
+    """
+    if workers < 1:
+        raise ValueError(f"workers is {workers}; it must be at least 1")
+    folder.mkdir(parents=True, exist_ok=True)
+    make = partial(_write_pair, folder, config, write)
+    entries = []
+    if workers == 1:
+        for index in range(config.count):
+            entries.append(make(index))
+            if progress is not None:
+                progress(len(entries), config.count)
+    else:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            for entry in pool.map(make, range(config.count)):
+                entries.append(entry)
+                if progress is not None:
+                    progress(len(entries), config.count)
+    text = json.dumps({"config": asdict(config), "pairs": entries}, indent=1)
+    (folder / "dataset.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _write_pair(
+    folder: Path, config: DatasetConfig, write: Callable[[Path, Mesh], None], index: int
+) -> dict[str, Any]:
+    made = pair(config, index)
+    name = f"{index:05d}_{made.family}"
+    (folder / name).mkdir(exist_ok=True)
+    write(folder / name / "noisy.ply", made.noisy)
+    write(folder / name / "clean.ply", made.clean)
+    entry = {"name": name, "family": made.family, "noise_kind": made.noise_kind, "level": made.level}
+    return {**entry, "vertices": len(made.clean.vertices), "faces": len(made.clean.faces)}
+
+
+def _stream(config: DatasetConfig, index: int, *key: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(config.seed, spawn_key=(index, *key)))

@@ -1,0 +1,197 @@
+"""Signed-distance fields: primitives, negative inside, and the operators that combine and deform them."""
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.mesh import Vectors
+
+Values = NDArray[np.float64]
+"""(n,) float64, one value a point."""
+
+Field = Callable[[Vectors], Values]
+"""Positions to signed distances; deformed fields are distances only near the surface, and only roughly."""
+
+Blend = Literal["sharp", "round", "chamfer"]
+"""What becomes of the edge where two surfaces meet."""
+
+
+def norm(vectors: NDArray[np.float64]) -> Values:
+    """Length of each row."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+
+
+def sphere(*, radius: float) -> Field:
+    """Ball around the origin."""
+    return lambda points: norm(points) - radius
+
+
+def half_space(normal: ArrayLike, *, offset: float) -> Field:
+    """All points whose component along the unit `normal` is below `offset`."""
+    direction = np.asarray(normal, np.float64)
+    return lambda points: points @ direction - offset
+
+
+def box(half: ArrayLike) -> Field:
+    """Box around the origin with half edge lengths `half`."""
+    half = np.asarray(half, np.float64)
+
+    def distance(points: Vectors) -> Values:
+        excess = np.abs(points) - half
+        return norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0)
+
+    return distance
+
+
+def ellipsoid(radii: ArrayLike) -> Field:
+    """Ellipsoid around the origin; a distance to first order near its surface."""
+    radii = np.asarray(radii, np.float64)
+
+    def distance(points: Vectors) -> Values:
+        scaled = norm(points / radii)
+        gradient = norm(points / radii**2)
+        return np.where(gradient > 0, scaled * (scaled - 1) / np.maximum(gradient, 1e-12), -radii.min())
+
+    return distance
+
+
+def superquadric(radii: ArrayLike, *, exponent: float) -> Field:
+    """Points with sum |x / r| ** exponent = 1: 2 is an ellipsoid, 1 an octahedron, large ones near a box."""
+    radii = np.asarray(radii, np.float64)
+
+    def distance(points: Vectors) -> Values:
+        scaled = np.abs(points / radii) + 1e-9
+        top = scaled.max(axis=1, keepdims=True)
+        level = top[:, 0] * ((scaled / top) ** exponent).sum(axis=1) ** (1 / exponent)
+        gradient = norm((scaled / level[:, None]) ** (exponent - 1) / radii)
+        return (level - 1) / np.maximum(gradient, 1e-6)
+
+    return distance
+
+
+def cylinder(*, radius: float, half_height: float) -> Field:
+    """Capped cylinder around the z axis."""
+
+    def distance(points: Vectors) -> Values:
+        excess = np.stack([norm(points[:, :2]) - radius, np.abs(points[:, 2]) - half_height], axis=1)
+        return norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0)
+
+    return distance
+
+
+def torus(*, major: float, minor: float) -> Field:
+    """Tube of radius `minor` around a circle of radius `major` in the xy plane."""
+    return lambda points: np.hypot(norm(points[:, :2]) - major, points[:, 2]) - minor
+
+
+def limb(start: ArrayLike, end: ArrayLike, *, radii: tuple[float, float]) -> Field:
+    """Segment thickened by a radius that goes linearly from one end to the other."""
+    start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    axis = end - start
+    length2 = float(axis @ axis)
+
+    def distance(points: Vectors) -> Values:
+        offset = points - start
+        along = np.clip(offset @ axis / length2, 0, 1)
+        return norm(offset - along[:, None] * axis) - (radii[0] + along * (radii[1] - radii[0]))
+
+    return distance
+
+
+def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> Field:
+    """Polyline thickened by a radius, or by one radius a point of the path."""
+    ends = np.roll(path, -1, axis=0) if closed else path[1:]
+    starts = path if closed else path[:-1]
+    thickness = np.broadcast_to(np.asarray(radius, np.float64), len(path))
+    axes = ends - starts
+    length2 = np.maximum(np.einsum("ij,ij->i", axes, axes), 1e-12)
+    growth = (np.roll(thickness, -1) if closed else thickness[1:]) - thickness[: len(starts)]
+
+    def distance(points: Vectors) -> Values:
+        best = np.full(len(points), np.inf)
+        for start, axis, l2, first, grown in zip(starts, axes, length2, thickness, growth, strict=False):
+            offset = points - start
+            along = np.clip(offset @ axis / l2, 0, 1)
+            np.minimum(best, norm(offset - along[:, None] * axis) - first - along * grown, out=best)
+        return best
+
+    return distance
+
+
+def polytope(normals: Vectors, offsets: Values) -> Field:
+    """Intersection of half spaces with unit `normals`, each at its offset from the origin."""
+
+    def distance(points: Vectors) -> Values:
+        best = np.full(len(points), -np.inf)
+        for normal, offset in zip(normals, offsets, strict=True):
+            np.maximum(best, points @ normal - offset, out=best)
+        return best
+
+    return distance
+
+
+def complement(field: Field) -> Field:
+    """Outside becomes inside."""
+    return lambda points: -field(points)
+
+
+def union(*fields: Field, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+    """Points of any of the fields; the concave edge is left sharp, filled round or filled flat."""
+
+    def distance(points: Vectors) -> Values:
+        total = fields[0](points)
+        for field in fields[1:]:
+            total = _join(total, field(points), blend, radius)
+        return total
+
+    return distance
+
+
+def intersection(*fields: Field, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+    """Points of all the fields; the convex edge is left sharp, rounded or chamfered."""
+    return complement(union(*map(complement, fields), blend=blend, radius=radius))
+
+
+def difference(field: Field, *removed: Field, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+    """Points of the first field and of none of the others."""
+    return intersection(field, *map(complement, removed), blend=blend, radius=radius)
+
+
+def _join(a: Values, b: Values, blend: Blend, radius: float) -> Values:
+    if blend == "sharp" or radius <= 0:
+        return np.minimum(a, b)
+    if blend == "chamfer":
+        return np.minimum(np.minimum(a, b), (a + b - radius) * np.sqrt(0.5))
+    bite = np.hypot(np.maximum(radius - a, 0), np.maximum(radius - b, 0))
+    return np.maximum(radius, np.minimum(a, b)) - bite
+
+
+def melted(*fields: Field, radius: float) -> Field:
+    """Union with a soft, curvature-continuous transition about `radius` wide, as between metaballs."""
+
+    def distance(points: Vectors) -> Values:
+        total = fields[0](points)
+        for field in fields[1:]:
+            other = field(points)
+            h = np.maximum(radius - np.abs(total - other), 0) / radius
+            total = np.minimum(total, other) - h**3 * radius / 6
+        return total
+
+    return distance
+
+
+def offset(field: Field, *, by: float) -> Field:
+    """Grow the shape by a distance: convex edges become round."""
+    return lambda points: field(points) - by
+
+
+def shell(field: Field, *, thickness: float) -> Field:
+    """Only the skin of the shape, half of `thickness` to either side of the surface."""
+    return lambda points: np.abs(field(points)) - 0.5 * thickness
+
+
+def displaced(field: Field, pattern: Field, *, amplitude: float) -> Field:
+    """Push the surface outward by a pattern times the amplitude."""
+    return lambda points: field(points) - amplitude * pattern(points)

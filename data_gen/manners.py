@@ -1,0 +1,179 @@
+"""The manners in which meshes are tessellated: as polygonised, evenly or unevenly remeshed, stretched, subdivided."""
+
+from collections.abc import Callable
+from typing import Literal, get_args
+
+import numpy as np
+
+from cascadenorm.data_gen.corners import CORNER, SMOOTH, Corners, corners_of, mesh_of
+from cascadenorm.data_gen.fields import Field
+from cascadenorm.data_gen.patterns import noise
+from cascadenorm.data_gen.placement import random_rotation
+from cascadenorm.data_gen.polygonise import gradients, meeting_points
+from cascadenorm.data_gen.remesh import collapse_short, flip_edges, slide, split_long
+from cascadenorm.data_gen.surface import Extent, fit, polygonised
+from cascadenorm.mesh import Mesh, Vectors, unit
+
+Manner = Literal["lattice", "even", "graded", "stretched", "subdivided", "jittered"]
+
+
+def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
+               manner: Manner | None = None, window: tuple[Vectors, Vectors] | None = None) -> Mesh:  # fmt: skip
+    """Make a mesh of about `faces` triangles of a field.
+
+    Parameters
+    ----------
+    sharp : keep edges of the shape as edges of the mesh
+    manner : how; None draws one
+    window : box at which the surface is cut open
+    """
+    if manner is None:
+        manner = rng.choice(get_args(Manner), p=[0.2, 0.25, 0.2, 0.1, 0.1, 0.15])
+    coarse = faces // 4 if manner == "subdivided" else faces
+    lattice_faces = coarse if manner == "lattice" else int(1.3 * coarse)
+    mesh = polygonised(field, extent, faces=lattice_faces, sharp=sharp or rng.random() < 0.5, window=window, rng=rng)
+    fit_topology(mesh)
+    corners = corners_of(mesh, normals=field_normals(field, mesh) if sharp else None)
+    corners.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / coarse)
+    _MANNERS[manner](field, corners, rng)
+    mesh = mesh_of(corners)
+    if manner == "subdivided":
+        corners = _halved(field, mesh, sharp=sharp)
+        settle(field, corners)
+        mesh = mesh_of(corners)
+    fit(mesh)
+    return mesh
+
+
+def settle(field: Field, corners: Corners) -> None:
+    """Move vertices onto the surface, and those of creases and corners onto the surface's own."""
+    n = corners.used[0]
+    alive = corners.start[:n] >= 0
+    free = alive & (corners.kind[:n] == SMOOTH)
+    spacing = float(corners.length[0])
+    corners.points[:n][free] = projected(field, corners.points[:n][free], reach=0.3 * spacing)
+
+    faces = corners.origin[: 3 * corners.used[1]].reshape(-1, 3)
+    faces = faces[faces[:, 0] >= 0]
+    rim = np.zeros(n, bool)
+    rim[corners.origin[(corners.twin == -1) & (corners.origin >= 0)]] = True
+    held = alive & (corners.kind[:n] != SMOOTH) & ~rim
+    face, corner = np.nonzero(held[faces])
+    if len(face) == 0:
+        return
+    vertex = faces[face, corner]
+    middle = corners.points[faces[face]].mean(axis=1)
+    samples = projected(field, 0.6 * corners.points[vertex] + 0.4 * middle, reach=0.3 * spacing)
+    normals = unit(gradients(field, samples, step=1e-4 * spacing))
+    places, rank = meeting_points(samples, normals, vertex.astype(np.int64), n, reach=0.5 * spacing)
+    moved = held & ((corners.kind[:n] != CORNER) | (rank == 3)) & (rank > 1)
+    corners.points[:n][moved] = places[moved]
+
+
+def field_normals(field: Field, mesh: Mesh) -> Vectors:
+    """Normals of the surface where it is nearest to the middles of the faces."""
+    spacing = mesh.mean_edge_length
+    return unit(gradients(field, projected(field, mesh.centroids, reach=0.3 * spacing), step=1e-3 * spacing))
+
+
+def projected(field: Field, points: Vectors, *, reach: float, steps: int = 2) -> Vectors:
+    """Move points along the gradient to where the field vanishes, at most `reach` in each step."""
+    for _ in range(steps):
+        slope = gradients(field, points, step=1e-3 * reach)
+        square = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.05)
+        move = -(field(points) / square)[:, None] * slope
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        points = points + move * np.minimum(1, reach / np.maximum(length, 1e-300))
+    return points
+
+
+def fit_topology(mesh: Mesh) -> None:
+    """Raise UnfitShapeError unless a mesh is manifold."""
+    from cascadenorm.data_gen.corners import is_manifold
+    from cascadenorm.data_gen.surface import UnfitShapeError
+
+    if not is_manifold(mesh):
+        raise UnfitShapeError("the mesh is not manifold")
+
+
+def _lattice(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+    """Keep the lattice's stairs and stripes; only slivers go."""
+    collapse_short(corners, bound=float(rng.uniform(0.25, 0.45)))
+    flip_edges(corners, rule="delaunay")
+    for _ in range(rng.integers(0, 3)):
+        slide(corners, share=float(rng.uniform(0.2, 0.6)))
+    settle(field, corners)
+
+
+def _relaxed(field: Field, corners: Corners, rng: np.random.Generator, rounds: int) -> None:
+    rule: Literal["valence", "delaunay"] = "valence" if rng.random() < 0.6 else "delaunay"
+    for round_ in range(rounds):
+        split_long(corners)
+        collapse_short(corners)
+        flip_edges(corners, rule=rule)
+        slide(corners, share=0.6)
+        if round_ >= rounds - 2:
+            settle(field, corners)
+            slide(corners, share=0.4)
+    collapse_short(corners, bound=0.3)
+    flip_edges(corners, rule="delaunay")
+    settle(field, corners)
+
+
+def _even(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+    """Nearly equilateral triangles of one size; the fewer rounds, the less regular."""
+    _relaxed(field, corners, rng, int(rng.integers(2, 6)))
+
+
+def _graded(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+    """Triangles whose size drifts by factors over the shape."""
+    base = corners.length[0]
+    drift = noise(wavelength=float(rng.uniform(0.2, 1.0)), rng=rng)
+    strength = float(rng.uniform(0.3, 0.9))
+    for _ in range(2):
+        corners.length[:] = base * np.exp(strength * drift(corners.points))
+        _relaxed(field, corners, rng, 2)
+
+
+def _stretched(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+    """Triangles longer in one direction of space than across it."""
+    turn = random_rotation(rng=rng)
+    factors = np.exp(rng.uniform(-0.6, 0.6, 3))
+    metric = turn @ np.diag(factors / factors.prod() ** (1 / 3)) @ turn.T
+    inverse = np.linalg.inv(metric)
+    corners.points[:] = corners.points @ metric
+    _relaxed(lambda points: field(points @ inverse), corners, rng, int(rng.integers(2, 5)))
+    corners.points[:] = corners.points @ inverse
+
+
+def _jittered(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+    """Even triangles, then vertices pushed about within the surface."""
+    _relaxed(field, corners, rng, 3)
+    free = np.flatnonzero(corners.kind == SMOOTH)
+    amount = float(rng.uniform(0.08, 0.25)) * corners.length[0]
+    corners.points[free] += amount * rng.normal(size=(len(free), 3))
+    settle(field, corners)
+    flip_edges(corners, rule="delaunay")
+    collapse_short(corners, bound=0.35)
+
+
+def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> Corners:
+    """Put a vertex on each edge and make four triangles of one."""
+    edges, sides = mesh.topology.edges, mesh.topology.face_edges + len(mesh.vertices)
+    vertices = np.concatenate([mesh.vertices, mesh.vertices[edges].mean(axis=1)])
+    (a, b, c), (ab, bc, ca) = mesh.faces.T, sides.T
+    faces = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
+    fine = Mesh(vertices, faces)
+    corners = corners_of(fine, normals=field_normals(field, fine) if sharp else None, capacity=1.0)
+    corners.length[:] = fine.mean_edge_length
+    return corners
+
+
+_MANNERS: dict[Manner, Callable[[Field, Corners, np.random.Generator], None]] = {
+    "lattice": _lattice,
+    "even": _even,
+    "graded": _graded,
+    "stretched": _stretched,
+    "subdivided": _even,
+    "jittered": _jittered,
+}

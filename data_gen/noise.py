@@ -1,0 +1,92 @@
+"""Noise on vertices: along normals, in all directions, impulsive, uniform, varying over the shape, and mixed."""
+
+from collections.abc import Callable
+from typing import Literal, get_args
+
+import numpy as np
+
+from cascadenorm.data_gen.fields import Values
+from cascadenorm.data_gen.patterns import noise as drift
+from cascadenorm.mesh import Mesh, Vectors, unit
+
+NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "none"]
+"""`normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat. `impulsive`:
+a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape. `mixed`: two."""
+
+
+def vertex_normals(mesh: Mesh) -> Vectors:
+    """Unit sum of the area vectors around each vertex."""
+    total = [np.bincount(mesh.faces.ravel(), np.repeat(mesh.area_vectors[:, k], 3), len(mesh.vertices)) for k in range(3)]
+    return unit(np.stack(total, axis=1))
+
+
+def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.Generator) -> Vectors:
+    """Draw noise for the vertices of a mesh.
+
+    Parameters
+    ----------
+    kind : see NoiseKind
+    level : standard deviation in mean edge lengths: along the normal, or of each coordinate; of impulsive noise that of the
+        vertices that it hits
+
+    Returns
+    -------
+    (n, 3) float64
+    """
+    if kind not in _KINDS:
+        raise ValueError(f"noise kind is {kind!r}; it must be one of {', '.join(get_args(NoiseKind))}")
+    if not level >= 0:
+        raise ValueError(f"noise level is {level}; it must be at least 0, in mean edge lengths")
+    return _KINDS[kind](mesh, level * mesh.mean_edge_length, rng)
+
+
+def _along_normals(mesh: Mesh, sizes: Values) -> Vectors:
+    return np.asarray(sizes[:, None] * vertex_normals(mesh))
+
+
+def _normal(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return _along_normals(mesh, rng.normal(scale=deviation, size=len(mesh.vertices)))
+
+
+def _gaussian(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return rng.normal(scale=deviation, size=mesh.vertices.shape)
+
+
+def _uniform(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    half = np.sqrt(3) * deviation
+    return rng.uniform(-half, half, mesh.vertices.shape)
+
+
+def _impulsive(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    hit = rng.random(len(mesh.vertices)) < rng.uniform(0.05, 0.6)
+    if rng.random() < 0.5:
+        return _normal(mesh, deviation, rng) * hit[:, None]
+    return _gaussian(mesh, deviation, rng) * hit[:, None]
+
+
+def _varying(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    pattern = drift(wavelength=float(rng.uniform(0.2, 0.8)) * mesh.diagonal, rng=rng)
+    factor = np.exp(2 * pattern(mesh.vertices))
+    return _along_normals(mesh, factor / np.sqrt(np.mean(factor**2)) * rng.normal(scale=deviation, size=len(factor)))
+
+
+def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    share = rng.uniform(0.2, 0.8)
+    first, second = rng.choice([_normal, _gaussian, _uniform, _impulsive, _varying], 2, replace=False)
+    total = np.sqrt(share) * first(mesh, deviation, rng) + np.sqrt(1 - share) * second(mesh, deviation, rng)
+    return np.asarray(total)
+
+
+def _none(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return np.zeros(mesh.vertices.shape)
+
+
+_KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] = {
+    "normal": _normal,
+    "gaussian": _gaussian,
+    "uniform": _uniform,
+    "impulsive": _impulsive,
+    "varying": _varying,
+    "mixed": _mixed,
+    "none": _none,
+}

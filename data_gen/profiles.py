@@ -1,0 +1,92 @@
+"""Flat shapes as two-dimensional distance fields, and the solids made by extruding and revolving them."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.data_gen.fields import Blend, Field, Values, intersection, norm
+from cascadenorm.mesh import Vectors
+
+Profile = Callable[[NDArray[np.float64]], Values]
+"""(n, 2) positions to signed distances."""
+
+
+def disc(*, radius: float) -> Profile:
+    """Disc around the origin."""
+    return lambda points: norm(points) - radius
+
+
+def rectangle(*, half: tuple[float, float]) -> Profile:
+    """Rectangle around the origin."""
+
+    def distance(points: NDArray[np.float64]) -> Values:
+        excess = np.abs(points) - np.asarray(half)
+        return norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0)
+
+    return distance
+
+
+def polygon(corners: NDArray[np.float64]) -> Profile:
+    """Simple polygon, of either orientation; an exact distance."""
+    ends = np.roll(corners, -1, axis=0)
+
+    def distance(points: NDArray[np.float64]) -> Values:
+        nearest = np.full(len(points), np.inf)
+        inside = np.zeros(len(points), bool)
+        for a, b in zip(corners, ends, strict=True):
+            edge, offset = b - a, points - a
+            along = np.clip(offset @ edge / (edge @ edge), 0, 1)
+            gap = offset - along[:, None] * edge
+            np.minimum(nearest, np.einsum("ij,ij->i", gap, gap), out=nearest)
+            above = (a[1] <= points[:, 1]) != (b[1] <= points[:, 1])
+            left = edge[0] * offset[:, 1] - edge[1] * offset[:, 0]
+            inside ^= above & ((left > 0) == (edge[1] > 0))
+        return np.where(inside, -1, 1) * np.sqrt(nearest)
+
+    return distance
+
+
+def gear(*, teeth: int, radius: float, depth: float, slope: float) -> Profile:
+    """Toothed wheel; `slope` from 0 (a sine) to large (square teeth)."""
+
+    def distance(points: NDArray[np.float64]) -> Values:
+        angle = np.arctan2(points[:, 1], points[:, 0])
+        wave = np.sin(teeth * angle)
+        rim = radius + 0.5 * depth * (np.clip(slope * wave, -1, 1) if slope > 0 else wave)
+        steepness = 1 + (0.25 * depth * teeth * max(slope, 1) / radius) ** 2
+        return (norm(points) - rim) / np.sqrt(steepness)
+
+    return distance
+
+
+def lobed(*, radii: Values) -> Profile:
+    """Smooth closed curve whose radius follows a Fourier series: mean, then cosine and sine of each order."""
+
+    def distance(points: NDArray[np.float64]) -> Values:
+        angle = np.arctan2(points[:, 1], points[:, 0])
+        rim, slope = np.full(len(points), radii[0]), np.zeros(len(points))
+        for order in range(1, (len(radii) + 1) // 2):
+            a, b = radii[2 * order - 1], radii[2 * order]
+            rim += a * np.cos(order * angle) + b * np.sin(order * angle)
+            slope += order * (b * np.cos(order * angle) - a * np.sin(order * angle))
+        return (norm(points) - rim) / np.sqrt(1 + (slope / np.maximum(rim, 0.1)) ** 2)
+
+    return distance
+
+
+def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+    """Pull a profile along z; the two rims are left sharp, rounded or chamfered."""
+
+    def side(points: Vectors) -> Values:
+        return profile(points[:, :2])
+
+    def caps(points: Vectors) -> Values:
+        return np.asarray(np.abs(points[:, 2]) - half_height)
+
+    return intersection(side, caps, blend=blend, radius=radius)
+
+
+def revolved(profile: Profile) -> Field:
+    """Turn a profile, drawn in radius and height, about the z axis."""
+    return lambda points: profile(np.stack([norm(points[:, :2]), points[:, 2]], axis=1))

@@ -1,0 +1,194 @@
+"""Passes over an editable mesh: split long edges, collapse short ones, flip, and let vertices slide on the surface."""
+
+from typing import Literal
+
+import numpy as np
+
+from cascadenorm.data_gen.corners import (
+    CORNER,
+    CREASE,
+    RING,
+    SMOOTH,
+    Corners,
+    after,
+    area_vector,
+    before,
+    collapse,
+    collapse_keeps_manifold,
+    distance,
+    flip,
+    joined,
+    leaving,
+    shape,
+    split,
+)
+from cascadenorm.mesh import kernel
+
+LONG, SHORT = 4 / 3, 4 / 5  # bounds around the target length (Botsch and Kobbelt 2004)
+TINY = 0.12  # edges shorter than this share of the target are noise of the polygoniser, even along creases
+
+
+def split_long(corners: Corners, *, bound: float = LONG) -> None:
+    """Halve edges longer than `bound` target lengths, as long as there is room."""
+    _split_long(corners, bound)
+
+
+def collapse_short(corners: Corners, *, bound: float = SHORT) -> None:
+    """Remove edges shorter than `bound` target lengths where neither creases nor the surface suffer."""
+    _collapse_short(corners, bound)
+
+
+def flip_edges(corners: Corners, *, rule: Literal["valence", "delaunay"]) -> None:
+    """Flip unmarked, nearly flat edges: towards six neighbours a vertex, or towards larger angles."""
+    _flip_edges(corners, rule == "valence")
+
+
+def slide(corners: Corners, *, share: float) -> None:
+    """Move smooth vertices in their tangent plane, crease ones along the crease, towards their neighbours' middle."""
+    corners.points[:] = _slide(corners, share)
+
+
+@kernel
+def _split_long(c, bound):  # type: ignore[no-untyped-def]
+    face = 0
+    while face < c.used[1]:
+        h, longest = -1, bound
+        if c.origin[3 * face] != -1:
+            for k in range(3 * face, 3 * face + 3):
+                a, b = c.origin[k], c.origin[after(k)]
+                relative = distance(c.points[a], c.points[b]) / (0.5 * (c.length[a] + c.length[b]))
+                if relative > longest:
+                    h, longest = k, relative
+        if h == -1:
+            face += 1
+            continue
+        if 3 * c.used[1] + 6 > len(c.origin) or c.used[0] == len(c.points):
+            return
+        a, b, m = c.origin[h], c.origin[after(h)], c.used[0]
+        c.used[0] += 1
+        for k in range(3):
+            c.points[m, k] = 0.5 * (c.points[a, k] + c.points[b, k])
+        c.length[m] = 0.5 * (c.length[a] + c.length[b])
+        c.kind[m] = SMOOTH if not c.marked[h] else (CORNER if c.twin[h] == -1 else CREASE)
+        split(c, h, m)
+
+
+@kernel
+def _collapse_short(c, bound):  # type: ignore[no-untyped-def]
+    ring, other = np.empty(RING, np.int64), np.empty(RING, np.int64)
+    for k in range(3 * c.used[1]):
+        h = k
+        if c.origin[h] == -1 or c.twin[h] == -1:
+            continue
+        a, b = c.origin[h], c.origin[after(h)]
+        target = 0.5 * (c.length[a] + c.length[b])
+        size = distance(c.points[a], c.points[b])
+        if size >= bound * target:
+            continue
+        if c.kind[a] > c.kind[b]:
+            h = c.twin[h]
+            a, b = b, a
+        held = c.kind[a] == CORNER or (c.kind[a] == CREASE and not c.marked[h])
+        if held and size > TINY * target:
+            continue
+        if not collapse_keeps_manifold(c, h, ring, other):
+            continue
+        middle = 0.5 if c.kind[a] == c.kind[b] else 1.0
+        place = c.points[a] + middle * (c.points[b] - c.points[a])
+        longest = LONG * target if bound > 0.5 else 1e300
+        if _faces_survive(c, a, b, place, longest, ring) and _faces_survive(c, b, a, place, longest, ring):
+            collapse(c, h, ring)
+            c.points[b] = place
+
+
+@kernel
+def _faces_survive(c, v, gone, place, longest, ring):  # type: ignore[no-untyped-def]
+    """Whether the faces around v, but for those with `gone`, keep their side and shape when v moves to place."""
+    count, _ = leaving(c, v, ring)
+    for i in range(count):
+        p, q = c.origin[after(ring[i])], c.origin[before(ring[i])]
+        if p == gone or q == gone:
+            continue
+        if distance(place, c.points[p]) > longest:
+            return False
+        x, y, z = area_vector(c.points[v], c.points[p], c.points[q])
+        u, v_, w = area_vector(place, c.points[p], c.points[q])
+        old, new = np.sqrt(x * x + y * y + z * z), np.sqrt(u * u + v_ * v_ + w * w)
+        quality = shape(c.points[v], c.points[p], c.points[q])
+        if quality > 0.05 and x * u + y * v_ + z * w < 0.8 * old * new:
+            return False
+        if shape(place, c.points[p], c.points[q]) < min(0.2, quality):
+            return False
+    return True
+
+
+@kernel
+def _flip_edges(c, by_valence):  # type: ignore[no-untyped-def]
+    ring = np.empty(RING, np.int64)
+    for h in range(3 * c.used[1]):
+        g = c.twin[h]
+        if c.origin[h] == -1 or g < h or c.marked[h]:
+            continue
+        a, b = c.origin[h], c.origin[after(h)]
+        left, right = c.origin[before(h)], c.origin[before(g)]
+        pa, pb, pl, pr = c.points[a], c.points[b], c.points[left], c.points[right]
+        x, y, z = area_vector(pa, pb, pl)
+        u, v, w = area_vector(pb, pa, pr)
+        sizes = np.sqrt((x * x + y * y + z * z) * (u * u + v * v + w * w))
+        worst = min(shape(pa, pb, pl), shape(pb, pa, pr))
+        if worst > 0.05 and x * u + y * v + z * w < 0.9 * sizes:
+            continue
+        new_worst = min(shape(pa, pr, pl), shape(pr, pb, pl))
+        if by_valence:
+            gain = 0
+            for vertex, change in ((a, -1), (b, -1), (left, 1), (right, 1)):
+                count, closed = leaving(c, vertex, ring)
+                goal = 6 if closed else 3
+                gain += (count - goal) ** 2 - (count + change - goal) ** 2
+                if count + change < 3:
+                    gain = -99
+            if gain <= 0 or new_worst < min(0.35, worst):
+                continue
+        elif new_worst <= worst + 1e-9 or leaving(c, a, ring)[0] < 5 or leaving(c, b, ring)[0] < 5:
+            continue
+        x2, y2, z2 = area_vector(pa, pr, pl)
+        u2, v2, w2 = area_vector(pr, pb, pl)
+        sx, sy, sz = x + u, y + v, z + w
+        keeps_side = x2 * sx + y2 * sy + z2 * sz > 0 and u2 * sx + v2 * sy + w2 * sz > 0
+        if keeps_side and not joined(c, left, right, ring):
+            flip(c, h)
+
+
+@kernel
+def _slide(c, share):  # type: ignore[no-untyped-def]
+    ring = np.empty(RING, np.int64)
+    moved = c.points.copy()
+    for v in range(c.used[0]):
+        if c.start[v] == -1 or c.kind[v] == CORNER:
+            continue
+        count, _ = leaving(c, v, ring)
+        p = c.points[v]
+        goal, normal, total = np.zeros(3), np.zeros(3), 0.0
+        for i in range(count):
+            q, r = c.points[c.origin[after(ring[i])]], c.points[c.origin[before(ring[i])]]
+            if c.kind[v] == CREASE:
+                if c.marked[ring[i]]:
+                    normal += (q - p) * (1.0 if total == 0.0 else -1.0)
+                    goal += q - p
+                    total += 1.0
+                continue
+            x, y, z = area_vector(p, q, r)
+            normal += np.array([x, y, z])
+            area = np.sqrt(x * x + y * y + z * z)
+            wanted = 0.5 * (c.length[c.origin[after(ring[i])]] + c.length[c.origin[before(ring[i])]])
+            area /= max(wanted, 1e-300) ** 2
+            goal += area * ((q + r) / 3 - 2 * p / 3)
+            total += area
+        size = np.sqrt((normal * normal).sum())
+        if total == 0.0 or size == 0.0:
+            continue
+        goal *= share / total
+        normal /= size
+        along = (goal * normal).sum()
+        moved[v] += along * normal if c.kind[v] == CREASE else goal - along * normal
+    return moved

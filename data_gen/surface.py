@@ -1,0 +1,90 @@
+"""From a field to a triangle mesh of a wanted size, in one of the manners in which real meshes are tessellated."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.data_gen.corners import is_manifold
+from cascadenorm.data_gen.fields import Field
+from cascadenorm.data_gen.lattice import sample
+from cascadenorm.data_gen.placement import random_rotation
+from cascadenorm.data_gen.polygonise import NoSurfaceError, dual_contouring, marching_cubes
+from cascadenorm.data_gen.untangle import untangled
+from cascadenorm.mesh import Mesh, Vectors
+
+REACH = 1.6  # shapes are looked for in a cube of this half side
+ROUGH = 0.09  # spacing of the first look
+
+
+class Extent(NamedTuple):
+    """Box around a shape, and the area of its surface."""
+
+    lower: Vectors
+    upper: Vectors
+    area: float
+
+
+class UnfitShapeError(ValueError):
+    """A random shape that came out empty, not manifold, or in another way not as wanted; draw another one."""
+
+
+def extent_of(field: Field, *, rng: np.random.Generator) -> Extent:
+    """Look at a field coarsely."""
+    lattice = sample(field, lower=[-REACH] * 3, upper=[REACH] * 3, spacing=ROUGH, rng=rng)
+    inside = lattice.values < 0
+    if not inside.any():
+        raise UnfitShapeError("the shape is empty, or all thinner than the first look")
+    where = lattice.nodes[inside]
+    mesh = marching_cubes(field, lattice)
+    return Extent(where.min(axis=0) - ROUGH, where.max(axis=0) + ROUGH, mesh.area)
+
+
+def polygonised(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
+                window: tuple[ArrayLike, ArrayLike] | None = None, relative_jitter: float = 0.2) -> Mesh:  # fmt: skip
+    """Polygonise a field with about `faces` triangles on a lattice turned and jittered at random.
+
+    Parameters
+    ----------
+    sharp : dual contouring, else marching cubes
+    window : corners of a box at which the surface is cut open; None for the whole shape
+    """
+    spacing = float(np.sqrt(2.3 * extent.area / faces))
+    lower, upper = (extent.lower, extent.upper) if window is None else window
+    lattice = sample(
+        field,
+        lower=lower,
+        upper=upper,
+        spacing=spacing,
+        jitter=relative_jitter,
+        turn=random_rotation(rng=rng),
+        open_rim=window is not None,
+        rng=rng,
+    )
+    try:
+        mesh = dual_contouring(field, lattice) if sharp else marching_cubes(field, lattice)
+    except NoSurfaceError as error:
+        raise UnfitShapeError(str(error)) from error
+    return largest_components(untangled(mesh), share=0.02)
+
+
+def largest_components(mesh: Mesh, *, share: float) -> Mesh:
+    """Drop components with less than a share of the faces of the largest one, and vertices without faces."""
+    label = mesh.topology.components[mesh.faces[:, 0]]
+    counts = np.bincount(label)
+    return compact(mesh.vertices, mesh.faces[(counts >= share * counts.max())[label]])
+
+
+def compact(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
+    """Keep the vertices that have faces."""
+    names, packed = np.unique(faces, return_inverse=True)
+    return Mesh(vertices[names], packed.reshape(-1, 3))
+
+
+def fit(mesh: Mesh) -> None:
+    """Raise UnfitShapeError where a mesh is not manifold, or has faces without area."""
+    if not is_manifold(mesh):
+        raise UnfitShapeError("the mesh is not manifold")
+    if mesh.areas.min() <= 1e-7 * mesh.areas.mean():
+        raise UnfitShapeError("the mesh has faces without area")
+
