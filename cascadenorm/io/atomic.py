@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from cascadenorm.io.contract import OutputError
+from cascadenorm.io.contract import OutputError, Piece
 
 
 def check_output(path: Path, *, force: bool) -> None:
@@ -18,7 +18,7 @@ def check_output(path: Path, *, force: bool) -> None:
         raise OutputError(f"{path} exists already: choose another name, or overwrite it with force (--force)")
 
 
-def write_atomically(path: Path, pieces: Iterable[bytes | memoryview], *, force: bool = False) -> None:
+def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False) -> None:
     """Write pieces to a temporary file beside path, then rename it; on failure path is as it was before.
 
     Parameters
@@ -44,7 +44,7 @@ def write_atomically(path: Path, pieces: Iterable[bytes | memoryview], *, force:
         raise OutputError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
-def _replace(target: Path, pieces: Iterable[bytes | memoryview], *, force: bool) -> None:
+def _replace(target: Path, pieces: Iterable[Piece], *, force: bool) -> None:
     handle, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", suffix=".part", dir=target.parent)
     try:
         with os.fdopen(handle, "wb") as stream:

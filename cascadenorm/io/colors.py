@@ -31,6 +31,5 @@ def channels(values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.uint8]]
 def _as_byte(values: NDArray[Any]) -> NDArray[np.uint8]:
     if values.dtype == np.uint8:
         return values
-    whole = 255 if values.dtype.kind == "f" else np.iinfo(values.dtype).max
-    with np.errstate(invalid="ignore"):
-        return np.nan_to_num(np.clip(np.rint(values * (255 / whole if whole > 255 else 255)), 0, 255)).astype(np.uint8)
+    largest = 1 if values.dtype.kind == "f" else np.iinfo(values.dtype).max
+    return np.asarray(np.nan_to_num(np.clip(np.rint(values * (255 / largest)), 0, 255)).astype(np.uint8))

@@ -2,7 +2,7 @@
 
 import copy
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
@@ -17,6 +17,8 @@ from cascadenorm.mesh import Mesh, MeshError, first_places
 
 Positions = NDArray[Any]
 """(k, 3) float32 or float64, as the file holds them."""
+
+Piece = bytes | memoryview
 
 AnyMeshFile = TypeVar("AnyMeshFile", bound="MeshFile")
 
@@ -76,7 +78,7 @@ class MeshFile(ABC):
         """Read `data`; raises ReadError."""
 
     @abstractmethod
-    def _moved_pieces(self) -> Sequence[bytes | memoryview]:
+    def _moved_pieces(self) -> Iterable[Piece]:
         """Return `data` with its positions and normals replaced, in pieces."""
 
     @abstractmethod
@@ -88,7 +90,7 @@ class MeshFile(ABC):
     def encode(content: Content) -> tuple[bytes, list[str]]:
         """Write content in this format; the bytes, and what they leave out, in words."""
 
-    def pieces(self) -> Sequence[bytes | memoryview]:
+    def pieces(self) -> Iterable[Piece]:
         """Return the bytes of the file with its present positions, in pieces."""
         return self._moved_pieces() if self._changed.any() else [self.data]
 
@@ -134,7 +136,7 @@ class MeshFile(ABC):
         """The triangles with seams closed; raises MeshError where the file describes no valid mesh."""
         if not len(self.polygons):
             raise MeshError(f"the file has {len(self.positions)} vertices and no faces: points alone are not a mesh")
-        bad: NDArray[np.bool_] = ~np.isfinite(self.positions).all(axis=1)
+        bad = ~np.asarray(np.isfinite(self.positions).all(axis=1))
         if bad.any():
             raise MeshError(
                 f"{bad.sum()} of {len(bad)} vertices are not finite (vertices {first_places(bad)}, counted from 0): "

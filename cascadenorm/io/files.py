@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.io.atomic import check_output, write_atomically
-from cascadenorm.io.contract import Content, MeshFile, OutputError, ReadError
+from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply import PlyFile
@@ -83,7 +83,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     return lost
 
 
-def encode(file: MeshFile, format: str) -> tuple[Iterable[bytes | memoryview], list[str]]:
+def encode(file: MeshFile, format: str) -> tuple[Iterable[Piece], list[str]]:
     if format == file.format:
         return file.pieces(), []
     if format not in FORMATS:

@@ -45,35 +45,35 @@ def renewed_normals(
     -------
     (j, 3) unit normals, and (j,) which of them are new; the others are as read
     """
-    used = normals.corners >= 0
-    slots = normals.corners[used]
-    groups = _groups(normals, slots, welds[triangles[used]])
-    old = _sums(groups, slots, area_vectors(before, triangles), used)
-    new = unit(_sums(groups, slots, area_vectors(after, triangles), used))
-    if np.nansum(np.sign(np.einsum("ij,ij->i", old, normals.values))) < 0:
+    rows, columns = np.nonzero(normals.corners >= 0)
+    slots = normals.corners[rows, columns]
+    groups = _groups(normals, slots, welds[triangles[rows, columns]])
+    users = groups[slots]
+    old = _sums(users, area_vectors(before, triangles)[rows], len(groups))
+    new = unit(_sums(users, area_vectors(after, triangles)[rows], len(groups)))[groups]
+    if np.nansum(np.sign(np.einsum("ij,ij->i", old[groups], normals.values))) < 0:
         new = -new
     moved = np.zeros(len(groups), bool)
-    moved[groups[slots[(before != after).any(axis=1)[triangles].any(axis=1).repeat(3).reshape(-1, 3)[used]]]] = True
+    moved[users[(before != after).any(axis=1)[triangles].any(axis=1)[rows]]] = True
     renewed = moved[groups] & new.any(axis=1)
     return np.where(renewed[:, None], new, normals.values), renewed
 
 
 def _groups(normals: Normals, slots: NDArray[np.int64], vertices: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Return for each normal a number shared by equal normals of copies of one vertex."""
-    owner = np.full(len(normals.values), -1)
+    """Return for each normal the first one that has the same value at a copy of the same vertex."""
+    groups = np.arange(len(normals.values))
+    owner = np.full(len(groups), -1)
     owner[slots] = vertices
-    shared = np.zeros(len(owner), bool)
-    shared[slots[owner[slots] != vertices]] = True  # used at several vertices: a group of its own
-    rows = np.column_stack([owner.astype(np.float64), normals.values])
-    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return np.where(shared | (owner < 0), np.arange(len(owner)), first[inverse.reshape(-1)])
+    owner[slots[owner[slots] != vertices]] = -1  # used at several vertices: a group of its own
+    candidates = np.flatnonzero(owner >= 0)
+    candidates = candidates[np.bincount(owner[candidates], minlength=1)[owner[candidates]] > 1]
+    if len(candidates):
+        rows = np.column_stack([owner[candidates], normals.values[candidates]])
+        _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        groups[candidates] = candidates[first[inverse.reshape(-1)]]
+    return groups
 
 
-def _sums(
-    groups: NDArray[np.int64], slots: NDArray[np.int64], vectors: NDArray[np.float64], used: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """Return for each normal the sum over its group of the vectors of the triangles that use it."""
-    rows = np.broadcast_to(np.arange(len(vectors))[:, None], used.shape)[used]
-    target = groups[slots]
-    sums = [np.bincount(target, vectors[rows, axis], minlength=len(groups)) for axis in range(3)]
-    return np.stack(sums, axis=1)[groups]
+def _sums(users: NDArray[np.int64], vectors: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Add up the vectors of the users of each group."""
+    return np.stack([np.bincount(users, vectors[:, axis], minlength=count) for axis in range(3)], axis=1)

@@ -1,12 +1,13 @@
 """Wavefront OBJ: its lines, of which only the numbers of `v` and `vn` are ever replaced."""
 
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.colors import channels, from_words
-from cascadenorm.io.contract import Content, MeshFile
+from cascadenorm.io.contract import Content, MeshFile, Piece
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Places, Text, rows_of, spelled
@@ -57,11 +58,11 @@ class ObjFile(MeshFile):
             return np.full(len(words), -1)
         given = np.ones(len(words), bool) if field == 0 else ends > starts
         numbers = np.zeros(len(words), np.int64)
-        numbers[given] = text.numbers_at(starts[given], ends[given], int)
+        numbers[given] = text.integers_at(starts[given], ends[given])
         before = np.searchsorted(text.first[lines], words) if (numbers < 0).any() else 0
         return np.where(numbers < 0, np.maximum(numbers + before, -1), numbers - 1)
 
-    def _moved_pieces(self) -> list[bytes | memoryview]:
+    def _moved_pieces(self) -> Iterable[Piece]:
         text = self._text
         words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
         lines = text.lines_with(b"vn")
@@ -72,7 +73,7 @@ class ObjFile(MeshFile):
             named[named >= len(lines)] = -1
             normals, renewed = self._renewed(Normals(stored, self._at_triangles(named)))
             words = np.concatenate([words, columns[renewed].ravel()])
-            spellings += spelled(normals[renewed])
+            spellings = np.concatenate([spellings, spelled(normals[renewed].astype(np.float32))])
         return text.replaced(words, spellings)
 
     def _at_triangles(self, named: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -129,7 +130,7 @@ class ObjFile(MeshFile):
             rows = [row + b" " + color for row, color in zip(rows, fractions, strict=True)]
         if textured:
             rows += [b"vt " + row for row in rows_of(np.stack([content.vertex_values[n] for n in TEXTURE], axis=1))]
-        corners = spelled(content.polygons.corners + 1)
+        corners = spelled(content.polygons.corners + 1).tolist()
         if textured:
             corners = [b"%b/%b" % (corner, corner) for corner in corners]
         rows += [b"f " + b" ".join(corners[a:b]) for a, b in pairwise(content.polygons.indptr.tolist())]

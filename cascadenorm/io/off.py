@@ -1,13 +1,14 @@
 """OFF and its variants COFF, NOFF, STOFF, 4OFF in text: vertices, then polygons, a line each."""
 
 import re
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.colors import channels, from_words
-from cascadenorm.io.contract import Content, MeshFile, ReadError
+from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Places, Text, rows_of, spelled
@@ -27,10 +28,10 @@ class OffFile(MeshFile):
         if "n" in self._flavour or b"BINARY" in data[:40]:
             raise ReadError("this variant of OFF (binary, or not in 3 dimensions) cannot be read: export it as PLY")
         self._text = text = Text(data, start=magic.end() if magic else 0)
-        lines = np.flatnonzero(text.stop > text.first)
+        lines = np.arange(len(text.first))
         if not len(lines):
             raise ReadError("the OFF file has no line with the numbers of vertices and faces: it is empty or truncated")
-        vertex_count, face_count = text.numbers(text.columns(lines[:1], 2, start=0)[0], int).tolist()
+        vertex_count, face_count = text.integers(text.columns(lines[:1], 2, start=0)[0]).tolist()
         if min(vertex_count, face_count) < 0 or vertex_count + face_count > len(lines) - 1:
             raise ReadError(
                 f"the OFF header promises {vertex_count} vertices and {face_count} faces, a line each, but only "
@@ -42,21 +43,21 @@ class OffFile(MeshFile):
 
     def _read_polygons(self) -> Polygons:
         text = self._text
-        counts = text.numbers(text.columns(self._faces, 1, start=0)[:, 0], int)
+        counts = text.integers(text.columns(self._faces, 1, start=0)[:, 0])
         if (counts < 0).any():
             line = text.line_number(text.starts[text.first[self._faces[counts < 0][0]]])
             raise ReadError(f"line {line}: a face has {counts.min()} corners: the file is damaged; get a complete copy")
         text.require(self._faces, counts + 1)
-        return Polygons.from_counts(counts, text.numbers(ranges(text.first[self._faces] + 1, counts), int))
+        return Polygons.from_counts(counts, text.integers(ranges(text.first[self._faces] + 1, counts)))
 
-    def _moved_pieces(self) -> list[bytes | memoryview]:
+    def _moved_pieces(self) -> Iterable[Piece]:
         words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
         if "N" in self._flavour:
             columns = self._text.columns(self._vertices, 3, start=4 if "4" in self._flavour else 3)
             stored = self._text.numbers_at(self._text.starts[columns], self._text.ends[columns], lax=True)
             normals, renewed = self._renewed(Normals(stored, self.triangles))
             words = np.concatenate([words, columns[renewed].ravel()])
-            spellings += spelled(normals[renewed])
+            spellings = np.concatenate([spellings, spelled(normals[renewed].astype(np.float32))])
         return self._text.replaced(words, spellings)
 
     def _read_content(self) -> Content:
@@ -89,7 +90,7 @@ class OffFile(MeshFile):
         colors, face_colors = channels(content.vertex_values), channels(content.face_values)
         lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in colors]
         lost += [f"face property '{name}'" for name in content.face_values if name not in face_colors]
-        corners = spelled(content.polygons.corners)
+        corners = spelled(content.polygons.corners).tolist()
         faces = [b"%d " % (b - a) + b" ".join(corners[a:b]) for a, b in pairwise(content.polygons.indptr.tolist())]
         lines = [
             b"COFF" if colors else b"OFF",

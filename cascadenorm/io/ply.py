@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import Content, MeshFile, ReadError
+from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.ply_header import NAMES, Property, parse_header
 from cascadenorm.io.ply_table import Column, Kind, columns
@@ -72,7 +72,7 @@ class PlyFile(MeshFile):
                 return _strips(counts, _whole(column.read(self._body)))
         return Polygons.from_rows(np.zeros((0, 3), np.int64))
 
-    def _moved_pieces(self) -> list[bytes | memoryview]:
+    def _moved_pieces(self) -> Iterable[Piece]:
         replaced: list[Replaced] = [("vertex", XYZ, self.positions, self._changed)]
         corners = {"vertex": self.triangles, "face": np.repeat(self.triangle_polygons[:, None], 3, axis=1)}
         for element, used in corners.items():
@@ -88,16 +88,16 @@ class PlyFile(MeshFile):
                 self._columns[element, name].put(body, values[:, axis], chosen[:, axis])
         return [memoryview(body)]
 
-    def _spliced(self, text: Text, replaced: list[Replaced]) -> list[bytes | memoryview]:
-        places, words = [], list[bytes]()
+    def _spliced(self, text: Text, replaced: list[Replaced]) -> Iterable[Piece]:
+        places, words = [], []
         for element, names, values, chosen in replaced:
             for axis, name in enumerate(names):
                 declared = self._property(element, name)
                 assert declared is not None
                 places.append(np.asarray(self._columns[element, name].offsets)[chosen[:, axis]] // WORD)
                 kind = np.float32 if declared.kind == "f4" else np.float64
-                words += spelled(values[chosen[:, axis], axis].astype(kind))
-        return text.replaced(np.concatenate(places), words)
+                words.append(spelled(values[chosen[:, axis], axis].astype(kind)))
+        return text.replaced(np.concatenate(places), np.concatenate(words))
 
     def _read_content(self) -> Content:
         values = {}

@@ -52,9 +52,10 @@ class Column(NamedTuple):
     def read(self, body: bytes) -> NDArray[Any]:
         """Return all values, row after row, in the byte order of this machine."""
         if isinstance(self.offsets, range):
-            return self.view(body).ravel().astype(self.kind.newbyteorder("="))
+            return np.asarray(self.view(body).ravel().astype(self.kind.newbyteorder("=")))
         cells = self.places()[:, None] + np.arange(self.kind.itemsize)
-        return np.frombuffer(body, np.uint8)[cells].view(self.kind)[:, 0].astype(self.kind.newbyteorder("="))
+        found = np.frombuffer(body, np.uint8)[cells].view(self.kind)[:, 0]
+        return np.asarray(found.astype(self.kind.newbyteorder("=")))
 
     def put(self, body: bytearray, values: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
         """Replace the chosen values; one value a row."""

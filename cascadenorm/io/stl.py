@@ -1,12 +1,12 @@
 """STL: triangles with their own corners, binary or in text; welded inside."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import Content, MeshFile, ReadError
-from cascadenorm.io.normals import Normals
+from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.polygons import Polygons, area_vectors, triangulate
 from cascadenorm.io.text import Places, Text, spelled
 from cascadenorm.mesh import unit
@@ -41,23 +41,20 @@ class StlFile(MeshFile):
             positions = self._text.numbers(self._words)
         return positions, Polygons.from_rows(np.arange(len(positions)).reshape(-1, 3))
 
-    def _moved_pieces(self) -> list[bytes | memoryview]:
-        facets = np.repeat(np.arange(len(self.triangles))[:, None], 3, axis=1)
+    def _moved_pieces(self) -> Iterable[Piece]:
+        moved = self._changed.reshape(-1, 9).any(axis=1)
+        normals = unit(area_vectors(self.positions, self.triangles[moved])).astype(np.float32)
         if self._text is None:
-            normals, renewed = self._renewed(Normals(self._records["normal"].astype(np.float64), facets))
             records = self._records.copy()
             records["corners"] = self.positions.reshape(-1, 3, 3)
-            records["normal"][renewed] = normals[renewed]
+            records["normal"][moved] = normals
             end = HEADER + records.nbytes
             return [self.data[:HEADER], records.tobytes(), memoryview(self.data)[end:]]
         words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
         text, facet_lines = self._text, self._facets
         if (text.stop[facet_lines] - text.first[facet_lines] >= 5).all():  # facet normal x y z
-            columns = text.columns(facet_lines, 3, start=2)
-            stored = text.numbers_at(text.starts[columns], text.ends[columns], lax=True)
-            normals, renewed = self._renewed(Normals(stored, facets))
-            words = np.concatenate([words, columns[renewed].ravel()])
-            spellings += spelled(normals[renewed].astype(np.float32))
+            words = np.concatenate([words, text.columns(facet_lines[moved], 3, start=2).ravel()])
+            spellings = np.concatenate([spellings, spelled(normals)])
         return text.replaced(words, spellings)
 
     def _read_content(self) -> Content:

@@ -23,7 +23,9 @@ def weld(positions: NDArray[Any], triangles: NDArray[np.int64]) -> tuple[NDArray
     same = _same_place(positions)
     if same is None:
         return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
-    on_rim = _on_rim(triangles, np.bincount(same, minlength=len(same))[same] > 1)
+    copied = np.bincount(same, minlength=len(same))[same] > 1
+    uses = np.bincount(triangles.ravel(), minlength=len(same))
+    on_rim = _on_rim(triangles, copied & (uses > 1)) | (copied & (uses == 1))
     target = np.arange(len(positions))
     first_on_rim = np.full(len(positions), -1)
     rim = np.flatnonzero(on_rim)
@@ -42,7 +44,7 @@ def _same_place(positions: NDArray[Any]) -> NDArray[np.int64] | None:
     for axis in range(3):  # multiply and fold, so that every bit of every coordinate counts
         keys = (keys ^ bits[:, axis]) * np.uint64(0x9E3779B97F4A7C15)
         keys ^= keys >> np.uint64(29)
-    order = np.argsort(keys, kind="stable")
+    order = np.argsort(keys)
     ordered = keys[order]
     starts = np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)]
     if starts.all():

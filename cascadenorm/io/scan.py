@@ -1,0 +1,117 @@
+"""Compiled passes over the bytes of a text: find words, read decimals, replace words."""
+
+import numpy as np
+
+from cascadenorm.mesh import kernel
+
+POWERS = np.array([10.0**e for e in range(23)])  # all exact, so one division or product by them rounds correctly
+
+
+@kernel
+def _is_space(byte):  # type: ignore[no-untyped-def]
+    return byte == 32 or 9 <= byte <= 13 or byte == 0
+
+
+@kernel
+def _join(data, i):  # type: ignore[no-untyped-def]
+    """Length of a backslash and the line end after it; 0 if this is none."""
+    if data[i] != 92 or i + 1 == len(data):
+        return 0
+    if data[i + 1] == 13:
+        return 3 if i + 2 < len(data) and data[i + 2] == 10 else 2
+    return 2 if data[i + 1] == 10 else 0
+
+
+@kernel
+def cut(data, start, continued, starts, ends, lines):  # type: ignore[no-untyped-def]
+    """Find the words from a byte on, and the first word of each line that has any; comments from # on have none.
+
+    Fills the arrays, or only counts where they are empty. A backslash at the end of a line joins it to the next
+    one if `continued`.
+    """
+    words = found_lines = 0
+    fresh = True
+    i = start
+    while i < len(data):
+        if _is_space(data[i]):
+            fresh = fresh or data[i] == 10 or data[i] == 13
+            i += 1
+        elif data[i] == 35:
+            while i < len(data) and data[i] != 10 and data[i] != 13:
+                i += 1
+        elif continued and _join(data, i):
+            i += _join(data, i)
+        else:
+            if fresh:
+                if len(lines):
+                    lines[found_lines] = words
+                found_lines += 1
+                fresh = False
+            if len(starts):
+                starts[words] = i
+            while i < len(data) and not _is_space(data[i]) and not (continued and _join(data, i)):
+                i += 1
+            if len(starts):
+                ends[words] = i
+            words += 1
+    return words, found_lines
+
+
+@kernel
+def decimals(start, stop, data, starts, ends, values, simple):  # type: ignore[no-untyped-def]
+    """Read plain decimals whose digits and power of ten are exact in double precision; leave the others."""
+    for k in range(start, stop):
+        i, end = starts[k], ends[k]
+        simple[k] = False
+        negative = i < end and data[i] == 45
+        if negative or (i < end and data[i] == 43):
+            i += 1
+        mantissa = digits = exponent = 0
+        seen_point = False
+        while i < end and (48 <= data[i] <= 57 or (data[i] == 46 and not seen_point)):
+            if data[i] == 46:
+                seen_point = True
+            else:
+                mantissa = 10 * mantissa + (data[i] - 48)
+                digits += 1
+                exponent -= seen_point
+                if mantissa >= 1 << 53:
+                    break
+            i += 1
+        if digits == 0 or mantissa >= 1 << 53:
+            continue
+        if i + 1 < end and (data[i] == 101 or data[i] == 69):
+            i += 1
+            down = data[i] == 45
+            if down or data[i] == 43:
+                i += 1
+            power = 0
+            if i == end:
+                continue
+            while i < end and 48 <= data[i] <= 57 and power < 1000:
+                power = 10 * power + (data[i] - 48)
+                i += 1
+            exponent += -power if down else power
+        if i < end or exponent < -22 or exponent > 22:
+            continue
+        value = mantissa / POWERS[-exponent] if exponent < 0 else mantissa * POWERS[exponent]
+        values[k] = -value if negative else value
+        simple[k] = True
+
+
+@kernel
+def splice(data, starts, ends, letters, lengths, out):  # type: ignore[no-untyped-def]
+    """Copy the data with words at these places replaced by the first letters of each row; the length of the copy."""
+    at = last = 0
+    for k in range(len(starts)):
+        for i in range(last, starts[k]):
+            out[at] = data[i]
+            at += 1
+        for i in range(lengths[k]):
+            out[at] = letters[k, i]
+            at += 1
+        last = ends[k]
+    for i in range(last, len(data)):
+        out[at] = data[i]
+        at += 1
+    return at
