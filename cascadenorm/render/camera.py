@@ -1,0 +1,82 @@
+"""Where a picture is taken from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.mesh import Mesh, unit
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a picture is taken from; one camera serves several meshes, so that their pictures can be compared.
+
+    Parameters
+    ----------
+    axes : (3, 3) unit rows: to the right, upward, toward the viewer
+    center : (3,) the point in the middle of the picture
+    reach : half of the width and of the height to be seen, in the units of the mesh
+    perspective : one over the distance of the viewer in mesh units; 0 is a parallel projection
+    """
+
+    axes: NDArray[np.float64]
+    center: NDArray[np.float64]
+    reach: tuple[float, float]
+    perspective: float
+
+    @classmethod
+    def looking_at(
+        cls,
+        mesh: Mesh,
+        *,
+        direction: ArrayLike | None = None,
+        up: ArrayLike = (0, 1, 0),
+        perspective: float = 0.15,
+    ) -> "Camera":
+        """Place a camera so that the whole mesh is seen.
+
+        Parameters
+        ----------
+        mesh : what is to be seen
+        direction : from the mesh toward the viewer; None is the front of a surface that is open, else a three-quarter
+            view
+        up : what points upward in the picture; if that is the direction of the view, the next axis does
+        perspective : half the diagonal of the bounding box over the distance of the viewer; 0 is a parallel projection
+        """
+        if not 0 <= perspective < 1:
+            raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")
+        axes = _axes(_direction(mesh) if direction is None else direction, up)
+        middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
+        strength = 2 * perspective / mesh.diagonal if mesh.diagonal else 0.0
+        flat = projected((mesh.vertices - middle) @ axes.T, strength)[:, :2]
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        offset = (low + high) / 2
+        width, height = (high - low) / 2
+        return cls(axes, middle + offset @ axes[:2], (float(width), float(height)), strength)
+
+
+def projected(points: NDArray[np.float64], perspective: float) -> NDArray[np.float64]:
+    """Map points of the camera's frame to the screen; straight lines stay straight, nearer stays larger z.
+
+    What another mesh's camera finds beside or behind the viewer is moved to just in front.
+    """
+    return points / np.maximum(1 - perspective * points[..., 2:], 1e-3)
+
+
+def _direction(mesh: Mesh) -> ArrayLike:
+    """Toward the front of an open surface, else over the right shoulder of a model that stands upright in y."""
+    facing = mesh.area_vectors.sum(axis=0)
+    return facing if np.linalg.norm(facing) > 0.2 * mesh.area else (0.45, 0.40, 0.80)
+
+
+def _axes(direction: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:
+    """Camera axes for a direction toward the viewer and what points upward."""
+    toward, upward = np.asarray(direction, float), np.asarray(up, float)
+    if toward.shape != (3,) or upward.shape != (3,) or not toward.any() or not upward.any():
+        raise ValueError(f"direction is {direction!r} and up {up!r}; each must be three numbers, not all 0")
+    toward, upward = unit(toward), unit(upward)
+    if abs(toward @ upward) > 0.999:
+        upward = np.roll(upward, 1)
+    right = unit(np.cross(upward, toward))
+    return np.stack([right, np.cross(toward, right), toward])

@@ -1,0 +1,184 @@
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, noisy
+
+from cascadenorm.mesh import Mesh, limit_threads
+from cascadenorm.render import Camera, error_colors, error_legend, render, save_png, side_by_side
+from cascadenorm.render.lettering import lettering
+
+RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
+
+
+def parallel(mesh, direction=(0, 0, 1)):
+    return Camera.looking_at(mesh, direction=direction, perspective=0)
+
+
+def inked(image):
+    """Share of the picture that is covered, as all of it is drawn in black."""
+    return 1 - image.mean() / 255
+
+
+def black(mesh):
+    return np.zeros((len(mesh.faces), 3))
+
+
+def decoded(data):
+    """Read a PNG back: 8 bits, three channels, filters 0 and 1."""
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    chunks, at = {}, 8
+    while at < len(data):
+        (length,) = struct.unpack(">I", data[at : at + 4])
+        name, body = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
+        assert struct.unpack(">I", data[at + 8 + length : at + 12 + length])[0] == zlib.crc32(name + body)
+        chunks[name] = body
+        at += 12 + length
+    width, height, *kind = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
+    assert kind == [8, 2, 0, 0, 0]
+    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, -1)
+    assert set(rows[:, 0]) == {1}
+    return np.cumsum(rows[:, 1:].reshape(height, width, 3), axis=1, dtype=np.uint8)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (1, 2, 3)])
+def test_the_silhouette_of_a_sphere_has_the_area_of_its_disc(direction):
+    sphere = icosphere(5)
+    camera = parallel(sphere, direction)
+    image = render(sphere, view=camera, size=(200, 200), colors=black(sphere))
+    frame = (2 * 1.06 * max(camera.reach)) ** 2
+    assert inked(image) * frame == pytest.approx(np.pi, rel=0.01)
+
+
+def test_perspective_shows_a_larger_disc_for_the_same_sphere():
+    sphere = icosphere(4)
+    near = Camera.looking_at(sphere, direction=(0, 0, 1), perspective=0.3)
+    distance = 1 / near.perspective
+    assert max(near.reach) == pytest.approx(1 / np.sqrt(1 - 1 / distance**2), rel=0.01)  # the tangent cone
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+@pytest.mark.parametrize("perspective", [0, 0.3])
+def test_the_nearer_triangle_hides_the_farther_one(order, perspective):
+    triangle = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], float)
+    corners = np.stack([triangle, triangle + np.array([0, 0, 0.2])])[order]
+    mesh = Mesh(corners.reshape(-1, 3), np.arange(6).reshape(2, 3))
+    colors = np.array([RED, BLUE])[order]
+    camera = Camera.looking_at(mesh, direction=(0, 0, 1), perspective=perspective)
+    red, _, blue = render(mesh, view=camera, size=(90, 90), colors=colors)[50, 40]
+    assert blue > 2 * red
+
+
+def test_triangles_that_pierce_each_other_are_cut_where_they_meet():
+    mesh = Mesh(
+        [(-1, -1, -1), (1, -1, 1), (1, 1, 1), (-1, 1, -1), (-1, -1, 1), (1, -1, -1), (1, 1, -1), (-1, 1, 1)],
+        [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)],
+    )
+    image = render(mesh, view=parallel(mesh), size=(106, 106), colors=np.array([RED, RED, BLUE, BLUE]))
+    assert (image[50, 10:50, 2] > image[50, 10:50, 0]).all()
+    assert (image[50, 56:96, 0] > image[50, 56:96, 2]).all()
+
+
+def test_pixels_between_two_triangles_are_not_left_out():
+    square = grid(7, 7)
+    image = render(square, view=parallel(square), size=(123, 123), colors=black(square))
+    covered = image[5:-5, 5:-5]
+    assert (covered == covered[0, 0]).all()
+
+
+def test_the_inside_of_a_surface_has_another_color():
+    square = grid(2, 2)
+    front = render(square, view=(0, 0, 1), size=(20, 20))[10, 10].astype(int)
+    back = render(square, view=(0, 0, -1), size=(20, 20))[10, 10].astype(int)
+    assert front[2] > front[0]
+    assert back[0] > back[2]
+
+
+def test_faces_that_meet_at_an_edge_are_shaded_differently():
+    image = render(cube(1), size=(60, 60), samples=1)
+    shades = {tuple(pixel) for pixel in image.reshape(-1, 3)}
+    assert len(shades) == 4  # three sides and the paper
+
+
+def test_a_picture_has_the_same_bytes_for_any_number_of_threads_and_again():
+    mesh = noisy(icosphere(4), 0.3)
+    with limit_threads(1):
+        once = render(mesh, size=(150, 101))
+    with limit_threads(3):
+        assert render(mesh, size=(150, 101)).tobytes() == once.tobytes()
+    assert render(mesh, size=(150, 101)).tobytes() == once.tobytes()
+
+
+def test_the_picture_does_not_depend_on_place_and_scale():
+    mesh = noisy(icosphere(3), 0.3)
+    far = Mesh(mesh.vertices * 1024 + 2**20, mesh.faces)
+    difference = render(mesh, size=(80, 80)).astype(int) - render(far, size=(80, 80))
+    assert np.abs(difference).mean() < 0.05
+
+
+def test_an_open_surface_is_seen_from_its_front():
+    square = grid(3, 3)
+    assert Camera.looking_at(square).axes[2] == pytest.approx([0, 0, 1])
+    flipped = Mesh(square.vertices, square.faces[:, ::-1])
+    assert Camera.looking_at(flipped).axes[2] == pytest.approx([0, 0, -1])
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 2), (0, 1, 0), (0, -1, 0), (3, 1, -2)])
+def test_the_axes_of_a_camera_are_right_handed_and_orthonormal(direction):
+    axes = Camera.looking_at(cube(1), direction=direction).axes
+    assert axes @ axes.T == pytest.approx(np.eye(3))
+    assert np.linalg.det(axes) == pytest.approx(1)
+    assert axes[2] == pytest.approx(np.array(direction) / np.linalg.norm(direction))
+
+
+def test_a_mesh_without_extent_leaves_the_paper_white():
+    assert (render(Mesh(np.ones((3, 3)), [(0, 1, 2)]), size=(9, 9)) == 255).all()
+
+
+@pytest.mark.parametrize("wrong", [{"size": (0, 9)}, {"samples": 0}, {"view": (0, 0, 0)}, {"view": (1, 2)}])
+def test_senseless_settings_are_refused(wrong):
+    with pytest.raises(ValueError, match="must be"):
+        render(cube(1), **wrong)
+    with pytest.raises(ValueError, match="perspective is 1"):
+        Camera.looking_at(cube(1), perspective=1)
+
+
+def test_a_png_decodes_to_the_same_pixels(tmp_path):
+    image = render(noisy(icosphere(2), 0.3), size=(61, 47))
+    save_png(tmp_path / "a.png", image)
+    assert (decoded((tmp_path / "a.png").read_bytes()) == image).all()
+
+
+def test_error_colors_darken_all_the_way():
+    colors = error_colors(np.linspace(0, 1, 50), limit=1.0)
+    brightness = colors @ (0.2126, 0.7152, 0.0722)
+    assert (np.diff(brightness) < 0).all()
+    assert (error_colors(np.array([1.0, 7.0]), limit=1.0) == colors[-1]).all()
+
+
+def test_the_legend_runs_from_zero_at_the_bottom():
+    legend = error_legend(limit=30, unit="°", size=(80, 300))
+    bar = legend[40:-40, 3].astype(int).sum(axis=1)
+    assert bar[-1] > bar[0] + 300
+
+
+def test_panels_keep_their_pixels_and_captions_stand_below():
+    left, right = np.full((40, 30, 3), 9, np.uint8), np.full((60, 20, 3), 70, np.uint8)
+    sheet = side_by_side([left, right], ["ab", ""], gap=5)
+    assert sheet.shape[1] == 55
+    assert (sheet[10:50, :30] == left).all()
+    assert (sheet[:60, 35:] == right).all()
+    assert (sheet[60:, :30] < 200).any()
+    assert (sheet[60:, 35:] == 255).all()
+    with pytest.raises(ValueError, match="2 pictures and 1 captions"):
+        side_by_side([left, right], ["a"])
+
+
+def test_letters_grow_with_their_size_and_differ_from_each_other():
+    letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.,:-–+°()/_?"
+    drawn = {lettering(letter, size=20).tobytes() for letter in letters}
+    assert len(drawn) == len(letters)
+    assert lettering("é", size=20).tobytes() == lettering("?", size=20).tobytes()
+    assert lettering("Hx", size=40).sum() == pytest.approx(4 * lettering("Hx", size=20).sum(), rel=0.02)
+    assert lettering(" ", size=20).max() == 0
