@@ -113,12 +113,11 @@ class MeshFile(ABC):
     def _cut(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         bad = (self.polygons.corners < 0) | (self.polygons.corners >= len(self.positions))
         if bad.any():
-            faces = np.unique(self.polygons.owners[bad]) + self.counts_from
+            faces, first = np.unique(self.polygons.owners[bad]), self.counts_from
             raise MeshError(
-                f"{len(faces)} faces use vertices that do not exist (faces {', '.join(map(str, faces[:3]))}"
-                f"{', …' if len(faces) > 3 else ''}; the first names vertex "
-                f"{self.polygons.corners[bad][0] + self.counts_from}; there are {len(self.positions)}, counted from "
-                f"{self.counts_from}): drop these faces, or write the file again where it came from"
+                f"{len(faces)} faces use vertices that do not exist (faces {self._numbers(faces)}; the first names "
+                f"vertex {self.polygons.corners[bad][0] + first}; there are {len(self.positions)}, counted from "
+                f"{first}): drop these faces, or write the file again where it came from"
             )
         return triangulate(self._read_positions, self.polygons)
 
@@ -139,10 +138,14 @@ class MeshFile(ABC):
         bad = ~np.asarray(np.isfinite(self.positions).all(axis=1))
         if bad.any():
             raise MeshError(
-                f"{bad.sum()} of {len(bad)} vertices are not finite (vertices {first_places(bad)}, counted from 0): "
-                "give them a position, or remove them and their faces"
+                f"{bad.sum()} of {len(bad)} vertices are not finite (vertices {self._numbers(np.flatnonzero(bad))}, "
+                f"counted from {self.counts_from}): give them a position, or remove them and their faces"
             )
         return Mesh(self.positions[self._weld[1]], self.welds[self.triangles])
+
+    def _numbers(self, places: NDArray[np.int64]) -> str:
+        """Name the first few places as the format counts them: '17, 18, 40, …'."""
+        return ", ".join(map(str, places[:3] + self.counts_from)) + (", …" if len(places) > 3 else "")
 
     def with_vertices(self: AnyMeshFile, vertices: ArrayLike) -> AnyMeshFile:
         """Return this file with the vertices of `mesh` elsewhere; every copy of a vertex goes with it.

@@ -13,7 +13,7 @@ from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Places, Text, rows_of, spelled
 
-MAGIC = re.compile(rb"\s*((?:ST)?C?N?4?n?OFF)(?=[\s\d#]|\Z)")
+MAGIC = re.compile(rb"(?:\s|#[^\r\n]*)*((?:ST)?C?N?4?n?OFF)(?=[\s\d#]|\Z)")
 
 
 class OffFile(MeshFile):

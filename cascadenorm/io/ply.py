@@ -11,6 +11,7 @@ from cascadenorm.io.normals import Normals
 from cascadenorm.io.ply_header import NAMES, Property, parse_header
 from cascadenorm.io.ply_table import Column, Kind, columns
 from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.scan import splice
 from cascadenorm.io.text import Text, spelled
 
 XYZ, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
@@ -58,6 +59,9 @@ class PlyFile(MeshFile):
         if values is None:
             raise ReadError("the PLY header has no element 'vertex' with the properties x, y and z: this is no mesh")
         declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
+        if self._text is not None and declared == {"f4"}:  # the text may say more than its header admits
+            words = np.concatenate([np.asarray(self._columns["vertex", name].offsets) // WORD for name in XYZ])
+            return values.astype(np.float32 if self._text.significant_digits(words) <= 9 else np.float64)
         return values.astype(np.float32 if declared == {"f4"} else np.float64)
 
     def _polygons(self) -> Polygons:
@@ -73,6 +77,10 @@ class PlyFile(MeshFile):
         return Polygons.from_rows(np.zeros((0, 3), np.int64))
 
     def _moved_pieces(self) -> Iterable[Piece]:
+        if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
+            wider = PlyFile(self._widened())
+            wider.positions = self.positions
+            return wider.pieces()
         replaced: list[Replaced] = [("vertex", XYZ, self.positions, self._changed)]
         corners = {"vertex": self.triangles, "face": np.repeat(self.triangle_polygons[:, None], 3, axis=1)}
         for element, used in corners.items():
@@ -88,6 +96,28 @@ class PlyFile(MeshFile):
                 self._columns[element, name].put(body, values[:, axis], chosen[:, axis])
         return [memoryview(body)]
 
+    def _widened(self) -> bytes:
+        """Return the file with positions of integer types turned into double."""
+        parts = []  # places, sizes and new bytes
+        for name in XYZ:
+            declared = self._property("vertex", name)
+            assert declared is not None
+            if declared.kind[0] == "f":
+                continue
+            begin, stop = declared.place
+            parts.append((np.array([begin]), stop - begin, np.array([b"double"], "S8")))
+            if self._text is None:
+                column = self._columns["vertex", name]
+                doubles = column.read(self._body).astype(self.header.byte_order + "f8")
+                parts.append((column.places(), column.kind.itemsize, doubles.view("S8")))
+        place = np.concatenate([places for places, _, _ in parts])
+        order = np.argsort(place)
+        end = (place + np.concatenate([np.full(len(places), size) for places, size, _ in parts]))[order]
+        letters = np.concatenate([new for _, _, new in parts])[order].view(np.uint8).reshape(-1, 8)
+        lengths = np.where(end < self.header.length, len(b"double"), 8)
+        out = np.empty(len(self.data) + 8 * len(place), np.uint8)
+        return out[: splice(np.frombuffer(self.data, np.uint8), place[order], end, letters, lengths, out)].tobytes()
+
     def _spliced(self, text: Text, replaced: list[Replaced]) -> Iterable[Piece]:
         places, words = [], []
         for element, names, values, chosen in replaced:
@@ -95,7 +125,7 @@ class PlyFile(MeshFile):
                 declared = self._property(element, name)
                 assert declared is not None
                 places.append(np.asarray(self._columns[element, name].offsets)[chosen[:, axis]] // WORD)
-                kind = np.float32 if declared.kind == "f4" else np.float64
+                kind = np.float32 if declared.kind == "f4" and values.dtype != np.float64 else np.float64
                 words.append(spelled(values[chosen[:, axis], axis].astype(kind)))
         return text.replaced(np.concatenate(places), np.concatenate(words))
 

@@ -42,7 +42,7 @@ class Property(NamedTuple):
     name: str
     kind: str
     count_kind: str | None
-    line: int  # of the header, counted from 0
+    place: tuple[int, int]  # of the word that names the type, in the file
 
 
 class Element(NamedTuple):
@@ -70,8 +70,9 @@ def parse_header(data: bytes) -> Header:
     if end is None:
         raise ReadError("the PLY header has no line 'end_header': the file is truncated, or not a PLY file")
     byte_order, elements = None, list[Element]()
-    for number, line in enumerate(re.split(rb"\r\n|\n|\r", data[: end.start()])[1:], start=1):
-        match line.decode("latin-1").split():
+    for line in re.finditer(rb"[^\r\n]+", data[first.end() : end.start()]):
+        words = [(word[0].decode("latin-1"), word.span()) for word in re.finditer(rb"\S+", line[0])]
+        match [word for word, _ in words]:
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case ["format", name, _] if name in BYTE_ORDERS:
@@ -81,12 +82,15 @@ def parse_header(data: bytes) -> Header:
             case ["property", "list", count_kind, kind, name] if (
                 elements and kind in TYPES and TYPES.get(count_kind, "f")[0] in "iu"
             ):
-                elements[-1].properties.append(Property(name, TYPES[kind], TYPES[count_kind], number))
+                elements[-1].properties.append(Property(name, TYPES[kind], TYPES[count_kind], (0, 0)))
             case ["property", kind, name] if elements and kind in TYPES:
-                elements[-1].properties.append(Property(name, TYPES[kind], None, number))
+                begin, stop = words[1][1]
+                at = first.end() + line.start()
+                elements[-1].properties.append(Property(name, TYPES[kind], None, (at + begin, at + stop)))
             case _:
-                text = line[:60].decode("latin-1")
-                raise ReadError(f"line {number + 1} of the PLY header cannot be understood: {text!r}")
+                number = 1 + len(re.findall(rb"\r\n|\n|\r", data[: first.end() + line.start()]))
+                text = line[0][:60].decode("latin-1")
+                raise ReadError(f"line {number} of the PLY header cannot be understood: {text!r}")
     if byte_order is None:
         raise ReadError("the PLY header has no line 'format ascii 1.0' or 'format binary_… 1.0'")
     return Header(byte_order, elements, end.end())

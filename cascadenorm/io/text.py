@@ -1,5 +1,6 @@
 """Text files as words with known places, so that single numbers can be replaced and nothing else."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -52,6 +53,13 @@ class Text:
     def word(self, index: int) -> bytes:
         """Return a word."""
         return self.data[int(self.starts[index]) : int(self.ends[index])]
+
+    def significant_digits(self, words: Places) -> int:
+        """Return the largest number of significant digits among the words, of which a thousand or so are looked at."""
+        sample = words[:: max(1, len(words) // 1000)]
+        places = zip(self.starts[sample].tolist(), self.ends[sample].tolist(), strict=True)
+        mantissas = (re.split(rb"[eE]", self.data[start:end])[0] for start, end in places)
+        return max((len(re.sub(rb"\D", b"", word).strip(b"0")) for word in mantissas), default=0)
 
     def replaced(self, words: Places, spellings: NDArray[np.bytes_]) -> Iterator[bytes]:
         """Return the text, in pieces, with words replaced."""

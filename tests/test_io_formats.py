@@ -1,0 +1,181 @@
+"""What single formats promise: seams stay closed, normals follow, each spelling is understood."""
+
+import numpy as np
+import pytest
+from shapes import cube, icosphere
+from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, read, stl_binary, stl_text, written
+
+from cascadenorm import io
+from cascadenorm.io.contract import Content
+from cascadenorm.io.files import FORMATS
+from cascadenorm.io.polygons import Polygons, triangulate
+from cascadenorm.mesh import Mesh, unit
+
+
+def encoded(mesh: Mesh, format: str) -> io.MeshFile:
+    polygons = Polygons.from_rows(mesh.faces.astype(np.int64))
+    return FORMATS[format](FORMATS[format].encode(Content(mesh.vertices, polygons))[0])
+
+
+def ply_of(vertices, faces, normals=None) -> io.MeshFile:
+    values = {} if normals is None else dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
+    return FORMATS["ply"](FORMATS["ply"].encode(Content(vertices, Polygons.from_rows(faces), values))[0])
+
+
+@pytest.mark.parametrize("data", [stl_binary(), stl_text()])
+def test_stl_is_welded_and_never_opens(data):
+    file = read(data)
+    assert (len(file.positions), len(file.mesh.vertices)) == (12, 4)
+    assert file.mesh.volume == pytest.approx(1 / 6)
+    moved = read(written(file.with_vertices(file.mesh.vertices + np.arange(12).reshape(4, 3) / 7)))
+    assert len(moved.mesh.vertices) == 4
+    assert moved.mesh.topology.interior_edges.size == 6
+
+
+def test_stl_normals_follow_and_attributes_stay():
+    file = read(stl_binary())
+    data = written(file.with_vertices(file.mesh.vertices * (1, 2, 3)))
+    again = read(data)
+    records = np.frombuffer(data, [("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")], offset=84)
+    assert np.allclose(records["n"], again.mesh.normals, atol=1e-7)
+    assert records["a"].tolist() == [1, 2, 3, 65535]
+    assert data[:80] == stl_binary()[:80]
+
+
+def test_soup_of_a_closed_surface_welds_to_it():
+    sphere = icosphere(2)
+    corners = sphere.corners.reshape(-1, 3)
+    soup = ply_of(corners, np.arange(len(corners)).reshape(-1, 3))
+    assert len(soup.mesh.vertices) == len(sphere.vertices)
+    assert not soup.mesh.topology.boundary_vertices.any()
+
+
+def test_surfaces_that_touch_inside_stay_apart():
+    box = cube(2)
+    twice = ply_of(np.concatenate([box.vertices] * 2), np.concatenate([box.faces, box.faces + len(box.vertices)]))
+    assert len(twice.mesh.vertices) == 2 * len(box.vertices)
+
+
+def test_welding_distinguishes_what_single_precision_does_not():
+    vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1e-12, 0, 0), (-1, 0, 0), (-0.0, -1, 0), (0, -1, 0)])
+    file = ply_of(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 4, 6)]))
+    assert file.welds.tolist() == [0, 1, 2, 3, 4, 5, 5]
+
+
+def test_obj_seam_moves_together():
+    seam = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 4 6 5\n"
+    file = read(seam)
+    assert file.welds.tolist() == [0, 1, 2, 1, 2, 3]
+    moved = file.with_vertices(file.mesh.vertices + np.arange(12).reshape(4, 3))
+    assert np.array_equal(moved.positions[1], moved.positions[3])
+    assert np.array_equal(moved.positions[2], moved.positions[4])
+
+
+def test_obj_indices_and_continuations():
+    file = read(OBJ)
+    polygons = np.split(file.polygons.corners, file.polygons.indptr[1:-1])
+    assert [polygon.tolist() for polygon in polygons] == [[0, 1, 2, 3], [0, 1, 4], [1, 2, 4]]
+
+
+def test_obj_normals_follow_the_faces_that_use_them():
+    file = read(OBJ)
+    turn = np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)])  # z becomes y
+    text = written(file.with_vertices(file.mesh.vertices @ turn.T)).decode()
+    assert "vn 0.0 -1.0 0.0" in text.replace("-0.0", "0.0").replace("0.0 1.0 0.0", "0.0 -1.0 0.0")
+    assert "vt 0.5 1\n" in text
+    assert "v 1.0  0" in text
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_vertex_normals_of_the_sphere_stay_radial(sign):
+    sphere = icosphere(3)
+    file = ply_of(sphere.vertices, sphere.faces.astype(np.int64), sign * sphere.vertices)
+    stretched = sphere.vertices * (1, 1, 2)
+    again = read(written(file.with_vertices(stretched))).content().vertex_values
+    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
+    assert np.allclose(np.linalg.norm(found, axis=1), 1)
+    assert (np.einsum("ij,ij->i", found, sign * unit(stretched / (1, 1, 4))) > 0.99).all()
+
+
+def test_equal_normals_at_a_seam_stay_equal_and_creases_stay():
+    soup = cube(2).corners.reshape(-1, 3)
+    faces = np.arange(len(soup)).reshape(-1, 3)
+    flat = np.repeat(cube(2).normals, 3, axis=0)
+    bent = ply_of(soup, faces, flat)
+    moved = bent.with_vertices(bent.mesh.vertices * (1, 1, 2))
+    again = moved.content().vertex_values
+    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
+    assert np.allclose(found, flat)
+    smooth = ply_of(soup, faces, unit(soup))
+    noise = np.random.default_rng(0).normal(size=smooth.mesh.vertices.shape) / 20
+    moved = smooth.with_vertices(smooth.mesh.vertices + noise)
+    again = moved.content().vertex_values
+    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
+    assert len(np.unique(np.column_stack([moved.welds, found]), axis=0)) == len(smooth.mesh.vertices)
+
+
+def test_normals_far_from_what_moved_stay():
+    sphere = icosphere(2)
+    tilted = unit(sphere.vertices + np.array((0.3, 0, 0)))
+    file = ply_of(sphere.vertices, sphere.faces.astype(np.int64), tilted)
+    vertices = sphere.vertices.copy()
+    vertices[0] *= 1.1
+    again = file.with_vertices(vertices).content().vertex_values
+    changed = np.any([again[n] != tilted[:, i] for i, n in enumerate(("nx", "ny", "nz"))], axis=0)
+    ring = np.unique(sphere.faces[(sphere.faces == 0).any(axis=1)])
+    assert np.flatnonzero(changed).tolist() == ring.tolist()
+
+
+def test_ply_strips_alternate():
+    header = b"ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
+    header += b"element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    points = b"0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n"
+    file = read(header + points + b"10 0 2 1 3 -1 2 4 3 5 -1\n")
+    assert file.mesh.faces.tolist() == [[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]
+    assert np.allclose(file.mesh.normals, (0, 0, 1))
+
+
+def test_polygon_fans_do_not_fold():
+    arrow = np.array([(0, 0, 0), (2, -1, 0), (1, 0, 0), (2, 1, 0)], float)  # concave at its third corner
+    for turn in range(4):
+        corners = np.roll(np.arange(4), turn)
+        triangles, owners = triangulate(arrow, Polygons.from_rows(corners[None]))
+        assert owners.tolist() == [0, 0]
+        assert (Mesh(arrow, triangles).normals[:, 2] > 0).all()
+
+
+def test_short_polygons_have_no_triangle():
+    polygons = Polygons.from_counts(np.array([2, 3, 1, 4, 0]), np.array([0, 1, 0, 1, 2, 3, 0, 1, 2, 3]))
+    triangles, owners = triangulate(np.eye(4)[:, :3], polygons)
+    assert owners.tolist() == [1, 3, 3]
+    assert triangles[0].tolist() == [0, 1, 2]
+
+
+def test_off_without_its_keyword_and_with_counts_beside_it():
+    rows = b"\n".join(b"%d %d %d" % p for p in TETRAHEDRON) + b"\n"
+    rows += b"\n".join(b"3 %d %d %d" % s for s in SIDES) + b"\n"
+    for head in (b"OFF 4 4 6\n", b"OFF\n4 4 6\n", b"4 4 6\n", b"OFF4 4 0\n", b"# first\nOFF\n4 4\n"):
+        assert read(head + rows, "off").mesh.volume == pytest.approx(1 / 6)
+
+
+def test_text_keeps_the_digits_of_far_coordinates():
+    file = read(PLY_TEXT.replace(b"1.000 0 0", b"5000000.123456 0 0"))
+    moved = read(written(file.with_vertices(file.mesh.vertices + 0.001)))
+    assert moved.mesh.vertices[1, 0] == 5000000.123456 + 0.001
+
+
+def test_whole_number_positions_can_move_between_whole_numbers():
+    for order in ("ascii", "binary_little_endian"):
+        header = f"ply\nformat {order} 1.0\nelement vertex 3\nproperty short x\nproperty short y\nproperty int z\n"
+        header += "property uchar tag\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        rows = [(0, 0, 0, 7), (10, 0, 0, 8), (0, 10, 0, 9)]
+        if order == "ascii":
+            body = "\n".join(" ".join(map(str, row)) for row in rows).encode() + b"\n3 0 1 2\n"
+        else:
+            table = np.array(rows, [("x", "<i2"), ("y", "<i2"), ("z", "<i4"), ("tag", "u1")])
+            body = table.tobytes() + b"\3" + np.array([0, 1, 2], "<i4").tobytes()
+        file = read(header.encode() + body)
+        assert written(file) == header.encode() + body
+        moved = read(written(file.with_vertices(file.mesh.vertices + 0.25)))
+        assert np.array_equal(moved.positions, file.positions + 0.25)
+        assert moved.content().vertex_values["tag"].tolist() == [7, 8, 9]
