@@ -1,6 +1,15 @@
 """Training data: random shapes, their meshes, the noise put on them, and data sets of noisy/clean pairs."""
 
-from cascadenorm.data_gen.dataset import DatasetConfig, Pair, clean_mesh, family_of, noisy_vertices, pair, write_dataset
+from cascadenorm.data_gen.dataset import (
+    DatasetConfig,
+    Pair,
+    clean_mesh,
+    family_of,
+    noisy_vertices,
+    pair,
+    pairs,
+    write_dataset,
+)
 from cascadenorm.data_gen.families import FAMILIES, Family
 from cascadenorm.data_gen.noise import NoiseKind, displacements
 
@@ -15,5 +24,6 @@ __all__ = [
     "family_of",
     "noisy_vertices",
     "pair",
+    "pairs",
     "write_dataset",
 ]

@@ -2,13 +2,13 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 
@@ -113,6 +113,17 @@ def pair(config: DatasetConfig, index: int) -> Pair:
     return Pair(clean.moved(vertices), clean, family_of(config, index), kind, level)
 
 
+def pairs(config: DatasetConfig, *, workers: int = 1) -> Iterator[Pair]:
+    """Make all pairs of a data set, in order; the number of processes does not change them."""
+    if workers < 1:
+        raise ValueError(f"workers is {workers}; it must be at least 1")
+    if workers == 1:
+        yield from (pair(config, index) for index in range(config.count))
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(partial(pair, config), range(config.count))
+
+
 def write_dataset(folder: Path, config: DatasetConfig, *, write: Callable[[Path, Mesh], None], workers: int = 1,
                   progress: Callable[[int, int], None] | None = None) -> None:  # fmt: skip
     """Write `<index>_<family>/noisy.ply` and `clean.ply` for each pair, then `dataset.json` with what they are.
@@ -120,40 +131,24 @@ def write_dataset(folder: Path, config: DatasetConfig, *, write: Callable[[Path,
     Parameters
     ----------
     folder : made if it is not there; files in it are overwritten
-    write : writes a mesh to a path; has to be importable where there are several workers
+    write : writes a mesh to a path
     workers : processes
     progress : called with (pairs done, pairs in all) after each pair
     """
-    if workers < 1:
-        raise ValueError(f"workers is {workers}; it must be at least 1")
     folder.mkdir(parents=True, exist_ok=True)
-    make = partial(_write_pair, folder, config, write)
     entries = []
-    if workers == 1:
-        for index in range(config.count):
-            entries.append(make(index))
-            if progress is not None:
-                progress(len(entries), config.count)
-    else:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            for entry in pool.map(make, range(config.count)):
-                entries.append(entry)
-                if progress is not None:
-                    progress(len(entries), config.count)
+    for index, made in enumerate(pairs(config, workers=workers)):
+        name = f"{index:05d}_{made.family}"
+        (folder / name).mkdir(exist_ok=True)
+        write(folder / name / "noisy.ply", made.noisy)
+        write(folder / name / "clean.ply", made.clean)
+        sizes = {"vertices": len(made.clean.vertices), "faces": len(made.clean.faces)}
+        about = {"family": made.family, "noise_kind": made.noise_kind, "level": made.level}
+        entries.append({"name": name, **about, **sizes})
+        if progress is not None:
+            progress(len(entries), config.count)
     text = json.dumps({"config": asdict(config), "pairs": entries}, indent=1)
     (folder / "dataset.json").write_text(text + "\n", encoding="utf-8")
-
-
-def _write_pair(
-    folder: Path, config: DatasetConfig, write: Callable[[Path, Mesh], None], index: int
-) -> dict[str, Any]:
-    made = pair(config, index)
-    name = f"{index:05d}_{made.family}"
-    (folder / name).mkdir(exist_ok=True)
-    write(folder / name / "noisy.ply", made.noisy)
-    write(folder / name / "clean.ply", made.clean)
-    entry = {"name": name, "family": made.family, "noise_kind": made.noise_kind, "level": made.level}
-    return {**entry, "vertices": len(made.clean.vertices), "faces": len(made.clean.faces)}
 
 
 def _stream(config: DatasetConfig, index: int, *key: int) -> np.random.Generator:

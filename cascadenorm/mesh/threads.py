@@ -42,10 +42,15 @@ def limit_threads(threads: int | None) -> Iterator[None]:
         _limit.reset(token)
 
 
-def over(count: int, run: Callable[..., Any], *arguments: Any) -> list[Any]:
-    """Call run(start, stop, *arguments) on ranges that cover 0 … count; the results in the order of the ranges."""
+def over(count: int, run: Callable[..., Any], *arguments: Any, smallest: int = SMALLEST_CHUNK) -> list[Any]:
+    """Call run(start, stop, *arguments) on ranges that cover 0 … count, each of at least `smallest` but the last.
+
+    Returns
+    -------
+    what the calls returned, in the order of the ranges
+    """
     threads = thread_count()
-    chunk = max(SMALLEST_CHUNK, -(-count // (threads * CHUNKS_PER_THREAD)))
+    chunk = max(smallest, -(-count // (threads * CHUNKS_PER_THREAD)))
     starts = range(0, count, chunk)
     if threads == 1 or len(starts) < 2:
         return [run(start, min(start + chunk, count), *arguments) for start in starts]

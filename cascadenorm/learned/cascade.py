@@ -1,0 +1,97 @@
+"""The cascade: regress normals, recover vertices, and again from what came out (Wang, Liu, Tong 2016)."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Annotated, Any
+
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
+
+from cascadenorm.learned.descriptors import DESCRIPTORS
+from cascadenorm.learned.regression import Regression
+from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.registry import Parameter, ParameterError, method
+
+FORMAT = "cascadenorm/1"
+
+
+@dataclass(frozen=True)
+class Cascade:
+    """Regressions applied in turn, each to the vertices recovered from the normals of the one before.
+
+    Parameters
+    ----------
+    stages : the regressions, in order
+    card : how it was made and what it reaches: configuration, seed, results; anything that JSON can hold
+    """
+
+    stages: tuple[Regression, ...]
+    card: Mapping[str, Any]
+
+    def steps(self, mesh: Mesh, *, sweeps: int = 20) -> Iterator[Mesh]:
+        """Yield the mesh after each stage."""
+        for stage in self.stages:
+            mesh = mesh.moved(recover_vertices(mesh, stage.normals(stage.stack(mesh)), sweeps=sweeps))
+            yield mesh
+
+    def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:
+        """Return the vertices of the mesh after the last stage, (n, 3)."""
+        *_, last = self.steps(mesh, sweeps=sweeps)
+        return last.vertices
+
+    def to_bytes(self) -> bytes:
+        """Return the content of a weights file: the same bytes for the same cascade."""
+        tensors = {f"stage{s}.{name}": a for s, stage in enumerate(self.stages) for name, a in stage.arrays().items()}
+        header = {"format": FORMAT, "descriptors": [s.descriptor for s in self.stages], "card": self.card}
+        return save(tensors, {"cascadenorm": json.dumps(header, sort_keys=True)})
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> "Cascade":
+        """Read a weights file.
+
+        Raises
+        ------
+        ParameterError : the file is missing, or is not a cascade of this format
+        """
+        try:
+            with safe_open(fspath(path), framework="numpy") as file:
+                header = json.loads((file.metadata() or {}).get("cascadenorm", "{}"))
+                if header.get("format") != FORMAT:
+                    found = header.get("format")
+                    raise ParameterError(f"{fspath(path)} holds weights of format {found!r}; here {FORMAT!r} is read")
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+        except OSError as error:
+            raise ParameterError(f"the weights {fspath(path)} cannot be read: {error.strerror or error}") from None
+        except (SafetensorError, json.JSONDecodeError):
+            raise ParameterError(f"{fspath(path)} is not a weights file: train one with `cascadenorm train`") from None
+        stages = []
+        for s, descriptor in enumerate(header["descriptors"]):
+            if descriptor not in DESCRIPTORS:
+                raise ParameterError(f"{fspath(path)} needs the descriptor {descriptor!r}, which this version lacks")
+            mine = {name.split(".", 1)[1]: a for name, a in tensors.items() if name.startswith(f"stage{s}.")}
+            stages.append(Regression(descriptor=descriptor, **mine))
+        return cls(tuple(stages), header["card"])
+
+
+@cache
+def shipped() -> Cascade:
+    """Return the cascade that comes with the package."""
+    with resources.as_file(resources.files("cascadenorm") / "weights" / "cascade.safetensors") as path:
+        return Cascade.load(path)
+
+
+@method("cascade", source="Wang, Liu, Tong 2016")
+def cascade(
+    mesh: Mesh,
+    *,
+    model: Annotated[Path | None, Parameter("weights file made by `cascadenorm train`; none: the shipped ones")] = None,
+    sweeps: Sweeps = 20,
+) -> Vectors:
+    """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages."""
+    return (shipped() if model is None else Cascade.load(model)).vertices(mesh, sweeps=sweeps)

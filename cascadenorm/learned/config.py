@@ -1,0 +1,135 @@
+"""Settings of a training, in Python and as TOML; without torch, so that a mistake in them is told at once."""
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from cascadenorm.data_gen import DatasetConfig
+from cascadenorm.learned.descriptors import DESCRIPTORS
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+Settings = TypeVar("Settings")
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; the message names the key."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Settings of the training of one network.
+
+    Parameters
+    ----------
+    hidden : width of the hidden layer
+    epochs : passes over the training part at most
+    patience : passes without a better validation loss before it stops
+    batch : faces to a step
+    learning_rate, weight_decay, clip : of AdamW, with a cosine schedule and gradients clipped to this norm
+    """
+
+    hidden: int = 128
+    epochs: int = 40
+    patience: int = 10
+    batch: int = 2048
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-3
+    clip: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("hidden", "epochs", "patience", "batch", "learning_rate", "clip"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"fit.{name} is {getattr(self, name)}; it must be above 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """Everything that decides what a training makes.
+
+    Parameters
+    ----------
+    seed : of the drawn faces, the clusters and the networks; that of the shapes and noise is data.seed
+    faces_per_mesh : drawn from each mesh, without repetition
+    clusters : networks in each stage
+    descriptors : what each stage reads, "B+G" or "B"; as many stages as entries
+    sweeps : of the vertex update between the stages
+    fit : settings of each network
+    data : the noisy/clean pairs
+    """
+
+    seed: int = 0
+    faces_per_mesh: int = 3000
+    clusters: int = 4
+    descriptors: tuple[str, ...] = ("B+G", "B", "B")
+    sweeps: int = 20
+    fit: Fit = field(default_factory=Fit)
+    data: DatasetConfig = field(default_factory=DatasetConfig)
+
+    def __post_init__(self) -> None:
+        for name in ("faces_per_mesh", "clusters"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        if not self.descriptors or not set(self.descriptors) <= set(DESCRIPTORS):
+            raise ConfigError(f"descriptors are {list(self.descriptors)}; each must be one of {', '.join(DESCRIPTORS)}")
+
+
+def read_config(path: Path) -> TrainConfig:
+    """Read settings from a TOML file; what it leaves out keeps its default.
+
+    Raises
+    ------
+    ConfigError : the file is missing or no TOML, has a key that does not exist, or a value of the wrong type
+    """
+    try:
+        with path.open("rb") as file:
+            table = tomllib.load(file)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is not TOML: {error}") from None
+    try:
+        return settings_from(TrainConfig, table)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def settings_from(kind: type[Settings], table: Mapping[str, Any], *, prefix: str = "") -> Settings:
+    """Build a dataclass of settings from nested tables.
+
+    Raises
+    ------
+    ConfigError : an unknown key, or a value of the wrong type
+    """
+    hints = get_type_hints(kind)
+    known = [f.name for f in fields(kind)]  # type: ignore[arg-type]  # always a dataclass
+    unknown = [key for key in table if key not in known]
+    if unknown:
+        raise ConfigError(
+            f"there is no setting {prefix}{unknown[0]}; {prefix or 'the'} settings are {', '.join(known)}"
+        )
+    return kind(**{key: _value(hints[key], value, prefix + key) for key, value in table.items()})
+
+
+def _value(kind: Any, value: Any, name: str) -> Any:
+    if is_dataclass(kind) and isinstance(kind, type):
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"{name} is {value!r}; it must be a table: [{name}]")
+        return settings_from(kind, value, prefix=f"{name}.")
+    if get_origin(kind) is tuple:
+        inner = get_args(kind)
+        if not isinstance(value, list) or (inner[-1] is not ... and len(value) != len(inner)):
+            raise ConfigError(
+                f"{name} is {value!r}; it must be a list" + (f" of {len(inner)}" if ... not in inner else "")
+            )
+        return tuple(_value(inner[0], item, name) for item in value)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if kind in (int, float, str, bool) and type(value) is not kind:
+        raise ConfigError(f"{name} is {value!r}; it must be of type {kind.__name__}")
+    return value

@@ -1,0 +1,110 @@
+"""Training of one cluster's network in torch; nothing at run time imports this."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from cascadenorm.learned.config import Fit
+from cascadenorm.learned.descriptors import Stack
+
+Array = NDArray[np.float32]
+
+
+class Faces(NamedTuple):
+    """Faces to learn from: standardised descriptors (m, d), filtered normals (m, k, 3), true normals (m, 3)."""
+
+    descriptors: Array
+    stack: Stack
+    truth: Array
+
+    def take(self, rows: NDArray[np.intp]) -> "Faces":
+        """Return some of the faces."""
+        return Faces(*(array[rows] for array in self))
+
+
+class Network(torch.nn.Module):
+    """One hidden layer of tanh, from a descriptor to one coefficient a filtered normal."""
+
+    def __init__(self, inputs: int, hidden: int, outputs: int, generator: torch.Generator) -> None:
+        super().__init__()
+        self.layer1 = torch.nn.Linear(inputs, hidden)
+        self.layer2 = torch.nn.Linear(hidden, outputs)
+        for layer in (self.layer1, self.layer2):
+            bound = layer.in_features**-0.5
+            torch.nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
+            torch.nn.init.zeros_(layer.bias)
+        torch.nn.init.constant_(self.layer2.bias, 1 / outputs)  # begins as the mean of the normals
+
+    def forward(self, descriptors: torch.Tensor, stack: torch.Tensor) -> torch.Tensor:
+        """Return unit normals, (m, 3)."""
+        coefficients = self.layer2(torch.tanh(self.layer1(descriptors)))
+        return torch.nn.functional.normalize((coefficients[:, :, None] * stack).sum(dim=1), dim=1)
+
+
+def chord(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Return the mean distance between unit normals: robust, where its square follows the few that fail."""
+    return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8).mean()
+
+
+def train_network(
+    faces: Faces, fit: Fit, *, seed: int, log: Callable[[int, float, float], None] = lambda *_: None
+) -> dict[str, Array]:
+    """Train a network on 85 % of the faces, stop by the other 15 %, return the best weights.
+
+    Parameters
+    ----------
+    faces : of one cluster
+    fit : settings
+    seed : of the split, the first weights and the order of the batches
+    log : called after each pass with its number from 1, the training loss and the validation loss
+
+    Returns
+    -------
+    weight1 (d, h), bias1 (h,), weight2 (h, k), bias2 (k,)
+    """
+    generator = torch.Generator().manual_seed(seed)
+    tensors = [torch.from_numpy(array) for array in faces]
+    order = torch.randperm(len(tensors[0]), generator=generator)
+    cut = max(1, int(0.85 * len(order)))
+    training, validation = order[:cut], order[cut:] if cut < len(order) else order
+    network = Network(faces.descriptors.shape[1], fit.hidden, faces.stack.shape[1], generator)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay)
+    batches = -(-len(training) // fit.batch)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * batches)
+    best, best_loss, best_epoch = network.state_dict(), np.inf, 0
+    for epoch in range(1, fit.epochs + 1):
+        total = 0.0
+        for rows in training[torch.randperm(len(training), generator=generator)].split(fit.batch):
+            descriptors, stack, truth = (t[rows] for t in tensors)
+            loss = chord(network(descriptors, stack), truth)
+            optimiser.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
+            optimiser.step()
+            schedule.step()
+            total += loss.item() * len(rows)
+        validation_loss = _loss(network, tensors, validation)
+        log(epoch, total / len(training), validation_loss)
+        if validation_loss < best_loss:
+            best = {name: t.clone() for name, t in network.state_dict().items()}
+            best_loss, best_epoch = validation_loss, epoch
+        elif epoch - best_epoch >= fit.patience:
+            break
+    return {
+        "weight1": best["layer1.weight"].T.contiguous().numpy(),
+        "bias1": best["layer1.bias"].numpy(),
+        "weight2": best["layer2.weight"].T.contiguous().numpy(),
+        "bias2": best["layer2.bias"].numpy(),
+    }
+
+
+def _loss(network: Network, tensors: list[torch.Tensor], rows: torch.Tensor) -> float:
+    with torch.no_grad():
+        parts = [
+            chord(network(*(t[part] for t in tensors[:2])), tensors[2][part]).item() * len(part)
+            for part in rows.split(65536)
+        ]
+    return sum(parts) / len(rows)

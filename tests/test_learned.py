@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import save_file
+from scipy.spatial.transform import Rotation
+from shapes import cube, icosphere, noisy
+
+from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.descriptors import (
+    DESCRIPTORS,
+    FLOOR,
+    RING,
+    SIGMA_R,
+    SIGMA_S,
+    bilateral_stack,
+    guided_stack,
+    pose_free,
+)
+from cascadenorm.learned.networks import Network
+from cascadenorm.learned.regression import Regression
+from cascadenorm.mesh import Mesh, limit_threads, unit
+from cascadenorm.registry import ParameterError
+
+MESH = noisy(icosphere(2), 0.2)
+TURN = Rotation.from_euler("xyz", [0.4, -1.1, 2.0]).as_matrix()
+
+
+def twin_stack(mesh: Mesh) -> np.ndarray:
+    """The descriptors as the paper writes them: B-FND, then G-FND, face by face."""
+    n, c, a, l = mesh.normals, mesh.centroids, mesh.areas, mesh.mean_edge_length
+
+    def gauss(x, sigma):
+        return np.exp(-(x**2) / (2 * sigma**2))
+
+    def filtered(sigma_s, sigma_r, guide):
+        rows = []
+        for f in range(len(n)):
+            g = np.append(mesh.topology.face_rings(RING).row(f), f)
+            w = a[g] * gauss(np.linalg.norm(c[g] - c[f], axis=1), sigma_s * l)
+            w *= gauss(np.linalg.norm(guide[g] - guide[f], axis=1), sigma_r)
+            rows.append(w @ n[g])
+        return unit(np.array(rows))
+
+    plain = [filtered(s, r, n) for s in SIGMA_S for r in SIGMA_R]
+    guided = [filtered(s, r, filtered(s, np.inf, n)) for s in SIGMA_S for r in SIGMA_R[:-1]]
+    return np.stack([n, *plain, *guided], axis=1)
+
+
+def random_regression(descriptor: str, *, seed: int = 0, hidden: int = 7, clusters: int = 3) -> Regression:
+    rng = np.random.default_rng(seed)
+    k = DESCRIPTORS[descriptor](MESH).shape[1]
+    d = k * (k - 1) // 2
+    shapes = {
+        "mean": (d,), "centers": (clusters, d), "weight1": (clusters, d, hidden), "bias1": (clusters, hidden),
+        "weight2": (clusters, hidden, k), "bias2": (clusters, k),
+    }  # fmt: skip
+    arrays = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
+    return Regression(descriptor=descriptor, scale=np.full(d, 0.3, np.float32), **arrays)
+
+
+def test_descriptors_equal_their_formula():
+    np.testing.assert_allclose(guided_stack(MESH), twin_stack(MESH), atol=3e-6)
+    np.testing.assert_array_equal(bilateral_stack(MESH), guided_stack(MESH)[:, : 1 + len(SIGMA_S) * len(SIGMA_R)])
+
+
+def test_descriptors_of_a_plane_are_its_normal_and_pose_free_zero_angles():
+    side = cube(6)
+    flat = side.topology.face_rings(RING)
+    inside = [f for f in range(len(side.faces)) if np.ptp(side.normals[flat.row(f)], axis=0).max() == 0]
+    stack = guided_stack(side)[inside]
+    np.testing.assert_allclose(stack, np.broadcast_to(side.normals[inside][:, None], stack.shape), atol=1e-6)
+    np.testing.assert_allclose(pose_free(stack), np.log(FLOOR), atol=2e-2)
+
+
+def test_pose_free_descriptors_do_not_see_rotation_scale_or_place():
+    turned = Mesh(3 * MESH.vertices @ TURN.T + (5, -2, 9), MESH.faces)
+    np.testing.assert_allclose(
+        np.exp(pose_free(guided_stack(turned))), np.exp(pose_free(guided_stack(MESH))), atol=2e-6
+    )
+
+
+def test_pose_free_is_in_order_of_pairs():
+    angles = np.array([0.0, 0.3, 1.0])
+    stack = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)[None].astype(np.float32)
+    np.testing.assert_allclose(np.exp(pose_free(stack))[0] - FLOOR, 1 - np.cos([0.3, 1.0, 0.7]), atol=1e-6)
+
+
+def test_array_path_equals_torch():
+    stage = random_regression("B+G")
+    stack = stage.stack(MESH)
+    x = stage.standardised(stack)
+    distances = np.linalg.norm(x[:, None] - stage.centers, axis=2)
+    expected = np.empty((len(x), 3))
+    for c in range(len(stage.centers)):
+        network = Network(x.shape[1], stage.weight1.shape[2], stack.shape[1], torch.Generator())
+        with torch.no_grad():
+            network.layer1.weight.copy_(torch.from_numpy(stage.weight1[c].T))
+            network.layer1.bias.copy_(torch.from_numpy(stage.bias1[c]))
+            network.layer2.weight.copy_(torch.from_numpy(stage.weight2[c].T))
+            network.layer2.bias.copy_(torch.from_numpy(stage.bias2[c]))
+            mine = distances.argmin(axis=1) == c
+            expected[mine] = network(torch.from_numpy(x[mine]), torch.from_numpy(stack[mine])).numpy()
+    assert len(np.unique(distances.argmin(axis=1))) > 1
+    np.testing.assert_allclose(stage.normals(stack), expected, atol=1e-5)
+
+
+def test_regression_turns_with_the_mesh():
+    stage = random_regression("B")
+    stage = Regression(descriptor="B", **{**stage.arrays(), "weight1": 0.05 * stage.weight1})
+    turned = Mesh(MESH.vertices @ TURN.T, MESH.faces)
+    expected = stage.normals(stage.stack(MESH)) @ TURN.T
+    np.testing.assert_allclose(stage.normals(stage.stack(turned)), expected, atol=1e-3)
+
+
+def test_same_bytes_for_any_number_of_threads():
+    mesh = noisy(icosphere(5), 0.2)
+    cascade = Cascade((random_regression("B+G"), random_regression("B", seed=1)), {})
+    with limit_threads(1):
+        one = cascade.vertices(mesh)
+    with limit_threads(5):
+        assert cascade.vertices(mesh.moved(mesh.vertices)).tobytes() == one.tobytes()
+
+
+def test_weights_file_gives_the_same_cascade_back(tmp_path):
+    cascade = Cascade((random_regression("B+G"), random_regression("B", seed=1)), {"seed": 3, "note": "für Täler"})
+    path = tmp_path / "model.safetensors"
+    path.write_bytes(cascade.to_bytes())
+    again = Cascade.load(path)
+    assert again.to_bytes() == cascade.to_bytes()
+    assert again.card == cascade.card
+    assert again.vertices(MESH).tobytes() == cascade.vertices(MESH).tobytes()
+
+
+def test_files_that_hold_no_cascade_are_refused(tmp_path):
+    with pytest.raises(ParameterError, match="cannot be read: No such file"):
+        Cascade.load(tmp_path / "missing.safetensors")
+    text = tmp_path / "text.safetensors"
+    text.write_text("no weights")
+    with pytest.raises(ParameterError, match="is not a weights file"):
+        Cascade.load(text)
+    other = tmp_path / "other.safetensors"
+    save_file({"a": np.zeros(2)}, other, {"format": "pt"})
+    with pytest.raises(ParameterError, match="format None"):
+        Cascade.load(other)
+    truncated = tmp_path / "truncated.safetensors"
+    truncated.write_bytes(Cascade((random_regression("B"),), {}).to_bytes()[:-5])
+    with pytest.raises(ParameterError, match="is not a weights file"):
+        Cascade.load(truncated)

@@ -1,0 +1,141 @@
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import torch
+from shapes import cube, icosphere, noisy
+
+from cascadenorm.data_gen import DatasetConfig, pair
+from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
+from cascadenorm.learned.descriptors import bilateral_stack, pose_free
+from cascadenorm.learned.networks import Faces, chord, train_network
+from cascadenorm.learned.training import train
+from cascadenorm.mesh import limit_threads
+
+TINY = TrainConfig(
+    faces_per_mesh=500,
+    clusters=2,
+    fit=Fit(hidden=16, epochs=15, batch=128),
+    data=DatasetConfig(
+        count=4,
+        families=("polyhedron", "smooth"),
+        min_faces=900,
+        max_faces=1500,
+        noise_kinds=("normal",),
+        min_level=0.15,
+        max_level=0.3,
+    ),
+)
+
+
+class Interrupted(Exception):
+    pass
+
+
+def interrupt_at(task: str, done: int):
+    def progress(now: str, count: int, total: int, note: str = "") -> None:
+        if now == task and count == done:
+            raise Interrupted
+
+    return progress
+
+
+@pytest.fixture(autouse=True, scope="module")
+def in_this_process():
+    with limit_threads(1):
+        yield
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    return train(TINY, tmp_path_factory.mktemp("tiny"))
+
+
+def mean_angle(mesh, vertices, clean) -> float:
+    cosines = np.einsum("ij,ij->i", mesh.moved(vertices).normals, clean.normals)
+    return float(np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean())
+
+
+def test_training_lowers_the_loss():
+    clean = cube(10)
+    stack = bilateral_stack(noisy(clean, 0.25))
+    faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
+    losses = []
+    train_network(faces, Fit(epochs=8, batch=64), seed=0, log=lambda epoch, loss, validation: losses.append(validation))
+    assert losses[-1] < 0.95 * losses[0]
+
+
+def test_chord_is_twice_the_sine_of_half_the_angle():
+    angle = torch.tensor([0.2, 1.0])
+    turned = torch.stack([torch.cos(angle), torch.sin(angle), 0 * angle], dim=1)
+    assert chord(turned, torch.tensor([[1.0, 0, 0]]).expand(2, 3)).item() == pytest.approx(
+        (2 * np.sin(0.1) + 2 * np.sin(0.5)) / 2, rel=1e-4
+    )
+
+
+def test_early_stopping_returns_the_best_pass():
+    clean = icosphere(2)
+    stack = bilateral_stack(noisy(clean, 0.3))
+    faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
+    seen = []
+    fit = Fit(epochs=200, batch=16, hidden=64, patience=3)
+    train_network(faces, fit, seed=0, log=lambda epoch, loss, validation: seen.append(validation))
+    assert len(seen) < 200
+    assert np.argmin(seen) == len(seen) - 1 - fit.patience
+
+
+def test_a_tiny_training_beats_the_noisy_input(trained):
+    clean = cube(10)
+    mesh = noisy(clean, 0.15, seed=5)
+    assert mean_angle(mesh, trained.vertices(mesh), clean) < 0.6 * mean_angle(mesh, mesh.vertices, clean)
+
+
+def test_same_seed_same_bytes_and_another_seed_others(trained, tmp_path):
+    assert train(TINY, tmp_path / "again").to_bytes() == trained.to_bytes()
+    other = TrainConfig(**{f.name: getattr(TINY, f.name) for f in fields(TINY)} | {"seed": 1})
+    assert train(other, tmp_path / "other").to_bytes() != trained.to_bytes()
+
+
+@pytest.mark.parametrize(("task", "done"), [("noisy/clean pairs", 2), ("stage 1 cluster 2", 3), ("apply stage 2", 1)])
+def test_an_interrupted_training_goes_on_to_the_same_bytes(trained, tmp_path, task, done):
+    with pytest.raises(Interrupted):
+        train(TINY, tmp_path, progress=interrupt_at(task, done))
+    assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+
+
+def test_the_folder_of_another_training_is_refused(tmp_path):
+    with pytest.raises(Interrupted):
+        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
+    with pytest.raises(ValueError, match="holds a training with other settings"):
+        train(TrainConfig(seed=7), tmp_path)
+
+
+def test_settings_are_read_from_toml(tmp_path):
+    path = tmp_path / "some.toml"
+    path.write_text(
+        'clusters = 3\ndescriptors = ["B"]\n[fit]\nlearning_rate = 1\n[data]\ncount = 5\nfamilies = ["rock"]\n'
+    )
+    config = read_config(path)
+    assert (config.clusters, config.descriptors, config.fit.learning_rate) == (3, ("B",), 1.0)
+    assert (config.data.count, config.data.families, config.seed) == (5, ("rock",), TrainConfig().seed)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("cluster = 3", "there is no setting cluster"),
+        ("[fit]\nwidth = 3", "there is no setting fit.width"),
+        ("fit = 3", "fit is 3; it must be a table"),
+        ('clusters = "many"', "clusters is 'many'; it must be of type int"),
+        ("clusters = 0", "clusters is 0"),
+        ('descriptors = ["C"]', "descriptors are"),
+        ("[fit]\nepochs = 0", "epochs is 0"),
+        ('[data]\nfamilies = ["teapot"]', "teapot"),
+        ("clusters = = 3", "is not TOML"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(tmp_path, text, message):
+    path = tmp_path / "some.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        read_config(path)
