@@ -51,8 +51,8 @@ def test_arrays_keep_their_type(kind):
     ("content", "words"),
     [
         (b"", "empty"),
-        (b"\n\n", "not a format"),
-        (b"just some text\n", "not a format"),
+        (b"\n\n", "no mesh format"),
+        (b"just some text\n", "no mesh format"),
         (PLY_TEXT[:300], "end_header|truncated"),
         (PLY_TEXT.replace(b"vertex 5", b"vertex 1000000000000"), "1000000000000 rows of 'vertex'.*truncated"),
         (PLY_TEXT.replace(b"face 3", b"face 999999999999"), "999999999999 rows of 'face'"),
@@ -112,7 +112,7 @@ def test_missing_folder_and_unreadable_sources_are_explained(tmp_path):
         io.read(tmp_path / "missing.ply")
     with pytest.raises(io.ReadError, match="is a folder"):
         io.read(tmp_path)
-    with pytest.raises(io.ReadError, match="ply, obj, stl, off"):
+    with pytest.raises(io.ReadError, match="ply, obj, stl, off, glb"):
         read(b"\0\1\2", "docx")
 
 

@@ -1,13 +1,16 @@
 """What single formats promise: seams stay closed, normals follow, each spelling is understood."""
 
+import json
+
 import numpy as np
 import pytest
 from shapes import cube, icosphere
-from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, read, stl_binary, stl_text, written
+from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, stl_text, written
 
 from cascadenorm import io
 from cascadenorm.io.contract import Content
 from cascadenorm.io.files import FORMATS
+from cascadenorm.io.foreign import foreign
 from cascadenorm.io.polygons import Polygons, triangulate
 from cascadenorm.mesh import Mesh, unit
 
@@ -179,3 +182,72 @@ def test_whole_number_positions_can_move_between_whole_numbers():
         moved = read(written(file.with_vertices(file.mesh.vertices + 0.25)))
         assert np.array_equal(moved.positions, file.positions + 0.25)
         assert moved.content().vertex_values["tag"].tolist() == [7, 8, 9]
+
+
+def chunks(data: bytes) -> dict[bytes, bytes]:
+    found, at = {}, 12
+    while at < len(data):
+        size = int.from_bytes(data[at : at + 4], "little")
+        found[data[at + 4 : at + 8]] = data[at + 8 : at + 8 + size]
+        at += 8 + size
+    return found
+
+
+def test_glb_keeps_all_but_positions_normals_and_their_bounds():
+    file = read(glb())
+    moved = written(file.with_vertices(file.mesh.vertices * (1, 2, 3) + (0, 0, 0.5)))
+    before, after = chunks(glb()), chunks(moved)
+    old, new = json.loads(before[b"JSON"]), json.loads(after[b"JSON"])
+    assert new["accessors"][0]["max"] == [1, 2, 0.5]
+    assert new["accessors"][4]["min"] == [0, 0, 0.5]
+    for document in (old, new):
+        for accessor in document["accessors"]:
+            accessor.pop("min", None)
+            accessor.pop("max", None)
+    assert old == new
+    assert after[b"EXTR"] == before[b"EXTR"]
+    assert after[b"BIN\0"][144:204] == before[b"BIN\0"][144:204]
+    assert int.from_bytes(moved[8:12], "little") == len(moved)
+
+
+def test_glb_closes_seams_and_keeps_meshes_apart():
+    file = read(glb())
+    assert file.welds.tolist() == [0, 1, 2, 1, 2, 3, 4, 5, 6, 7]
+    assert np.allclose(file.mesh.normals[:, 2], (1, 1, -1, -1))
+    assert file.parts.tolist() == [0] * 6 + [1] * 4
+
+
+def test_glb_converts_with_its_transforms():
+    content = read(glb()).content()
+    assert content.positions.max(axis=0) == pytest.approx([6, 2, 0.1])
+    assert len(content.polygons) == 6
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ((b'"count": 4', b'"count": 9'), "past the 252 bytes"),
+        ((b'"POSITION": 4', b'"POSITION": 8'), "IndexError"),
+        ((b'"type": "VEC3"', b'"type": "VEC4"'), "not of 3 floats"),
+        ((b'"scene": 0,', b'"scene" 0, '), "no valid glTF"),
+        ((b"glTF\2", b"glTF\1"), "version 1"),
+    ],
+)
+def test_damaged_glb_is_explained(change, words):
+    with pytest.raises(io.ReadError, match=words):
+        read(glb().replace(*change), "glb")
+
+
+def test_other_formats_go_through_trimesh(tmp_path):
+    import trimesh
+
+    data = trimesh.Scene([trimesh.creation.box(), trimesh.creation.icosphere(subdivisions=1)]).export(file_type="glb")
+    file = foreign("glb")(data)
+    moved = foreign("glb")(written(file.with_vertices(file.mesh.vertices * 2)))
+    assert written(file) == data
+    assert moved.mesh.area == pytest.approx(4 * file.mesh.area, rel=1e-5)
+    assert file.content().positions.shape == file.positions.shape
+    with pytest.raises(io.ReadError, match="trimesh cannot read this as glb"):
+        foreign("glb")(data[:100])
+    with pytest.raises(io.ReadError, match="no triangle mesh"):
+        read(b"0 0 0\n1 0 0\n", "xyz")

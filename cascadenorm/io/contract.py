@@ -60,6 +60,7 @@ class MeshFile(ABC):
     positions : (k, 3) float32 or float64, as the file holds them, copies at seams included
     polygons : the faces of the file, corners counted from 0 in `positions`
     data : the file as it was read
+    parts : (k,) the frame that each position is given in, where the file has several; None for one
     triangles : (m, 3) the polygons cut into triangles
     welds : (k,) for each position the vertex of `mesh` that it is a copy of
     mesh : n vertices and m triangles; n < k where the file splits vertices at seams or for each face
@@ -70,6 +71,7 @@ class MeshFile(ABC):
 
     def __init__(self, data: bytes) -> None:
         self.data = data
+        self.parts: NDArray[np.int64] | None = None
         self._read_positions, self.polygons = self._parse()
         self.positions = self._read_positions
 
@@ -85,9 +87,9 @@ class MeshFile(ABC):
     def _read_content(self) -> Content:
         """Return what other formats can take over from `data`."""
 
-    @staticmethod
+    @classmethod
     @abstractmethod
-    def encode(content: Content) -> tuple[bytes, list[str]]:
+    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
         """Write content in this format; the bytes, and what they leave out, in words."""
 
     def pieces(self) -> Iterable[Piece]:
@@ -123,7 +125,7 @@ class MeshFile(ABC):
 
     @cached_property
     def _weld(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        return weld(self._read_positions, self.triangles)
+        return weld(self._read_positions, self.triangles, self.parts)
 
     @property
     def welds(self) -> NDArray[np.int32]:

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
+from cascadenorm.io.foreign import foreign, foreign_formats
+from cascadenorm.io.glb import GlbFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply import PlyFile
@@ -17,7 +19,7 @@ from cascadenorm.io.polygons import Polygons
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.mesh import Mesh
 
-FORMATS: dict[str, type[MeshFile]] = {kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile)}
+FORMATS: dict[str, type[MeshFile]] = {kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile)}
 
 Source = str | os.PathLike[str] | BinaryIO
 
@@ -28,7 +30,8 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     Parameters
     ----------
     source : path, or a stream of bytes
-    format : 'ply', 'obj', 'stl', 'off' or another extension; by default the content decides, then the extension
+    format : 'ply', 'obj', 'stl', 'off', 'glb', or what trimesh knows; by default what the content looks like,
+        then the extension
 
     Returns
     -------
@@ -44,11 +47,14 @@ def read(source: Source, format: str | None = None) -> MeshFile:
         if not data:
             raise ReadError("the file is empty")
         chosen = (format or _sniffed(data) or Path(name).suffix).lower().lstrip(".")
-        if chosen in FORMATS:
-            return FORMATS[chosen](data)
-        raise ReadError(
-            f"'{chosen}' is not a format known here, and the content is none of those that are: {', '.join(FORMATS)}"
-        )
+        kind = _kind(chosen)
+        if kind is None:
+            known = ", ".join([*FORMATS, *sorted({*foreign_formats()} - {*FORMATS})])
+            raise ReadError(
+                f"{f'{chosen!r} is' if chosen else 'the content is'} no mesh format known here ({known}): "
+                "convert it, or name its format"
+            )
+        return kind(data)
     except ReadError as error:
         raise ReadError(f"{name}: {error}") from error.__cause__
 
@@ -75,7 +81,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     chosen = (format or (path.suffix if path else "") or file.format).lower().lstrip(".")
     if path:
         check_output(path, force=force)
-    pieces, lost = encode(file, chosen)
+    pieces, lost = _encoded(file, chosen)
     if path:
         write_atomically(path, pieces, force=force)
     else:
@@ -83,13 +89,18 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     return lost
 
 
-def encode(file: MeshFile, format: str) -> tuple[Iterable[Piece], list[str]]:
+def _kind(format: str) -> type[MeshFile] | None:
+    return FORMATS.get(format) or foreign(format)
+
+
+def _encoded(file: MeshFile, format: str) -> tuple[Iterable[Piece], list[str]]:
     if format == file.format:
         return file.pieces(), []
-    if format not in FORMATS:
-        raise OutputError(f"'{format}' is not a format that can be written: choose one of {', '.join(FORMATS)}")
+    kind = _kind(format)
+    if kind is None:
+        raise OutputError(f"'{format}' is no mesh format that can be written: choose one of {', '.join(FORMATS)}")
     content = file.content()
-    data, lost = FORMATS[format].encode(content)
+    data, lost = kind.encode(content)
     return [data], [*content.left_out, *lost]
 
 
@@ -130,6 +141,8 @@ def _sniffed(data: bytes) -> str | None:
     """Recognise a format by its content."""
     if data[:4] in (b"ply\n", b"ply\r", b"ply "):
         return "ply"
+    if data[:4] == b"glTF":
+        return "glb"
     if MAGIC.match(data):
         return "off"
     if is_binary_stl(data) or data.lstrip()[:6].lower() in (b"solid ", b"solid\n", b"solid\r"):

@@ -115,8 +115,8 @@ class ObjFile(MeshFile):
         used = np.where(of_position[:, None] >= 0, found[of_position], 0)
         return dict(zip(TEXTURE, used.T, strict=True))
 
-    @staticmethod
-    def encode(content: Content) -> tuple[bytes, list[str]]:
+    @classmethod
+    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
         """Write content as OBJ, with the colours and texture coordinates of vertices."""
         colors = channels(content.vertex_values)
         colors.pop("alpha", None)

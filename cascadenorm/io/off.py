@@ -84,8 +84,8 @@ class OffFile(MeshFile):
         words = (self._text.first[lines] + skipped)[:, None] + np.arange(min(int(further.min()), 4))
         return from_words(self._text, words)
 
-    @staticmethod
-    def encode(content: Content) -> tuple[bytes, list[str]]:
+    @classmethod
+    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
         """Write content as OFF in text, with the colours of vertices (COFF) and of faces."""
         colors, face_colors = channels(content.vertex_values), channels(content.face_values)
         lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in colors]

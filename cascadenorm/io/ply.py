@@ -10,7 +10,7 @@ from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.ply_header import NAMES, Property, parse_header
 from cascadenorm.io.ply_table import Column, Kind, columns
-from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.polygons import Polygons, strips
 from cascadenorm.io.scan import splice
 from cascadenorm.io.text import Text, spelled
 
@@ -73,7 +73,7 @@ class PlyFile(MeshFile):
             if ("tristrips", name) in self._columns:
                 column = self._columns["tristrips", name]
                 counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
-                return _strips(counts, _whole(column.read(self._body)))
+                return strips(counts, _whole(column.read(self._body)))
         return Polygons.from_rows(np.zeros((0, 3), np.int64))
 
     def _moved_pieces(self) -> Iterable[Piece]:
@@ -144,8 +144,8 @@ class PlyFile(MeshFile):
         per = {e: {name: v for (of, name), v in values.items() if of == e} for e in ("vertex", "face")}
         return Content(self.positions, self.polygons, per["vertex"], per["face"], tuple(left_out))
 
-    @staticmethod
-    def encode(content: Content) -> tuple[bytes, list[str]]:
+    @classmethod
+    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
         """Write content as binary little-endian PLY."""
         vertex = _fields({**dict(zip(XYZ, content.positions.T, strict=True)), **content.vertex_values})
         face, counts = _fields(content.face_values), content.polygons.counts
@@ -178,20 +178,6 @@ def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
         if bad.any():
             raise ReadError(f"a face names vertex {values[bad][0]}, which is not a whole number: write the file again")
     return values.astype(np.int64)
-
-
-def _strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
-    """Cut triangle strips, which -1 ends and every other triangle of which is turned, into triangles."""
-    ends = np.zeros(len(corners) + 1, bool)
-    ends[np.cumsum(counts)] = True
-    cut = np.concatenate([[True], (corners == -1) | ends[1:]])[: len(corners)]
-    begin = np.maximum.accumulate(np.where(cut, np.arange(len(corners)), 0))
-    window = np.arange(max(len(corners) - 2, 0))
-    inside = ~ends[window + 1] & ~ends[window + 2] if len(window) else np.zeros(0, bool)
-    triangles = np.stack([corners[window], corners[window + 1], corners[window + 2]], axis=1)
-    odd = (window - begin[window]) % 2 == 1
-    triangles[odd] = triangles[odd][:, [1, 0, 2]]
-    return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1)])
 
 
 def _fields(values: Any) -> dict[str, NDArray[Any]]:

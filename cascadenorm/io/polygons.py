@@ -91,6 +91,20 @@ def _turned(positions: NDArray[Any], triangles: NDArray[np.int64], owners: NDArr
         return np.asarray(np.einsum("ij,ij->i", normals, sums[owners]) < 0)
 
 
+def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
+    """Cut triangle strips, which -1 ends and every other triangle of which is turned, into triangles."""
+    ends = np.zeros(len(corners) + 1, bool)
+    ends[np.cumsum(counts)] = True
+    cut = np.concatenate([[True], (corners == -1) | ends[1:]])[: len(corners)]
+    begin = np.maximum.accumulate(np.where(cut, np.arange(len(corners)), 0))
+    window = np.arange(max(len(corners) - 2, 0))
+    inside = ~ends[window + 1] & ~ends[window + 2] if len(window) else np.zeros(0, bool)
+    triangles = np.stack([corners[window], corners[window + 1], corners[window + 2]], axis=1)
+    odd = (window - begin[window]) % 2 == 1
+    triangles[odd] = triangles[odd][:, [1, 0, 2]]
+    return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1)])
+
+
 def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the normal of each triangle times twice its area."""
     a, b, c = (positions[triangles[:, corner]].astype(np.float64) for corner in range(3))

@@ -67,8 +67,8 @@ class StlFile(MeshFile):
         values = {"attribute": attribute.astype(np.uint16)} if attribute.any() else {}
         return Content(positions, polygons, face_values=values, left_out=("the header",) if any(self.data[:80]) else ())
 
-    @staticmethod
-    def encode(content: Content) -> tuple[bytes, list[str]]:
+    @classmethod
+    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
         """Write content as binary STL."""
         triangles, owners = triangulate(content.positions, content.polygons)
         records = np.zeros(len(triangles), RECORD)

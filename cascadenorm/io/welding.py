@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def weld(positions: NDArray[Any], triangles: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def weld(
+    positions: NDArray[Any], triangles: NDArray[np.int64], parts: NDArray[np.int64] | None = None
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Join vertices that lie at the same place on the rim of the mesh: there a file has cut it.
 
     Copies inside a surface are left apart: there two surfaces touch that the file keeps apart.
@@ -15,12 +17,13 @@ def weld(positions: NDArray[Any], triangles: NDArray[np.int64]) -> tuple[NDArray
     ----------
     positions : (k, 3)
     triangles : (m, 3) rows of positions
+    parts : (k,) only positions of the same part are joined
 
     Returns
     -------
     (k,) welded vertex of each position, and (n,) the first position of each welded vertex, ascending
     """
-    same = _same_place(positions)
+    same = _same_place(positions if parts is None else np.column_stack([positions, parts]))
     if same is None:
         return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
     copied = np.bincount(same, minlength=len(same))[same] > 1
@@ -41,7 +44,7 @@ def _same_place(positions: NDArray[Any]) -> NDArray[np.int64] | None:
     """Return for each position the number of some position with the same coordinates; None where all differ."""
     bits = (positions.astype(np.float64) + 0.0).view(np.uint64)  # adding 0 makes -0 equal to 0
     keys = np.zeros(len(bits), np.uint64)
-    for axis in range(3):  # multiply and fold, so that every bit of every coordinate counts
+    for axis in range(bits.shape[1]):  # multiply and fold, so that every bit of every coordinate counts
         keys = (keys ^ bits[:, axis]) * np.uint64(0x9E3779B97F4A7C15)
         keys ^= keys >> np.uint64(29)
     order = np.argsort(keys)
