@@ -53,23 +53,21 @@ def solver(matrix: Any, positions: Vector) -> Callable[[Vector], Vector]:
     """Return a function that solves with a matrix of one ring: factorised, or by conjugate gradients if it is huge."""
     if len(positions) <= DIRECT_LIMIT:
         return Factorisation(matrix, positions).solve
+    return lambda right: solve_once(matrix, right)
+
+
+def solve_once(matrix: Any, right: Vector) -> Vector:
+    """Solve with a well-conditioned matrix that is needed only once: cheaper than factorising it."""
     inverse_diagonal = 1.0 / matrix.diagonal()
-    return lambda right: conjugate_gradients(matrix, right, lambda residual: inverse_diagonal * residual)
+    return conjugate_gradients(matrix, right, lambda residual: inverse_diagonal * residual)
 
 
-def conjugate_gradients(
-    matrix: Any, right: Vector, precondition: Callable[[Vector], Vector], *, start: Vector | None = None
-) -> Vector:
+def conjugate_gradients(matrix: Any, right: Vector, precondition: Callable[[Vector], Vector]) -> Vector:
     """Solve for each column of `right` by preconditioned conjugate gradients, to a relative residual of 1e-11."""
     if right.ndim == 2:
-        starts = [None] * right.shape[1] if start is None else list(start.T)
-        columns = [
-            conjugate_gradients(matrix, np.ascontiguousarray(column), precondition, start=first)
-            for column, first in zip(right.T, starts, strict=True)
-        ]
-        return np.stack(columns, axis=1)
+        return np.stack([conjugate_gradients(matrix, column, precondition) for column in right.T.copy()], axis=1)
     with one_blas_thread():
-        solution, _ = cg(matrix, right, x0=start, rtol=TOLERANCE, M=LinearOperator(matrix.shape, precondition))
+        solution, _ = cg(matrix, right, rtol=TOLERANCE, M=LinearOperator(matrix.shape, precondition))
     return np.asarray(solution)
 
 

@@ -71,7 +71,7 @@ class Setting:
                     return choice
             raise ParameterError(f"{self.name} is {value!r}; it must be one of {', '.join(map(str, self.choices))}")
         optional = get_origin(self.kind) in (Union, types.UnionType)
-        if optional and (value is None or value == "none"):
+        if optional and (value is None or (isinstance(value, str) and value == "none")):
             return None
         kind = next(k for k in get_args(self.kind) if k is not type(None)) if optional else self.kind
         if kind not in (int, float, bool):

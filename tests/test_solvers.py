@@ -5,7 +5,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from cascadenorm.baselines import solvers
 from cascadenorm.baselines.operators import cotangent_laplacian
-from cascadenorm.baselines.solvers import Factorisation, conjugate_gradients, one_blas_thread, solver
+from cascadenorm.baselines.solvers import Factorisation, conjugate_gradients, one_blas_thread, solve_once, solver
 
 MESH = noisy(icosphere(3), 0.2)
 LAPLACIAN = cotangent_laplacian(MESH)
@@ -36,8 +36,9 @@ def test_unknowns_in_one_place_are_ordered_too():
 def test_conjugate_gradients_agree_and_take_over_when_the_matrix_is_huge(monkeypatch):
     expected = Factorisation(MATRIX, MESH.vertices).solve(RIGHT)
     inverse = 1 / MATRIX.diagonal()
-    found = conjugate_gradients(MATRIX, RIGHT, lambda r: inverse * r, start=0.9 * expected)
+    found = conjugate_gradients(MATRIX, RIGHT, lambda r: inverse * r)
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(solve_once(MATRIX, RIGHT), expected, rtol=1e-7, atol=1e-8)
     monkeypatch.setattr(solvers, "DIRECT_LIMIT", 10)
     monkeypatch.setattr(solvers, "Factorisation", None)
     np.testing.assert_allclose(solver(MATRIX, MESH.vertices)(RIGHT), expected, rtol=1e-7, atol=1e-8)

@@ -1,0 +1,152 @@
+"""Linear diffusion of the vertices, x_t = -(-Δ)^p x, in explicit or implicit steps (Desbrun et al. 1999)."""
+
+import logging
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cascadenorm.baselines.operators import Laplacian, Weights, laplacian_of
+from cascadenorm.baselines.solvers import Factorisation, conjugate_gradients, solve_once, solver
+from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.registry import Parameter, ParameterError, method
+
+Order = Literal[1, 2, 3]
+Scheme = Literal["explicit", "implicit"]
+Region = NDArray[np.bool_]
+Moving = Annotated[Region | None, Parameter("(n,) bool, the vertices that move; the others hold the surface there")]
+
+DENSE_LIMIT = 4_000_000  # entries of a matrix of two or three rings that is still factorised
+MILD = 1e4  # condition up to which one solution by conjugate gradients is cheaper than a factorisation
+MOST_STEPS = 10_000  # explicit steps that a call may be cut into
+
+logger = logging.getLogger(__name__)
+
+
+@method("laplacian", source="Desbrun, Meyer, Schröder, Barr 1999")
+def laplacian(
+    mesh: Mesh,
+    *,
+    weights: Annotated[Weights, Parameter("of the Laplacian: mean of the neighbours, or cotangents")] = "uniform",
+    scheme: Annotated[Scheme, Parameter("implicit steps are stable at any size")] = "explicit",
+    order: Annotated[Order, Parameter("1 Laplacian, 2 bi-Laplacian, 3 tri-Laplacian flow")] = 1,
+    step: Annotated[
+        float,
+        Parameter("hλ of one step", "mean edge lengths to the power 2·order; uniform weights: none", minimum=0),
+    ] = 0.5,
+    iterations: Annotated[int, Parameter("steps", minimum=0)] = 5,
+    region: Moving = None,
+) -> Vectors:
+    """Diffuse the vertices with a fixed Laplacian, of order 1, 2 or 3: x_t = -λ(-Δ)^order x.
+
+    Cotangent weights smooth more for the same step and move vertices along the normal only, uniform weights also even
+    out the edges. The rim of an open mesh shrinks like everything else. Stability of explicit steps, and what a region
+    does: see `diffuse`.
+    """
+    operator = laplacian_of(mesh, weights)
+    time = step * length_unit(mesh, weights) ** (2 * order)
+    return diffuse(operator, mesh.vertices, time=time, iterations=iterations, scheme=scheme, order=order, region=region)
+
+
+def length_unit(mesh: Mesh, weights: Weights) -> float:
+    """Length that steps are counted in: the mean edge for cotangent weights; uniform weights know no length."""
+    return mesh.mean_edge_length if weights == "cotan" else 1.0
+
+
+def diffuse(
+    laplacian: Laplacian,
+    vertices: Vectors,
+    *,
+    time: float,
+    iterations: int,
+    scheme: Scheme = "implicit",
+    order: Order = 1,
+    region: Region | None = None,
+) -> Vectors:
+    """Take steps of x_t = -(-Δ)^order x: an eigenvector of -Δ with value k is scaled by 1 - tk^p, or by 1/(1 + tk^p).
+
+    Parameters
+    ----------
+    laplacian : of n vertices; it stays as it is during the flow
+    vertices : (n, 3)
+    time : t, length of one step, in the laplacian's own unit to the power `order`
+    iterations : steps
+    scheme : an explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`. A longer one is cut
+        into equal stable ones, which the log says at level INFO
+    region : (n,) the vertices that move; where they meet those that do not, the limit of the flow has order - 1
+        continuous derivatives. None moves all that have mass
+
+    Returns
+    -------
+    (n, 3)
+
+    Raises
+    ------
+    ParameterError : an explicit step that takes more than 10,000 stable ones
+    """
+    free = laplacian.mass > 0 if region is None else region & (laplacian.mass > 0)
+    if time == 0 or iterations == 0 or not free.any():
+        return vertices.copy()
+    if scheme == "explicit":
+        cuts = _stable_cuts(laplacian, time, iterations, order)
+        for _ in range(iterations * cuts):
+            vertices = vertices - np.where(free[:, None], (time / cuts) * laplacian.apply(vertices, order), 0.0)
+        return vertices
+    # (M + tP) d = -tPx for the displacement d, with P = M(-Δ)^p; rows and columns of vertices that stay are left out
+    power = laplacian.power(order)
+    inside = np.flatnonzero(free)
+    mass = sparse.diags_array(laplacian.mass[inside])
+    matrix = sparse.csr_array(mass + time * power[inside][:, inside])
+    if order == 1 and iterations == 1 and time * laplacian.largest < MILD:
+        solve: Callable[[Vectors], Vectors] = partial(solve_once, matrix)
+    elif order == 1:
+        solve = solver(matrix, vertices[inside])
+    else:
+        solve = _solver_of_rings(laplacian, matrix, vertices, time=time, order=order, inside=inside)
+    vertices = vertices.copy()
+    for _ in range(iterations):
+        vertices[inside] += solve(-time * (power @ vertices)[inside])
+    return vertices
+
+
+def _solver_of_rings(
+    laplacian: Laplacian, matrix: Any, positions: Vectors, *, time: float, order: Order, inside: NDArray[np.int64]
+) -> Callable[[Vectors], Vectors]:
+    """Return a function that solves with M + tM(-Δ)^order, order 2 or 3, on the vertices `inside`.
+
+    Middling matrices are factorised. Above, their two or three rings fill too much memory; then conjugate gradients
+    are preconditioned by (M + sS) M⁻¹ (M + sS) …, s = t^(1/order), whose spectrum (1 + sk)^order lies within a
+    factor of 4 of 1 + tk^order.
+    """
+    if matrix.nnz <= DENSE_LIMIT:
+        return Factorisation(matrix, positions[inside]).solve
+    mass = laplacian.mass[inside]
+    stiffness = laplacian.stiffness[inside][:, inside]
+    factor = solver(sparse.diags_array(mass) + time ** (1 / order) * stiffness, positions[inside])
+
+    def precondition(residual: NDArray[np.float64]) -> NDArray[np.float64]:
+        residual = factor(residual)
+        for _ in range(order - 1):
+            residual = factor(mass * residual)
+        return residual
+
+    return lambda right: conjugate_gradients(matrix, right, precondition)
+
+
+def _stable_cuts(laplacian: Laplacian, time: float, iterations: int, order: Order) -> int:
+    """Return into how many stable steps one explicit step has to be cut."""
+    longest = 2.0 / laplacian.largest**order
+    cuts = max(1, math.ceil(time / longest * (1 - 1e-12)))
+    if cuts * iterations > MOST_STEPS:
+        share = MOST_STEPS / (cuts * iterations)
+        raise ParameterError(
+            f"{iterations} explicit steps of this size take {cuts * iterations} stable ones; {MOST_STEPS} are allowed: "
+            f"make step or iterations at least {1 / share:.3g} times smaller, or use scheme='implicit'"
+        )
+    if cuts > 1:
+        logger.info("each explicit step is cut into %d stable ones", cuts)
+    return cuts

@@ -1,0 +1,55 @@
+"""Taubin's λ|μ smoothing: a low-pass filter that does not shrink (Taubin 1995)."""
+
+from typing import Annotated
+
+import numpy as np
+
+from cascadenorm.baselines.diffusion import Moving
+from cascadenorm.baselines.operators import uniform_laplacian
+from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.registry import Parameter, ParameterError, method
+
+
+@method("taubin", source="Taubin 1995")
+def taubin(
+    mesh: Mesh,
+    *,
+    step: Annotated[float, Parameter("λ of the shrinking half of an iteration", above=0, maximum=1)] = 0.5,
+    pass_band: Annotated[float, Parameter("eigenvalue k_PB that the filter leaves alone", above=0, below=2)] = 0.1,
+    iterations: Annotated[int, Parameter("pairs of steps λ and μ", minimum=0)] = 30,
+    region: Moving = None,
+) -> Vectors:
+    """Alternate steps λ > 0 and μ < 0 with the uniform Laplacian, so that frequencies below the pass band stay.
+
+    The eigenvectors of the Laplacian, with eigenvalues k from 0 to 2, are scaled by ((1 - λk)(1 - μk))^iterations,
+    where 1/λ + 1/μ = k_PB. Vertices outside the region, and those without a face, stay.
+    """
+    mu = opposite_step(step, pass_band)
+    laplacian = uniform_laplacian(mesh)
+    free = laplacian.mass > 0 if region is None else region
+    vertices = mesh.vertices.copy()
+    for _ in range(iterations):
+        for size in (step, mu):
+            vertices -= np.where(free[:, None], size * laplacian.apply(vertices), 0.0)
+    return vertices
+
+
+def opposite_step(step: float, pass_band: float) -> float:
+    """Return μ = 1 / (k_PB - 1/λ).
+
+    Raises
+    ------
+    ParameterError : μ is not negative, or the highest frequency (k = 2) grows: |(1 - 2λ)(1 - 2μ)| > 1
+    """
+    if step * pass_band >= 1:
+        raise ParameterError(
+            f"step {step:g} and pass_band {pass_band:g} leave no μ below 0: their product must be below 1"
+        )
+    mu = 1 / (pass_band - 1 / step)
+    growth = (1 - 2 * step) * (1 - 2 * mu)
+    if abs(growth) > 1:
+        raise ParameterError(
+            f"step {step:g} and pass_band {pass_band:g} (μ = {mu:.3g}) multiply the highest frequency by {growth:.3g} "
+            "in every iteration, which must stay within -1 … 1: take a smaller step; 0.5 is always stable"
+        )
+    return mu

@@ -1,0 +1,107 @@
+import logging
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from shapes import grid, icosphere, noisy
+
+from cascadenorm.baselines import diffusion
+from cascadenorm.baselines.diffusion import diffuse, laplacian
+from cascadenorm.baselines.operators import cotangent_laplacian, laplacian_of
+from cascadenorm.mesh import Mesh
+from cascadenorm.registry import ParameterError, find
+
+MESH = noisy(icosphere(2), 0.15)
+
+
+@cache
+def spectrum(mesh, weights):
+    operator = laplacian_of(mesh, weights)
+    return *eigh(operator.stiffness.toarray(), np.diag(operator.mass)), operator.mass[:, None]
+
+
+def spectrally(mesh, weights, transfer):
+    """Scale the part of the vertices along each eigenvector of the Laplacian by transfer(eigenvalue)."""
+    values, vectors, mass = spectrum(mesh, weights)
+    return vectors @ (transfer(values)[:, None] * (vectors.T @ (mass * mesh.vertices)))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("weights", ["uniform", "cotan"])
+@pytest.mark.parametrize("scheme, step", [("explicit", 1e-4), ("implicit", 0.4)])
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_eigenvectors_are_scaled_by_the_transfer_function(order, weights, scheme, step, iterations):
+    unit = MESH.mean_edge_length if weights == "cotan" else 1
+    time = step * unit ** (2 * order)
+    transfer = (lambda k: 1 - time * k**order) if scheme == "explicit" else (lambda k: 1 / (1 + time * k**order))
+    expected = spectrally(MESH, weights, lambda k: transfer(k) ** iterations)
+    found = laplacian(MESH, weights=weights, scheme=scheme, order=order, step=step, iterations=iterations)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_large_systems_of_rings_are_solved_without_their_factorisation(monkeypatch, order):
+    settings = {"scheme": "implicit", "order": order, "step": 0.5, "iterations": 2, "weights": "cotan"}
+    expected = laplacian(MESH, **settings)
+    monkeypatch.setattr(diffusion, "DENSE_LIMIT", 0)
+    monkeypatch.setattr(diffusion, "Factorisation", None)
+    np.testing.assert_allclose(laplacian(MESH, **settings), expected, rtol=0, atol=1e-9)
+
+
+def test_explicit_step_that_would_blow_up_is_cut_and_the_log_says_so(caplog):
+    largest = cotangent_laplacian(MESH).largest
+    step = 3.5 / (largest * MESH.mean_edge_length**2)  # 2 is stable: two halves of it
+    with caplog.at_level(logging.INFO, logger="cascadenorm"):
+        found = laplacian(MESH, scheme="explicit", step=step, iterations=3, weights="cotan")
+    assert "cut into 2" in caplog.text
+    expected = spectrally(MESH, "cotan", lambda k: (1 - 1.75 / largest * k) ** 6)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
+
+
+def test_explicit_step_far_too_long_is_refused_with_the_way_out():
+    with pytest.raises(ParameterError, match=r"10000 are allowed.*times smaller, or use scheme='implicit'"):
+        laplacian(MESH, scheme="explicit", step=1e3, iterations=10, order=2)
+
+
+@pytest.mark.parametrize("name, value", [("step", -0.1), ("iterations", -1), ("order", 4), ("weights", "mean")])
+def test_bad_parameters_are_refused(name, value):
+    with pytest.raises(ParameterError, match=name):
+        find("laplacian")(MESH, **{name: value})
+
+
+@pytest.mark.parametrize(
+    "order, profile",
+    [(1, lambda u: 1 - u), (2, lambda u: 1 + u - 5 * u**2 + 3 * u**3)],
+    ids=["continuous: a straight line", "tangent: the cubic with the slopes of both sides"],
+)
+def test_limit_of_the_flow_joins_a_fixed_part(order, profile):
+    strip = grid(6, 60)  # held left of x = 20, where it rises to 1 with slope 1/20, and flat at 0 right of x = 40
+    x = strip.vertices[:, 0]
+    held = np.where(x <= 20, x / 20, 0)
+    start = np.stack([x, strip.vertices[:, 1], held], axis=1)
+    moves = (x > 20) & (x < 40)
+    z = diffuse(cotangent_laplacian(strip), start, time=1e8, iterations=2, order=order, region=moves)[:, 2]
+    assert (z[~moves] == held[~moves]).all()
+    expected = np.where(moves, profile((x - 20) / 20), held)
+    assert abs(z - expected).max() < (1e-4 if order == 1 else 0.12)
+    middle = strip.vertices[:, 1] == 3
+    slope = np.diff(z[middle & (x >= 19) & (x <= 21)])
+    assert (abs(slope[1] - slope[0]) > 0.09) == (order == 1)
+
+
+def test_vertices_outside_the_region_and_without_a_face_keep_their_bits():
+    lone = Mesh(np.concatenate([MESH.vertices, [[9, 9, 9]]]), MESH.faces)
+    region = lone.vertices[:, 2] > 0
+    for scheme in ("explicit", "implicit"):
+        for order in (1, 2):
+            moved = laplacian(lone, scheme=scheme, order=order, region=region, step=0.1)
+            still = ~region | (np.arange(len(region)) == len(region) - 1)
+            assert (moved[still] == lone.vertices[still]).all()
+            assert (moved[~still] != lone.vertices[~still]).any(axis=1).all()
+
+
+def test_no_steps_return_a_copy():
+    for settings in ({"iterations": 0}, {"step": 0.0}):
+        moved = laplacian(MESH, **settings)
+        assert (moved == MESH.vertices).all() and not np.shares_memory(moved, MESH.vertices)
