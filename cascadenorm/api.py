@@ -1,0 +1,244 @@
+"""Denoising and comparing meshes of any kind: files, arrays, and the meshes of other libraries."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, BinaryIO, Literal, TypeVar, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import cascadenorm.baselines
+import cascadenorm.learned  # noqa: F401 - both register their methods
+from cascadenorm import io
+from cascadenorm.controls import Controls, controlled
+from cascadenorm.interop import adapter
+from cascadenorm.io.atomic import check_output
+from cascadenorm.mesh import Mesh, MeshError
+from cascadenorm.metrics import Measures, measure
+from cascadenorm.registry import Method, find, registered
+
+DEFAULT_METHOD = "cascade"
+
+AnyMesh = TypeVar("AnyMesh")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What was done to a file.
+
+    Parameters
+    ----------
+    source, output : names of the files, or of the streams
+    method, parameters : what was applied, and what was set other than by default
+    vertices, faces : their numbers; vertices that the file splits at seams count once
+    moved : vertices that are elsewhere now
+    mean_displacement, largest_displacement : of all vertices, in mean edge lengths
+    seconds : for the method, without reading and writing
+    left_out : what the source holds and the format of the output cannot, in words
+    """
+
+    source: str
+    output: str
+    method: str
+    parameters: dict[str, Any]
+    strength: float
+    vertices: int
+    faces: int
+    moved: int
+    mean_displacement: float
+    largest_displacement: float
+    seconds: float
+    left_out: tuple[str, ...]
+
+
+@overload
+def denoise(mesh: AnyMesh, faces: None = None, **settings: Any) -> AnyMesh: ...
+@overload
+def denoise(mesh: ArrayLike, faces: ArrayLike, **settings: Any) -> NDArray[Any]: ...
+def denoise(
+    mesh: Any,
+    faces: ArrayLike | None = None,
+    *,
+    method: str = DEFAULT_METHOD,
+    strength: float = 1.0,
+    mask: ArrayLike | None = None,
+    fixed: ArrayLike | None = None,
+    max_displacement: float | str | None = None,
+    volume: Literal["keep"] | None = None,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+    **parameters: Any,
+) -> Any:
+    """Denoise a mesh; what is given is never changed, and the same kind comes back.
+
+    Parameters
+    ----------
+    mesh : vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, open3d
+        or meshio, or the path of a file
+    faces : (m, 3) integers in 0 … n - 1
+    method : one of `methods()`
+    strength : 0 nothing, 1 the method; between them a blend; above 1 the method is applied again to what came out
+    mask : (n,) bool, or numbers from 0 to 1 that multiply the strength at each vertex; those with 0 keep their bits
+    fixed : (n,) bool, or numbers of vertices, that keep their bits
+    max_displacement : no vertex moves farther; in the mesh's own unit, or as text in mean edge lengths: "0.5 edges"
+    volume : "keep" scales every closed part about its centroid to the volume that it had
+    threads : at most this many; None: as many as there are. The result has the same bytes
+    progress : called with the share that is done, from 0 to 1; what it raises ends the work
+    parameters : of the method, as `methods()` lists them, such as `iterations=5` or, for the cascade, `model=path`
+
+    Returns
+    -------
+    For arrays the new vertices, (n, 3), float32 if they came so; for an object a copy of it with its attributes; for a
+    path the path of a new file beside it, `<stem>_denoised<suffix>`, as `denoise_file` writes it
+
+    Raises
+    ------
+    MeshError : no valid mesh; ReadError, which is one, where a file cannot be read
+    ParameterError : an unknown method or parameter, a value out of range, a mask of the wrong shape
+    OutputError : the file to be written exists already, or cannot be written
+    """
+    controls = Controls(
+        strength=strength,
+        mask=mask,
+        fixed=fixed,
+        max_displacement=max_displacement,
+        volume=volume,
+        threads=threads,
+        progress=progress,
+    )
+    chosen = find(method)
+    if faces is not None:
+        return _denoised(chosen, mesh, faces, parameters, controls)
+    if isinstance(mesh, str | PathLike):
+        return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).output)
+    if isinstance(mesh, Mesh):
+        return mesh.moved(controlled(chosen, mesh, parameters, controls))
+    kind = adapter(mesh)
+    return kind.with_vertices(mesh, _denoised(chosen, *kind.arrays(mesh), parameters, controls))
+
+
+def denoise_file(
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None = None,
+    *,
+    method: str = DEFAULT_METHOD,
+    force: bool = False,
+    parameters: dict[str, Any] | None = None,
+    **controls: Any,
+) -> Report:
+    """Denoise a mesh file; everything in it but positions and normals is kept.
+
+    Parameters
+    ----------
+    source : path, or a stream of bytes
+    output : path, whose extension decides on the format, or a stream; None is `<stem>_denoised<suffix>` beside the
+        source
+    method : one of `methods()`
+    force : replace an existing file
+    parameters : of the method
+    controls : strength, mask, fixed, max_displacement, volume, threads, progress as in `denoise`; masks count the
+        vertices of the file with copies at seams joined
+
+    Raises
+    ------
+    ReadError, MeshError, ParameterError, OutputError : as in `denoise`; nothing is written then
+    """
+    return _denoised_file(find(method), source, output, parameters or {}, Controls(**controls), force=force)
+
+
+def methods() -> dict[str, Method]:
+    """Return every method by name, with its parameters, their units, ranges and defaults, and its source."""
+    return registered()
+
+
+def compare(mesh: Any, *others: Any) -> Measures:
+    """Measure a mesh against the true one.
+
+    Call it with two meshes of any kind that `denoise` takes, `compare(mesh, reference)`, or with arrays,
+    `compare(vertices, faces, true_vertices)`, and `true_faces` last where they differ.
+    """
+    if len(others) == 1:
+        return measure(as_mesh(mesh), as_mesh(others[0]))
+    if len(others) not in (2, 3):
+        raise TypeError("compare takes (mesh, reference) or (vertices, faces, true_vertices[, true_faces])")
+    return measure(Mesh(mesh, others[0]), Mesh(others[1], others[-1] if len(others) == 3 else others[0]))
+
+
+def as_mesh(source: Any) -> Mesh:
+    """Return the triangles of a file, a stream or a mesh of any library."""
+    if isinstance(source, Mesh):
+        return source
+    if isinstance(source, str | PathLike) or hasattr(source, "read"):
+        return _mesh_of(io.read(source), _name(source))
+    return Mesh(*adapter(source).arrays(source))
+
+
+def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
+    """Write triangles to a new file in the format of its extension."""
+    check_output(path, force=force)
+    io.write(io.from_arrays(mesh.vertices, mesh.faces), path, force=force)
+
+
+def _denoised(
+    method: Method, vertices: ArrayLike, faces: ArrayLike, parameters: dict[str, Any], controls: Controls
+) -> NDArray[Any]:
+    kind = np.asarray(vertices).dtype
+    dtype = kind if kind.kind == "f" else np.dtype(np.float64)
+    return controlled(method, Mesh(vertices, faces), parameters, controls, dtype=dtype)
+
+
+def _denoised_file(
+    method: Method,
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None,
+    parameters: dict[str, Any],
+    controls: Controls,
+    *,
+    force: bool,
+) -> Report:
+    if output is None:
+        if not isinstance(source, str | PathLike):
+            raise TypeError("a stream has no place for its output: give one")
+        path = Path(source)
+        output = path.with_name(f"{path.stem}_denoised{path.suffix}")
+    if isinstance(output, str | PathLike):
+        check_output(Path(output), force=force)
+    method.checked(parameters)
+    file = io.read(source)
+    mesh = _mesh_of(file, _name(source))
+    start = time.perf_counter()
+    vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
+    seconds = time.perf_counter() - start
+    left_out = io.write(file.with_vertices(vertices), output, force=force)
+    moves = np.linalg.norm(vertices - mesh.vertices, axis=1)
+    in_edges = moves / mesh.mean_edge_length if mesh.mean_edge_length > 0 else moves
+    return Report(
+        source=_name(source),
+        output=_name(output),
+        method=method.name,
+        parameters=parameters,
+        strength=controls.strength,
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        moved=int((moves > 0).sum()),
+        mean_displacement=float(in_edges.mean()),
+        largest_displacement=float(in_edges.max()),
+        seconds=seconds,
+        left_out=tuple(left_out),
+    )
+
+
+def _mesh_of(file: io.MeshFile, name: str) -> Mesh:
+    try:
+        return file.mesh
+    except io.ReadError:
+        raise
+    except MeshError as error:
+        raise MeshError(f"{name}: {error}") from None
+
+
+def _name(source: str | PathLike[str] | BinaryIO) -> str:
+    return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))

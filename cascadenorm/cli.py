@@ -1,0 +1,249 @@
+"""The command line: a command parses, calls one public function, prints.
+
+Results go to stdout, messages and progress to stderr. What a command uses is imported in it, so that the command line
+starts at once.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, NoReturn, cast
+
+import typer
+
+app = typer.Typer(
+    name="cascadenorm",
+    help="Denoise triangle meshes by cascaded normal regression, or by one of the classical methods.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+DONE, FAILED, USAGE, UNREADABLE, INVALID, OUTPUT, PARTLY, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
+USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # click's own, or that of the copy in typer
+
+Method = Annotated[str, typer.Option(help="One of those that `cascadenorm methods` lists.")]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method.")]
+Strength = Annotated[float, typer.Option(min=0, help="0 nothing, 1 the method, 2 applied twice; any number.")]
+Threads = Annotated[int | None, typer.Option(min=1, help="At most this many; the result is the same.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, as docs/json.md describes it.")]
+
+
+@app.callback(invoke_without_command=True)
+def options(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+    """Denoise triangle meshes by cascaded normal regression, or by one of the classical methods."""
+    if version:
+        from cascadenorm import __version__
+
+        print(f"cascadenorm {__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def denoise(
+    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],
+    *,
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", help="File, whose extension decides on the format, or - for stdout."),
+    ] = None,
+    method: Method = "cascade",
+    model: Annotated[Path | None, typer.Option(help="Your own weights, for the cascade.")] = None,
+    strength: Strength = 1.0,
+    max_displacement: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help='In the unit of the mesh, or "0.5 edges" (mean edge lengths).')
+    ] = None,
+    keep_volume: Annotated[bool, typer.Option("--keep-volume", help="Scale closed parts to their volume.")] = False,
+    settings: Set = None,
+    threads: Threads = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Denoise a mesh file; by default into <stem>_denoised<suffix> beside it."""
+    from dataclasses import asdict
+
+    from cascadenorm import api, report
+
+    target: Any = output or ("-" if source == "-" else None)
+    parameters = _parameters(settings)
+    if model is not None:
+        parameters["model"] = model
+    with report.progress_bar("denoising") as progress:
+        done = api.denoise_file(
+            sys.stdin.buffer if source == "-" else source,
+            sys.stdout.buffer if target == "-" else target,
+            method=method,
+            parameters=parameters,
+            force=force,
+            strength=strength,
+            max_displacement=max_displacement,
+            volume="keep" if keep_volume else None,
+            threads=threads,
+            progress=progress,
+        )
+    out = sys.stderr if target == "-" else sys.stdout
+    if as_json:
+        report.print_json("denoise", asdict(done), file=out)
+    else:
+        report.print_denoised(done, file=out)
+
+
+@app.command()
+def compare(
+    mesh: Annotated[str, typer.Argument(metavar="MESH", help="The mesh to judge, or - for stdin.")],
+    reference: Annotated[str, typer.Argument(metavar="REFERENCE", help="The true mesh.")],
+    *,
+    as_json: Json = False,
+) -> None:
+    """Measure a mesh against the true one."""
+    from dataclasses import asdict
+
+    from cascadenorm import api, report
+
+    measures = api.compare(sys.stdin.buffer if mesh == "-" else mesh, reference)
+    if as_json:
+        report.print_json("compare", {"mesh": mesh, "reference": reference, "measures": asdict(measures)})
+    else:
+        report.print_measures(measures)
+
+
+@app.command()
+def evaluate(
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Pairs, or folders of pairs.")],
+    *,
+    method: Annotated[list[str] | None, typer.Option(help="May be given several times.")] = None,
+    strength: Strength = 1.0,
+    settings: Set = None,
+    threads: Threads = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the table to a file as well.")] = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Denoise pairs of noisy.* and clean.* by several methods, and measure the results."""
+    from cascadenorm import evaluation, report
+    from cascadenorm.io.atomic import check_output
+
+    if csv is not None:
+        check_output(csv, force=force)
+    with report.progress_steps() as progress:
+        done = evaluation.evaluate(
+            folders,
+            methods=method or evaluation.DEFAULT_METHODS,
+            parameters=_parameters(settings),
+            strength=strength,
+            threads=threads,
+            progress=progress,
+        )
+    for failure in done.failures:
+        _complain(f"{failure.pair}{f', {failure.method}' if failure.method else ''}: {failure.error}")
+    if csv is not None:
+        report.write_table(csv, done, force=force)
+    if as_json:
+        report.print_json("evaluate", report.evaluation_object(done))
+    else:
+        report.print_evaluation(done)
+    if done.failures:
+        raise typer.Exit(PARTLY)
+
+
+@app.command()
+def methods(
+    name: Annotated[str | None, typer.Argument(help="Show this method's parameters.")] = None, *, as_json: Json = False
+) -> None:
+    """List the methods, or the parameters of one."""
+    from cascadenorm import api, report
+    from cascadenorm.registry import find
+
+    known = api.methods()
+    chosen = known if name is None else {name: find(name)}
+    if as_json:
+        report.print_json("methods", {"methods": [report.method_object(method) for method in chosen.values()]})
+    elif name is None:
+        report.print_methods(known)
+    else:
+        report.print_method(chosen[name])
+
+
+@app.command()
+def generate(
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the data set; it is made.")],
+    *,
+    count: Annotated[int, typer.Option(min=1, help="Pairs to make.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same files.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes; the files are the same.")] = 1,
+    force: Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")] = False,
+) -> None:
+    """Make pairs of noisy and clean meshes: generated shapes, many kinds of noise."""
+    from cascadenorm import pairs, report
+
+    with report.progress_steps() as progress:
+        pairs.write_pairs(folder, count=count, seed=seed, workers=workers, force=force, progress=progress)
+    print(f"{count} pairs in {folder}")
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and exit; every error becomes one line on stderr and an exit code here."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit code."""
+    try:
+        code = app(list(arguments), prog_name="cascadenorm", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else DONE
+    except (KeyboardInterrupt, typer.Abort):
+        _complain("interrupted; no file was left half written")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except USAGE_ERROR as error:
+        message = error.format_message() if hasattr(error, "format_message") else str(error)
+        if message:  # none: the help was asked for, and has been printed
+            _complain(f"{message} (see `cascadenorm --help`)")
+        return USAGE
+    except Exception as error:
+        if os.environ.get("CASCADENORM_TRACEBACK"):
+            raise
+        code, message = _judged(error)
+        _complain(message)
+        return code
+
+
+def _judged(error: Exception) -> tuple[int, str]:
+    """Exit code and message of an error."""
+    from cascadenorm.controls import DenoiseError
+    from cascadenorm.io import OutputError, ReadError
+    from cascadenorm.mesh import MeshError
+    from cascadenorm.registry import ParameterError
+
+    codes = {
+        ParameterError: USAGE,
+        ReadError: UNREADABLE,
+        MeshError: INVALID,
+        OutputError: OUTPUT,
+        DenoiseError: FAILED,
+    }
+    for kind, code in codes.items():
+        if isinstance(error, kind):
+            return code, str(error)
+    if isinstance(error, MemoryError):
+        return FAILED, "there is not enough memory for this mesh"
+    name = type(error).__name__
+    return FAILED, f"{name}: {error} (please report it; CASCADENORM_TRACEBACK=1 shows where it comes from)"
+
+
+def _complain(message: str) -> None:
+    print(f"cascadenorm: {' '.join(message.split())}", file=sys.stderr)
+
+
+def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
+    """Read NAME=VALUE pairs; the method checks names and values."""
+    pairs = [setting.partition("=") for setting in settings or ()]
+    for name, equals, _ in pairs:
+        if not (name and equals):
+            raise typer.BadParameter(f"--set {name or equals}: write it as NAME=VALUE")
+    return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}

@@ -1,0 +1,202 @@
+"""What surrounds every method: its frame of coordinates, strength, mask, fixed vertices, limits, volume."""
+
+import math
+import numbers
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
+
+from cascadenorm.mesh import Mesh, Vectors, first_places, limit_threads
+from cascadenorm.registry import Method, ParameterError
+from cascadenorm.volume import with_volume_of
+
+REGION = "region"
+"""A method with a parameter of this name is told which vertices may move: (n,) bool."""
+
+
+class DenoiseError(RuntimeError):
+    """A method that gave no usable vertices."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controls:
+    """How much of a method is applied, where, and within which limits.
+
+    Parameters
+    ----------
+    strength : 0 nothing, 1 the method; between them x + s (f(x) - x); above 1 the method is applied again to what
+        came out: y = f(x), then y + (s - 1)(f(y) - y), and so on
+    mask : (n,) bool, or numbers from 0 to 1 by which the strength is multiplied at each vertex; None: everywhere
+    fixed : (n,) bool, or numbers of vertices, that stay where they are
+    max_displacement : no vertex moves farther than this; in the mesh's own unit, or as text in mean edge lengths:
+        "0.5 edges"
+    volume : "keep" scales every closed part about its centroid to the volume that it had; masked and fixed vertices
+        stay, and the limit on displacement comes last
+    threads : at most this many; None: as many as there are. The result is the same
+    progress : called with the share that is done, from 0 to 1; what it raises ends the work
+    """
+
+    strength: float = 1.0
+    mask: ArrayLike | None = None
+    fixed: ArrayLike | None = None
+    max_displacement: float | str | None = None
+    volume: Literal["keep"] | None = None
+    threads: int | None = None
+    progress: Callable[[float], object] | None = None
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.strength, numbers.Real) and 0 <= self.strength < math.inf):
+            raise ParameterError(f"strength is {self.strength!r}; it must be a finite number, at least 0")
+        if self.volume not in (None, "keep"):
+            raise ParameterError(f"volume is {self.volume!r}; it must be 'keep' or None")
+        if self.threads is not None and self.threads < 1:
+            raise ParameterError(f"threads is {self.threads}; it must be at least 1, or None for all")
+        _read_length(self.max_displacement)
+
+
+def controlled(
+    method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls, *, dtype: Any = np.float64
+) -> NDArray[Any]:
+    """Apply a method to a mesh under the given controls.
+
+    The method sees the mesh around the origin, scaled by a power of two to about unit size; what it moves is added to
+    the vertices as they were. So coordinates far from the origin lose nothing, and a vertex that does not move, or
+    that no face uses, keeps its bits.
+
+    Returns
+    -------
+    (n, 3) of the given type, a copy
+
+    Raises
+    ------
+    ParameterError : a parameter, mask or limit that is out of range or does not fit the mesh
+    DenoiseError : the method gave vertices that are not finite
+    """
+    checked = method.checked(parameters)
+    weights = _weights(mesh, controls)
+    if REGION in method.settings and (controls.mask is not None or controls.fixed is not None):
+        checked.setdefault(REGION, weights > 0)
+    framed, exponent = _framed(mesh)
+    with limit_threads(controls.threads), threadpool_limits(1, user_api="blas"):  # BLAS adds in an order by threads
+        displacement = _displacement(method, framed, checked, controls.strength * weights, controls.progress)
+        if controls.volume == "keep" and displacement.any():
+            kept = with_volume_of(framed, framed.vertices + displacement, weights=weights)
+            displacement = np.where(weights[:, None] > 0, kept - framed.vertices, 0.0)
+    return _moved(mesh, displacement, exponent, _limit(controls.max_displacement, framed, exponent), np.dtype(dtype))
+
+
+def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
+    """Share of the strength at each vertex: the mask, less what is fixed and what no face uses."""
+    count = len(mesh.vertices)
+    weights = np.zeros(count)
+    weights[mesh.faces] = 1.0
+    if controls.mask is not None:
+        mask = np.asarray(controls.mask)
+        if mask.shape != (count,) or mask.dtype.kind not in "biuf":
+            raise ParameterError(
+                f"mask has shape {mask.shape} and type {mask.dtype}; it must be ({count},) bool or 0…1"
+            )
+        bad = np.asarray(~((mask >= 0) & (mask <= 1)))
+        if bad.any():
+            raise ParameterError(
+                f"{bad.sum()} weights of the mask are not within 0 … 1 (vertices {first_places(bad)}): scale them"
+            )
+        weights *= mask
+    if controls.fixed is not None:
+        weights[_fixed(np.asarray(controls.fixed), count)] = 0.0
+    return weights
+
+
+def _fixed(fixed: NDArray[Any], count: int) -> NDArray[Any]:
+    if fixed.dtype == bool and fixed.shape == (count,):
+        return fixed
+    if fixed.ndim != 1 or (fixed.dtype.kind not in "iu" and fixed.size > 0):
+        raise ParameterError(
+            f"fixed has shape {fixed.shape} and type {fixed.dtype}; it must be ({count},) bool or numbers of vertices"
+        )
+    bad = (fixed < 0) | (fixed >= count)
+    if bad.any():
+        raise ParameterError(f"fixed names vertex {fixed[bad][0]}; there are {count} vertices, counted from 0")
+    return fixed.astype(np.int64)
+
+
+def _framed(mesh: Mesh) -> tuple[Mesh, int]:
+    """Return the mesh centred and scaled by 2**-exponent, exactly; vertices without a face are at the origin."""
+    used = np.zeros(len(mesh.vertices), bool)
+    used[mesh.faces] = True
+    lower, upper = mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0)
+    exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
+    centered = np.where(used[:, None], mesh.vertices - (0.5 * upper + 0.5 * lower), 0.0)
+    return mesh.moved(np.ldexp(centered, -exponent)), exponent
+
+
+def _displacement(
+    method: Method,
+    mesh: Mesh,
+    parameters: Mapping[str, Any],
+    strengths: NDArray[np.float64],
+    progress: Callable[[float], object] | None,
+) -> Vectors:
+    """Apply the method again and again; each vertex follows as far as its own strength says."""
+    times = math.ceil(strengths.max()) if mesh.diagonal > 0 else 0
+    displacement = np.zeros_like(mesh.vertices)
+    _report(progress, 0.0)
+    for time in range(times):
+        vertices = method.function(mesh, **parameters)
+        bad = np.asarray(~np.isfinite(vertices).all(axis=1))
+        if bad.any():
+            raise DenoiseError(
+                f"{method.name} gave {bad.sum()} vertices that are not finite (vertices {first_places(bad)}): "
+                "try milder parameters, and report the mesh"
+            )
+        displacement += np.clip(strengths - time, 0.0, 1.0)[:, None] * (vertices - mesh.vertices)
+        mesh = mesh.moved(vertices)
+        _report(progress, (time + 1) / times)
+    return displacement
+
+
+def _report(progress: Callable[[float], object] | None, share: float) -> None:
+    if progress is not None:
+        progress(share)
+
+
+def _read_length(text: float | str | None) -> tuple[float, bool]:
+    """Return a length, and whether it counts mean edge lengths; None is without end."""
+    if text is None:
+        return math.inf, False
+    match = re.fullmatch(r"\s*([^\s]+?)\s*(edges?)?\s*", str(text))
+    try:
+        length = float(match[1]) if match else math.nan
+    except ValueError:
+        length = math.nan
+    if math.isnan(length) or length < 0:
+        raise ParameterError(f'max_displacement is {text!r}; it must be a length, at least 0, or like "0.5 edges"')
+    return length, bool(match and match[2])
+
+
+def _limit(text: float | str | None, framed: Mesh, exponent: int) -> float:
+    """Return the largest displacement in the mesh's unit."""
+    length, in_edges = _read_length(text)
+    return length * float(np.ldexp(framed.mean_edge_length, exponent)) if in_edges else length
+
+
+def _moved(mesh: Mesh, displacement: Vectors, exponent: int, limit: float, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Add the displacement to the vertices; in the type of the result none is longer than the limit."""
+    before = mesh.vertices.astype(dtype)
+    displacement = np.ldexp(displacement, exponent)
+    limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that it holds as well when measured in that type
+    length = np.linalg.norm(displacement, axis=1, keepdims=True)
+    long = length[:, 0] > limit
+    displacement[long] *= limit / length[long]
+    after = np.where(displacement != 0, mesh.vertices + displacement, mesh.vertices).astype(dtype)
+    while True:  # rounding may have gone past the limit: come back by single steps of the number type
+        step = after.astype(np.float64) - before.astype(np.float64)
+        long = np.linalg.norm(step, axis=1) > limit
+        if not long.any():
+            return after
+        after[long] = np.nextafter(after[long], before[long])

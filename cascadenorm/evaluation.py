@@ -1,0 +1,121 @@
+"""Methods on pairs of a noisy and a clean mesh, measured."""
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from os import PathLike
+from typing import Any, NamedTuple
+
+from cascadenorm.api import as_mesh, denoise
+from cascadenorm.mesh import Mesh
+from cascadenorm.metrics import Measures, measure
+from cascadenorm.pairs import find_pairs
+from cascadenorm.registry import find
+
+DEFAULT_METHODS = ("cascade", "bilateral-normal", "guided-normal", "l0")
+NOISY = "noisy"
+"""Name under which the input itself is measured."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """A method on a pair; seconds are those of the method alone, 0 for the noisy mesh itself."""
+
+    pair: str
+    method: str
+    measures: Measures
+    seconds: float
+
+    def row(self) -> dict[str, Any]:
+        """Everything in one level, by name."""
+        return {"pair": self.pair, "method": self.method, **asdict(self.measures), "seconds": self.seconds}
+
+
+class Failure(NamedTuple):
+    """A pair, or a method on it, that could not be measured."""
+
+    pair: str
+    method: str | None
+    error: Exception
+
+
+class Evaluation(NamedTuple):
+    """What was measured, pair by pair, and what failed."""
+
+    results: list[Result]
+    failures: list[Failure]
+
+    @property
+    def means(self) -> list[Result]:
+        """The mean of each method over the pairs that have a value."""
+        names = dict.fromkeys(result.method for result in self.results)
+        return [_mean(name, [result for result in self.results if result.method == name]) for name in names]
+
+
+def evaluate(
+    folders: Iterable[str | PathLike[str]],
+    *,
+    methods: Sequence[str] = DEFAULT_METHODS,
+    parameters: Mapping[str, Any] | None = None,
+    strength: float = 1.0,
+    threads: int | None = None,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> Evaluation:
+    """Denoise the noisy mesh of each pair by each method and measure it against the clean one.
+
+    Parameters
+    ----------
+    folders : each a pair, `noisy.*` and `clean.*`, or a folder of pairs
+    methods : names; the noisy mesh itself always comes first
+    parameters : given to each of the methods
+    strength, threads : as in `denoise`
+    progress : called with (what comes next, parts done, parts in all)
+
+    Returns
+    -------
+    Results in the order of pairs, then methods; what fails is listed, and the rest goes on
+
+    Raises
+    ------
+    ParameterError : a method or a parameter that does not exist, or a value out of range
+    ReadError : there are no pairs
+    """
+    settings = {"strength": strength, "threads": threads, **(parameters or {})}
+    for name in methods:
+        find(name).checked(parameters or {})
+    pairs = find_pairs(folders)
+    done = Evaluation([], [])
+    names = (NOISY, *methods)
+    for number, pair in enumerate(pairs):
+        try:
+            noisy, clean = as_mesh(pair.noisy), as_mesh(pair.clean)
+        except ValueError as error:
+            done.failures.append(Failure(pair.name, None, error))
+            continue
+        for place, name in enumerate(names):
+            if progress is not None:
+                progress(f"{pair.name}: {name}", number * len(names) + place, len(pairs) * len(names))
+            try:
+                done.results.append(_result(pair.name, name, noisy, clean, settings))
+            except (ValueError, ArithmeticError, RuntimeError) as error:
+                done.failures.append(Failure(pair.name, name, error))
+    return done
+
+
+def _result(pair: str, method: str, noisy: Mesh, clean: Mesh, settings: Mapping[str, Any]) -> Result:
+    if method == NOISY:
+        return Result(pair=pair, method=method, measures=measure(noisy, clean), seconds=0.0)
+    fresh = Mesh(noisy.vertices, noisy.faces)  # topology is part of the work, for each method
+    start = time.perf_counter()
+    denoised = denoise(fresh, method=method, **settings)
+    seconds = time.perf_counter() - start
+    return Result(pair=pair, method=method, measures=measure(denoised, clean), seconds=seconds)
+
+
+def _mean(method: str, results: Sequence[Result]) -> Result:
+    means = {}
+    for field in fields(Measures):
+        values = [value for result in results if (value := getattr(result.measures, field.name)) is not None]
+        means[field.name] = sum(values) / len(values) if values else None
+    seconds = sum(result.seconds for result in results) / len(results)
+    return Result(pair="mean", method=method, measures=Measures(**means), seconds=seconds)  # type: ignore[arg-type]

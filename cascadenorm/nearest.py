@@ -1,0 +1,145 @@
+"""The nearest point of a surface, exactly, by a tree of boxes around its triangles."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Mesh, Vectors, kernel, over
+
+LEAF = 4  # triangles in a box of the lowest level
+CURVE_BITS = 16  # cells along each axis of the curve that orders the triangles, as a power of two
+
+
+class Nearest(NamedTuple):
+    """For each point its distance to the surface, and a face where it is reached."""
+
+    distances: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+
+class Surface:
+    """The triangles of a mesh in a complete binary tree of boxes, ordered along a space-filling curve.
+
+    Parameters
+    ----------
+    mesh : m faces; one without area counts as the segment or point that it is
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._order = np.argsort(_curve(mesh.centroids), kind="stable")
+        self._corners = mesh.corners[self._order]
+        leaves = 1 << max(0, int(np.ceil(np.log2(-(-len(self._corners) // LEAF)))))
+        self._boxes = np.empty((2 * leaves - 1, 2, 3))  # node i lies over 2i + 1 and 2i + 2; lower and upper corner
+        lowest = self._boxes[leaves - 1 :]
+        lowest[:, 0], lowest[:, 1] = np.inf, -np.inf
+        starts = np.arange(0, len(self._corners), LEAF)
+        lowest[: len(starts), 0] = np.minimum.reduceat(self._corners.min(axis=1), starts)
+        lowest[: len(starts), 1] = np.maximum.reduceat(self._corners.max(axis=1), starts)
+        while leaves > 1:
+            leaves //= 2
+            children = self._boxes[2 * leaves - 1 : 4 * leaves - 1].reshape(-1, 2, 2, 3)
+            self._boxes[leaves - 1 : 2 * leaves - 1, 0] = children[:, :, 0].min(axis=1)
+            self._boxes[leaves - 1 : 2 * leaves - 1, 1] = children[:, :, 1].max(axis=1)
+
+    def nearest(self, points: Vectors) -> Nearest:
+        """Find the nearest point of the surface to each of the points, (k, 3); among equals the lowest face."""
+        points = np.ascontiguousarray(points, np.float64)
+        squared, faces = np.empty(len(points)), np.empty(len(points), np.int64)
+        over(len(points), _search, points, self._corners, self._order, self._boxes, squared, faces)
+        return Nearest(np.sqrt(squared), faces)
+
+
+def _curve(points: Vectors) -> NDArray[np.uint64]:
+    """Place of each point along a Morton curve through the box of all points."""
+    lower = points.min(axis=0)
+    extent = np.ptp(points, axis=0).max()
+    cells = (1 << CURVE_BITS) - 1
+    place = ((points - lower) * (cells / extent if extent > 0 else 0.0)).astype(np.uint64)
+    code = np.zeros(len(points), np.uint64)
+    for bit in range(CURVE_BITS):
+        for axis in range(3):
+            code |= ((place[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return code
+
+
+@kernel
+def _search(start, stop, points, corners, order, boxes, squared, faces):  # type: ignore[no-untyped-def]
+    """Visit the nearer child first, and no box that is farther than the best triangle so far."""
+    first_leaf = len(boxes) // 2
+    stack = np.empty(64, np.int64)
+    for i in range(start, stop):
+        p = (points[i, 0], points[i, 1], points[i, 2])
+        best, face = np.inf, -1
+        stack[0], top = 0, 1
+        while top > 0:
+            top -= 1
+            node = stack[top]
+            if _box_distance2(p, boxes, node) > best:
+                continue
+            if node < first_leaf:
+                left, right = 2 * node + 1, 2 * node + 2
+                if _box_distance2(p, boxes, left) <= _box_distance2(p, boxes, right):
+                    left, right = right, left
+                stack[top], stack[top + 1] = left, right
+                top += 2
+                continue
+            first = (node - first_leaf) * LEAF
+            for t in range(first, min(first + LEAF, len(corners))):
+                distance = _triangle_distance2(p, corners[t])
+                if distance < best or (distance == best and order[t] < face):
+                    best, face = distance, order[t]
+        squared[i], faces[i] = best, face
+
+
+@kernel
+def _box_distance2(p, boxes, node):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for d in range(3):
+        outside = max(boxes[node, 0, d] - p[d], p[d] - boxes[node, 1, d], 0.0)
+        total += outside * outside
+    return total
+
+
+@kernel
+def _triangle_distance2(p, corner):  # type: ignore[no-untyped-def]
+    """Distance to the plane where the foot lies inside the triangle, else to the nearest of its sides."""
+    a = (corner[0, 0] - p[0], corner[0, 1] - p[1], corner[0, 2] - p[2])
+    b = (corner[1, 0] - p[0], corner[1, 1] - p[1], corner[1, 2] - p[2])
+    c = (corner[2, 0] - p[0], corner[2, 1] - p[1], corner[2, 2] - p[2])
+    normal = _cross(_minus(b, a), _minus(c, a))
+    length2 = _dot(normal, normal)
+    if (
+        length2 > 0
+        and _dot(_cross(a, b), normal) >= 0
+        and _dot(_cross(b, c), normal) >= 0
+        and _dot(_cross(c, a), normal) >= 0
+    ):
+        height = _dot(a, normal)
+        return height * height / length2
+    return min(_side_distance2(a, b), _side_distance2(b, c), _side_distance2(c, a))
+
+
+@kernel
+def _side_distance2(a, b):  # type: ignore[no-untyped-def]
+    """Squared distance of the origin to the segment from a to b."""
+    along = _minus(b, a)
+    length2 = _dot(along, along)
+    t = min(max(-_dot(a, along) / length2, 0.0), 1.0) if length2 > 0 else 0.0
+    foot = (a[0] + t * along[0], a[1] + t * along[1], a[2] + t * along[2])
+    return _dot(foot, foot)
+
+
+@kernel
+def _minus(u, v):  # type: ignore[no-untyped-def]
+    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
+
+
+@kernel
+def _dot(u, v):  # type: ignore[no-untyped-def]
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@kernel
+def _cross(u, v):  # type: ignore[no-untyped-def]
+    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])

@@ -1,0 +1,100 @@
+"""Folders of noisy/clean pairs: found on disk, or generated."""
+
+from collections.abc import Callable, Iterable
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+from cascadenorm.api import save_mesh
+from cascadenorm.data_gen import DatasetConfig, write_dataset
+from cascadenorm.io import OutputError, ReadError
+from cascadenorm.mesh import Mesh
+
+
+class Pair(NamedTuple):
+    """Two files of the same surface."""
+
+    name: str
+    noisy: Path
+    clean: Path
+
+
+def find_pairs(folders: Iterable[str | PathLike[str]]) -> list[Pair]:
+    """List the pairs `noisy.*` + `clean.*` in each folder itself, or else in the folders in it, by name.
+
+    Raises
+    ------
+    ReadError : a folder that does not exist or holds no pair, half a pair, two files of one name
+    """
+    pairs = []
+    for folder in map(Path, folders):
+        if not folder.is_dir():
+            raise ReadError(f"{folder} is not a folder: give one that holds noisy.* and clean.*, or folders that do")
+        found = [pair for place in (folder, *sorted(folder.iterdir())) if (pair := _pair(place))]
+        if not found:
+            raise ReadError(f"{folder} holds no pairs: put noisy.ply and clean.ply into it, or into folders in it")
+        pairs += found
+    if len({pair.name for pair in pairs}) < len(pairs):
+        pairs = [pair._replace(name=str(pair.noisy.parent)) for pair in pairs]
+    return pairs
+
+
+def write_pairs(
+    folder: Path,
+    *,
+    count: int,
+    seed: int,
+    workers: int = 1,
+    force: bool = False,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> None:
+    """Generate pairs of shapes, clean and with noise, each in a folder of its own, and `dataset.json` beside them.
+
+    Parameters
+    ----------
+    folder : made if it is not there
+    count, seed : how many, and of what; the same numbers give the same files
+    workers : processes
+    force : write into a folder that is not empty
+    progress : called with (what is done, pairs done, pairs in all)
+
+    Raises
+    ------
+    OutputError : the folder is not empty and force is not given, or it is a file or cannot be made
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder} is a file: give the name of a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not force:
+        raise OutputError(f"{folder} is not empty: give another folder, or write into it with force (--force)")
+    config = DatasetConfig(count=count, seed=seed)
+
+    def report(done: int, total: int) -> None:
+        if progress is not None:
+            progress("generating", done, total)
+
+    try:
+        write_dataset(folder, config, write=_overwrite, workers=workers, progress=report)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
+
+
+def _overwrite(path: Path, mesh: Mesh) -> None:
+    save_mesh(path, mesh, force=True)
+
+
+def _pair(folder: Path) -> Pair | None:
+    """Return the pair in a folder; None where there is neither half of one."""
+    if not folder.is_dir():
+        return None
+    halves = {}
+    for half in ("noisy", "clean"):
+        files = sorted(file for file in folder.glob(f"{half}.*") if file.is_file())
+        if len(files) > 1:
+            raise ReadError(f"{folder} holds {len(files)} files {half}.*: leave one")
+        if files:
+            halves[half] = files[0]
+    if len(halves) == 1:
+        raise ReadError(f"{folder} holds {next(iter(halves.values())).name} alone: a pair is noisy.* and clean.*")
+    return Pair(folder.resolve().name, halves["noisy"], halves["clean"]) if halves else None

@@ -1,0 +1,189 @@
+"""What the command line shows: tables for people, one JSON object for machines, progress on a terminal."""
+
+import csv
+import io
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from cascadenorm.api import Report
+from cascadenorm.evaluation import Evaluation, Result
+from cascadenorm.io.atomic import write_atomically
+from cascadenorm.metrics import Measures
+from cascadenorm.registry import Method, Setting
+
+JSON_VERSION = 1
+PLAIN_WIDTH = 120
+"""Columns of a table that does not go to a terminal."""
+
+
+def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
+    """Print a result with the command that made it and the version of the format."""
+    print(json.dumps({"version": JSON_VERSION, "command": command, **content}, indent=2, default=str), file=file)
+
+
+def print_denoised(done: Report, *, file: TextIO) -> None:
+    """Print what was done to a file."""
+    print(f"{done.source} -> {done.output}", file=file)
+    print(
+        f"{done.method}: {done.faces} faces in {done.seconds:.2f} s; {done.moved} of {done.vertices} vertices moved, "
+        f"by {done.mean_displacement:.3g} mean edge lengths on average, {done.largest_displacement:.3g} at most",
+        file=file,
+    )
+    for loss in done.left_out:
+        print(f"cascadenorm: left out: {loss}", file=sys.stderr)
+
+
+def print_measures(measures: Measures) -> None:
+    """Print the measures of one mesh."""
+    table = Table()
+    table.add_column("measure")
+    table.add_column("value", justify="right")
+    ratio = measures.volume_ratio
+    for name, value in (
+        ("normal error E_a, mean", f"{measures.normal_error_deg:.3f} deg"),
+        ("normal error, root mean square", f"{measures.normal_error_rms_deg:.3f} deg"),
+        ("normal error, 95 % of the faces", f"{measures.normal_error_p95_deg:.3f} deg"),
+        ("faces turned by more than 90 deg", f"{measures.turned_percent:.3f} %"),
+        ("vertex error E_v, mean", f"{measures.vertex_error_edges:.4f} mean edge lengths"),
+        ("Hausdorff distance", f"{measures.hausdorff_diagonal:.5f} diagonals"),
+        ("volume ratio", "open" if ratio is None else f"{ratio:.6f}"),
+    ):
+        table.add_row(name, value)
+    _console().print(table)
+
+
+def print_evaluation(done: Evaluation) -> None:
+    """Print a line for each pair and method, and the mean of each method."""
+    table = Table()
+    table.add_column("pair")
+    table.add_column("method")
+    for title in ("E_a deg", "E_v edges", "turned %", "Hausdorff", "volume", "seconds"):
+        table.add_column(title, justify="right")
+    last = None
+    for result in done.results:
+        if last not in (None, result.pair):
+            table.add_section()
+        table.add_row(*_cells(result, name="" if result.pair == last else result.pair))
+        last = result.pair
+    for number, result in enumerate(done.means):
+        if number == 0:
+            table.add_section()
+        table.add_row(*_cells(result, name="mean" if number == 0 else ""), style="bold")
+    _console().print(table)
+
+
+def _cells(result: Result, *, name: str) -> tuple[str, ...]:
+    measures = result.measures
+    return (
+        name,
+        result.method,
+        f"{measures.normal_error_deg:.2f}",
+        f"{measures.vertex_error_edges:.3f}",
+        f"{measures.turned_percent:.3f}",
+        f"{measures.hausdorff_diagonal:.4f}",
+        "open" if measures.volume_ratio is None else f"{measures.volume_ratio:.4f}",
+        f"{result.seconds:.2f}" if result.seconds else "",
+    )
+
+
+def evaluation_object(done: Evaluation) -> dict[str, Any]:
+    """Return an evaluation as JSON can hold it."""
+    return {
+        "results": [result.row() for result in done.results],
+        "means": [result.row() for result in done.means],
+        "failures": [{"pair": f.pair, "method": f.method, "message": str(f.error)} for f in done.failures],
+    }
+
+
+def write_table(path: Path, done: Evaluation, *, force: bool) -> None:
+    """Write a line for each pair and method as comma-separated values, the names of the columns first."""
+    rows = [result.row() for result in done.results]
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomically(path, [text.getvalue().encode()], force=force)
+
+
+def print_methods(methods: Mapping[str, Method]) -> None:
+    """Print each method with its parameters and its source."""
+    table = Table()
+    for title in ("method", "what it does", "parameters", "source"):
+        table.add_column(title)
+    for method in methods.values():
+        table.add_row(method.name, method.summary, ", ".join(method.settings), method.source)
+    _console().print(table)
+
+
+def print_method(method: Method) -> None:
+    """Print the parameters of one method."""
+    print(f"{method.name}: {method.summary}\nSource: {method.source}")
+    table = Table()
+    for title in ("parameter", "default", "unit", "allowed", "meaning"):
+        table.add_column(title)
+    for setting in method.settings.values():
+        table.add_row(setting.name, str(setting.default), setting.about.unit, _allowed(setting), setting.about.help)
+    _console().print(table)
+
+
+def method_object(method: Method) -> dict[str, Any]:
+    """Return a method as JSON can hold it."""
+    return {
+        "name": method.name,
+        "summary": method.summary,
+        "source": method.source,
+        "parameters": [
+            {
+                "name": setting.name,
+                "default": _finite(setting.default),
+                "unit": setting.about.unit,
+                "allowed": _allowed(setting),
+                "help": setting.about.help,
+            }
+            for setting in method.settings.values()
+        ],
+    }
+
+
+def _allowed(setting: Setting) -> str:
+    return ", ".join(map(str, setting.choices)) or setting.about.allowed
+
+
+def _finite(value: Any) -> Any:
+    """Return text for a number that JSON does not have."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@contextmanager
+def progress_bar(text: str) -> Iterator[Callable[[float], object]]:
+    """Show the share that is done, on a terminal."""
+    with _progress() as bar:
+        task = bar.add_task(text, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def progress_steps() -> Iterator[Callable[[str, int, int], object]]:
+    """Show what is being done and how many parts are done, on a terminal."""
+    with _progress() as bar:
+        task = bar.add_task("", total=None)
+        yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
+
+
+def _progress() -> Progress:
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def _console() -> Console:
+    return Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
