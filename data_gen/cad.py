@@ -5,6 +5,7 @@ import numpy as np
 from cascadenorm.data_gen.fields import (
     Blend,
     Field,
+    Values,
     box,
     cylinder,
     difference,
@@ -24,13 +25,13 @@ from cascadenorm.mesh import Vectors, unit
 GOLDEN = (1 + 5**0.5) / 2
 
 
-def blend_of(rng: np.random.Generator, *, largest: float = 0.12) -> tuple[Blend, float]:
-    """Draw what becomes of an edge: half of them stay sharp."""
+def blend_of(rng: np.random.Generator, *, edge: float, largest: float = 0.15) -> tuple[Blend, float]:
+    """Draw what becomes of an edge of the shape: half of them stay sharp, others get two triangles wide or more."""
     blend: Blend = rng.choice(["sharp", "round", "chamfer"], p=[0.5, 0.32, 0.18])
-    return blend, float(rng.uniform(0.02, largest))
+    return blend, float(rng.uniform(min(2 * edge, 0.8 * largest), largest))
 
 
-def assembly(rng: np.random.Generator) -> Field:
+def assembly(edge: float, rng: np.random.Generator) -> Field:
     """A solid to which others are joined, and from which others are cut, at random."""
     total = _solid(rng, size=float(rng.uniform(0.6, 0.85)))
     upright = rng.random() < 0.6  # parts along the axes of the first, as machined ones are, or askew
@@ -38,7 +39,7 @@ def assembly(rng: np.random.Generator) -> Field:
         part = _solid(rng, size=float(rng.uniform(0.2, 0.6)))
         turn = np.eye(3)[rng.permutation(3)] if upright else random_rotation(rng=rng)
         part = moved(part, by=rng.uniform(-0.75, 0.75, 3), rotation=turn)
-        blend, radius = blend_of(rng)
+        blend, radius = blend_of(rng, edge=edge)
         if rng.random() < 0.5:
             total = union(total, part, blend=blend, radius=radius)
         else:
@@ -72,49 +73,57 @@ def _convex_corners(rng: np.random.Generator, *, radius: float) -> Vectors:
     return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def bracket(rng: np.random.Generator) -> Field:
+def bracket(edge: float, rng: np.random.Generator) -> Field:
     """Plates at right angles with ribs, bosses and rows of holes, walls thin or thick."""
-    wall = float(rng.uniform(0.05, 0.16))
+    wall = max(1.5 * edge, float(rng.uniform(0.06, 0.18)))
     width, depth, height = rng.uniform(0.5, 0.95, 3)
-    blend, radius = blend_of(rng)
+    blend, radius = blend_of(rng, edge=edge)
     base = moved(box([width, depth, wall]), by=[0, 0, -height])
     total = union(base, moved(box([wall, depth, height]), by=[-width + wall, 0, 0]), blend=blend, radius=radius)
     if rng.random() < 0.5:
         back = moved(box([width, wall, height]), by=[0, -depth + wall, 0])
         total = union(total, back, blend=blend, radius=radius)
     for _ in range(rng.integers(0, 3)):
-        rib = extruded(polygon(np.array([[-width, -height], [width, -height], [-width, height]])), half_height=0.5 * wall)
+        rib = extruded(
+            polygon(np.array([[-width, -height], [width, -height], [-width, height]])),
+            half_height=max(1.3 * edge, 0.5 * wall),
+        )
         rib = moved(rib, rotation=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), by=[0, rng.uniform(-depth, depth), 0])
         total = union(total, rib, blend=blend, radius=0.5 * radius)
     for _ in range(rng.integers(0, 3)):
-        bore = float(rng.uniform(0.08, 0.25))
+        bore = float(rng.uniform(max(0.08, 2 * edge), 0.25))
         at = [rng.uniform(-0.5, 0.6) * width, rng.uniform(-0.6, 0.6) * depth, -height]
         top = float(rng.uniform(0.1, 0.5))
         boss = moved(cylinder(radius=1.6 * bore, half_height=top), by=at)
-        total = union(total, intersection(boss, moved(box([2, 2, 1]), by=[0, 0, 1 - height])), blend=blend, radius=radius)
+        total = union(
+            total, intersection(boss, moved(box([2, 2, 1]), by=[0, 0, 1 - height])), blend=blend, radius=radius
+        )
         total = difference(total, moved(cylinder(radius=bore, half_height=2), by=at))
     for axis in ([0, 0, 1], [1, 0, 0]):
         for _ in range(rng.integers(0, 4)):
             at = rng.uniform(-0.75, 0.75, 3) * [width, depth, height]
             at[int(np.argmax(axis))] = -(height if axis[2] else width)
-            hole = cylinder(radius=float(rng.uniform(0.05, 0.2)), half_height=0.4)
+            hole = cylinder(radius=float(rng.uniform(1.5 * edge, 0.22)), half_height=0.4)
             if rng.random() < 0.3:
                 hole = box([*rng.uniform(0.06, 0.25, 2), 0.4])
             total = difference(total, aligned(hole, axis, by=at))
     return total
 
 
-def wheel(rng: np.random.Generator) -> Field:
+def wheel(edge: float, rng: np.random.Generator) -> Field:
     """Gears, pulleys, flanges and knobs: a toothed or lobed disc with hub, bore, keyway, spokes or a ring of holes."""
     radius, thick = float(rng.uniform(0.75, 1.1)), float(rng.uniform(0.1, 0.4))
-    teeth = int(rng.integers(5, 28))
+    teeth = int(rng.integers(5, 1 + min(28, int(2 * np.pi * radius / (8 * edge)))))
     if rng.random() < 0.75:
         rim: Profile = gear(
-            teeth=teeth, radius=radius, depth=float(rng.uniform(1, 2.5)) / teeth, slope=float(rng.choice([0, 1.5, 3, 8]))
+            teeth=teeth,
+            radius=radius,
+            depth=float(rng.uniform(1, 2.5)) / teeth,
+            slope=float(rng.choice([0, 1.5, 3, 8])),
         )
     else:
         rim = disc(radius=radius)
-    blend, fillet = blend_of(rng, largest=0.08)
+    blend, fillet = blend_of(rng, edge=edge, largest=0.1)
     total = extruded(rim, half_height=thick, blend=blend, radius=fillet)
     if rng.random() < 0.3:
         total = twisted(total, rate=float(rng.uniform(-1, 1)))
@@ -123,7 +132,9 @@ def wheel(rng: np.random.Generator) -> Field:
         recess = difference(cylinder(radius=0.75 * radius, half_height=1), cylinder(radius=hub, half_height=2))
         for side in (-1, 1):
             depth = float(rng.uniform(0.3, 0.85)) * thick
-            total = difference(total, moved(recess, by=[0, 0, side * (2 * thick - depth + (1 - thick))]), blend=blend, radius=fillet)
+            total = difference(
+                total, moved(recess, by=[0, 0, side * (2 * thick - depth + (1 - thick))]), blend=blend, radius=fillet
+            )
     if rng.random() < 0.5:
         tall = cylinder(radius=hub, half_height=thick + float(rng.uniform(0.05, 0.4)))
         total = union(total, tall, blend=blend, radius=fillet)
@@ -139,7 +150,7 @@ def wheel(rng: np.random.Generator) -> Field:
     return total
 
 
-def turned(rng: np.random.Generator) -> Field:
+def turned(edge: float, rng: np.random.Generator) -> Field:
     """Lathe work: a stepped, tapered, grooved profile about an axis, with flats, flutes or cross holes."""
     heights = np.sort(rng.uniform(-1, 1, rng.integers(4, 10)))
     heights[[0, -1]] = -1.05, 1.05
@@ -160,7 +171,9 @@ def turned(rng: np.random.Generator) -> Field:
         total = difference(total, around(cut, count=int(rng.integers(2, 14))))
     if rng.random() < 0.4:
         at = [0, 0, float(rng.uniform(-0.7, 0.7))]
-        total = difference(total, aligned(cylinder(radius=float(rng.uniform(0.08, 0.2)), half_height=2), [1, 0, 0], by=at))
+        total = difference(
+            total, aligned(cylinder(radius=float(rng.uniform(0.08, 0.2)), half_height=2), [1, 0, 0], by=at)
+        )
     if rng.random() < 0.3:
         total = intersection(total, box([float(rng.uniform(0.3, 0.6)), 2, 2]))
     if rng.random() < 0.5:
@@ -168,7 +181,7 @@ def turned(rng: np.random.Generator) -> Field:
     return total
 
 
-def plate(rng: np.random.Generator) -> Field:
+def plate(edge: float, rng: np.random.Generator) -> Field:
     """A random outline pulled to a height, with pockets, holes and rounded or chamfered rims; sometimes bent or tapered."""
     kind = rng.integers(4)
     if kind == 0:
@@ -185,7 +198,7 @@ def plate(rng: np.random.Generator) -> Field:
     else:
         outline = rectangle(half=(float(rng.uniform(0.5, 1)), float(rng.uniform(0.5, 1))))
     thick = float(np.exp(rng.uniform(np.log(0.07), np.log(0.6))))
-    blend, radius = blend_of(rng, largest=min(0.15, 0.8 * thick))
+    blend, radius = blend_of(rng, edge=edge, largest=min(0.2, 0.9 * thick))
     total = extruded(outline, half_height=thick, blend=blend, radius=radius)
     for _ in range(rng.integers(0, 5)):
         at = np.append(rng.uniform(-0.6, 0.6, 2), 0)
@@ -195,7 +208,13 @@ def plate(rng: np.random.Generator) -> Field:
             hole = box([*rng.uniform(0.08, 0.35, 2), depth])
         total = difference(total, moved(hole, by=at + [0, 0, thick if depth < 1 else 0]))
     if rng.random() < 0.25:
-        total = moved(bent(moved(total, rotation=np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])), curvature=float(rng.uniform(-0.7, 0.7))), by=[0, 0, 0])
+        total = moved(
+            bent(
+                moved(total, rotation=np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])),
+                curvature=float(rng.uniform(-0.7, 0.7)),
+            ),
+            by=[0, 0, 0],
+        )
     elif rng.random() < 0.25:
         total = tapered(total, rate=float(rng.uniform(-0.6, 0.6)))
     return total
@@ -210,7 +229,7 @@ def _steps(rng: np.random.Generator) -> Profile:
     return polygon(np.concatenate([top, [[0.9, -0.6], [-0.9, -0.6]]]))
 
 
-def polyhedron(rng: np.random.Generator) -> Field:
+def polyhedron(edge: float, rng: np.random.Generator) -> Field:
     """Convex solids, regular or random, and star-shaped ones; sharp or slightly rounded."""
     kind = rng.integers(5)
     if kind == 0:
@@ -250,27 +269,24 @@ def _regular(rng: np.random.Generator) -> Vectors:
 
 
 def _star(rng: np.random.Generator) -> Field:
-    """A core with a pyramid on each of its faces."""
+    """Stellations, which are the points beyond at most one of the planes of a convex solid, and crossed solids."""
     normals = _regular(rng)
-    height, spread = float(rng.uniform(0.6, 1.1)), float(rng.uniform(0.5, 1.1))
-    sides = int(rng.integers(3, 6))
-    angle = 2 * np.pi * np.arange(sides) / sides
-    flanks = np.stack([np.cos(angle), np.sin(angle), np.full(sides, spread)], axis=1)
-    lengths = np.linalg.norm(flanks, axis=1)
-    spike = polytope(
-        np.concatenate([flanks / lengths[:, None], [[0, 0, -1]]]), np.append(spread * (height + 0.2) / lengths, 0.1)
-    )
-    core = polytope(normals, np.full(len(normals), float(rng.uniform(0.3, 0.55))))
-    if len(normals) == 4:
-        core = sphere(radius=0.4)
-    return union(core, *[aligned(spike, normal) for normal in normals])
+    if len(normals) < 8 or rng.random() < 0.4:
+        solids = [polytope(normals @ random_rotation(rng=rng), np.full(len(normals), 0.6)) for _ in range(2)]
+        return intersection(union(*solids), sphere(radius=float(rng.uniform(0.8, 1.2))))
+    core = np.full(len(normals), float(rng.uniform(0.45, 0.55)))
+
+    def second(points: Vectors) -> Values:
+        return np.asarray(np.partition(points @ normals.T - core, -2, axis=1)[:, -2])
+
+    return intersection(second, sphere(radius=float(rng.uniform(0.9, 1.3))))
 
 
-def engraved(rng: np.random.Generator) -> Field:
+def engraved(edge: float, rng: np.random.Generator) -> Field:
     """A plain body with cut or raised lines, steps and dimples, down to a few edge lengths wide."""
     body, skin = _plain_body(rng)
     for _ in range(rng.integers(2, 7)):
-        width = float(rng.uniform(0.02, 0.07))
+        width = edge * float(rng.uniform(1.2, 3))
         kind = rng.integers(4)
         if kind == 0:
             ring = torus(major=float(rng.uniform(0.3, 0.9)), minor=1.0)
@@ -284,9 +300,11 @@ def engraved(rng: np.random.Generator) -> Field:
             tool = moved(sphere(radius=float(rng.uniform(0.08, 0.3))), by=0.8 * direction(rng=rng))
         else:
             tool = moved(box([width, width, 2.0]), by=rng.uniform(-0.5, 0.5, 3), rotation=random_rotation(rng=rng))
-        depth = float(rng.uniform(0.03, 0.09))
+        depth = edge * float(rng.uniform(1.2, 3))
         if rng.random() < 0.6:
-            body = difference(body, intersection(tool, offset(skin, by=0.3)) if kind == 2 else _within(tool, skin, depth))
+            body = difference(
+                body, intersection(tool, offset(skin, by=0.3)) if kind == 2 else _within(tool, skin, depth)
+            )
         else:
             body = union(body, intersection(tool, offset(skin, by=depth)))
     return body
@@ -314,16 +332,23 @@ def _plain_body(rng: np.random.Generator) -> tuple[Field, Field]:
     return body, body
 
 
-def fan(rng: np.random.Generator) -> Field:
+def fan(edge: float, rng: np.random.Generator) -> Field:
     """Curved sheet-like parts: blades on a hub, scoops, wedges cut by cylinders."""
-    blades = int(rng.integers(2, 8))
-    blade = bent(box([0.55, float(rng.uniform(0.04, 0.1)), float(rng.uniform(0.25, 0.5))]), curvature=float(rng.uniform(-1, 1)))
+    blades = int(rng.integers(2, 6))
+    blade = bent(
+        box([0.55, max(1.3 * edge, float(rng.uniform(0.04, 0.13))), float(rng.uniform(0.25, 0.5))]),
+        curvature=float(rng.uniform(-1, 1)),
+    )
     blade = moved(blade, by=[0.6, 0, 0], rotation=_tilt(float(rng.uniform(-0.8, 0.8))))
-    blend, radius = blend_of(rng)
-    hub = revolved(polygon(np.array([[-1, -0.4], [rng.uniform(0.2, 0.4), -0.4], [rng.uniform(0.15, 0.4), 0.4], [-1, 0.4]])))
+    blend, radius = blend_of(rng, edge=edge)
+    hub = revolved(
+        polygon(np.array([[-1, -0.4], [rng.uniform(0.28, 0.45), -0.4], [rng.uniform(0.25, 0.4), 0.4], [-1, 0.4]]))
+    )
     total = union(hub, around(blade, count=blades), blend=blend, radius=radius)
     if rng.random() < 0.5:
-        total = intersection(total, cylinder(radius=float(rng.uniform(0.8, 1.1)), half_height=float(rng.uniform(0.25, 0.6))))
+        total = intersection(
+            total, cylinder(radius=float(rng.uniform(0.8, 1.1)), half_height=float(rng.uniform(0.25, 0.6)))
+        )
     if rng.random() < 0.4:
         ring = difference(cylinder(radius=1.15, half_height=0.2), cylinder(radius=1.05, half_height=1))
         total = union(total, ring, blend=blend, radius=radius)

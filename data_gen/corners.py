@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel
+from cascadenorm.mesh import Mesh, kernel
 
 SMOOTH, CREASE, CORNER = 0, 1, 2
 """Kinds of vertices: free, held on a line of marked edges, held in place (as all vertices of a rim are)."""
@@ -40,14 +40,11 @@ def is_manifold(mesh: Mesh) -> bool:
     return bool(_fans_are_single(corners_of(mesh, capacity=1.0), count))
 
 
-def corners_of(
-    mesh: Mesh, *, normals: Vectors | None = None, crease_angle: float = 0.45, capacity: float = 3.0
-) -> Corners:
+def corners_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> Corners:
     """Lay out a mesh for editing, with room for `capacity` times its faces.
 
-    Edges between faces whose `normals`, if given, differ by more than `crease_angle` (radians) are marked, and those of
-    the rim always; a vertex on two marked edges that go nearly straight on is on a crease, one with any other number of
-    them is a corner.
+    Edges where `creases`, one a topological edge, is true are marked, and those of the rim always; a vertex on two marked
+    edges that go nearly straight on is on a crease, one with any other number of them is a corner.
     """
     n, m = len(mesh.vertices), len(mesh.faces)
     rooms = int(capacity * m) + 8
@@ -61,12 +58,8 @@ def corners_of(
     twin[order[same]], twin[order[same + 1]] = order[same + 1], order[same]
 
     marked_edge = topology.edge_faces.counts == 1
-    if normals is not None:
-        inner = topology.interior_edges
-        first = topology.edge_faces.indptr[inner]
-        a, b = topology.edge_faces.indices[first], topology.edge_faces.indices[first + 1]
-        cosine = np.einsum("ij,ij->i", normals[a], normals[b])
-        marked_edge[inner] = cosine < np.cos(crease_angle)
+    if creases is not None:
+        marked_edge |= creases
     marked = np.zeros(3 * rooms, bool)
     marked[: 3 * m] = marked_edge[topology.face_edges.ravel()]
 
@@ -199,15 +192,15 @@ def collapse_keeps_manifold(c, h, ring, other):  # type: ignore[no-untyped-def]
     if g == -1:
         return False
     count, closed = leaving(c, a, ring)
-    if not closed or count < 4 or count > RING // 2:
+    if not closed or count < 3 or count > RING // 2:
         return False
     left, right = c.origin[before(h)], c.origin[before(g)]
     for v in (left, right):
         around, whole = leaving(c, v, other)
         if around == 0 or (whole and around < 4):
             return False
-    around, _ = leaving(c, b, other)
-    if around == 0 or around > RING // 2:
+    around, whole = leaving(c, b, other)
+    if around == 0 or around > RING // 2 or (whole and count + around < 7):
         return False
     for i in range(count):
         w = c.origin[after(ring[i])]

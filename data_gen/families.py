@@ -2,14 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from cascadenorm.data_gen import cad, organic
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.manners import tessellate
-from cascadenorm.data_gen.surface import extent_of
+from cascadenorm.data_gen.surface import cut_out, extent_of
+from cascadenorm.data_gen.views import view
 from cascadenorm.mesh import Mesh
+
+
+USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
 
 
 @dataclass(frozen=True)
@@ -18,23 +23,45 @@ class Family:
 
     Parameters
     ----------
-    shape : draws a field
+    shape : draws a field, given the edge length to expect: detail finer than that would be lost
     weight : how often the family is drawn, relative to the others
     sharp : edges of the shape become edges of the mesh
-    closed : meshes are watertight
+    part : the whole shape, which is closed; a piece cut out by a box; or what is visible from one side
     """
 
-    shape: Callable[[np.random.Generator], Field]
+    shape: Callable[[float, np.random.Generator], Field]
     weight: float
     sharp: bool
-    closed: bool = True
+    part: Literal["whole", "piece", "view"] = "whole"
+
+    @property
+    def closed(self) -> bool:
+        """Whether meshes are watertight."""
+        return self.part == "whole"
 
     def make(self, *, faces: int, rng: np.random.Generator) -> Mesh:
         """Draw a shape and make a mesh of about so many faces; UnfitShapeError if it came out bad."""
-        field = self.shape(rng)
+        area = USUAL_AREA * (0.3 if self.part == "piece" else 1.0)
+        field = self.shape(float(np.sqrt(2.3 * area / faces)), rng)
         extent = extent_of(field, rng=rng)
+        if self.part == "view":
+            return view(field, extent, faces=faces, rng=rng)
+        if self.part == "piece":
+            extent, window = cut_out(extent, share=float(rng.uniform(0.1, 0.5)), rng=rng)
+            return tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
         return tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
 
+
+Shape = Callable[[float, np.random.Generator], Field]
+
+
+def any_of(*shapes: Shape) -> Shape:
+    """Draw one of several sorts of shapes, with equal chance."""
+    return lambda edge, rng: shapes[rng.integers(len(shapes))](edge, rng)
+
+
+MACHINED = any_of(cad.assembly, cad.bracket, cad.wheel, cad.turned, cad.plate, cad.polyhedron, cad.engraved)
+GROWN = any_of(organic.statue, organic.bust, organic.bumpy, organic.rock, organic.creature)
 
 FAMILIES: dict[str, Family] = {
     "assembly": Family(cad.assembly, 1.2, sharp=True),
@@ -51,4 +78,7 @@ FAMILIES: dict[str, Family] = {
     "bumpy": Family(organic.bumpy, 0.9, sharp=False),
     "smooth": Family(organic.smooth, 0.8, sharp=False),
     "rock": Family(organic.rock, 0.7, sharp=False),
+    "machined_piece": Family(MACHINED, 0.9, sharp=True, part="piece"),
+    "grown_piece": Family(GROWN, 1.4, sharp=False, part="piece"),
+    "view": Family(any_of(cad.assembly, cad.turned, cad.polyhedron, GROWN), 0.7, sharp=True, part="view"),
 }

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh import Vectors
+from cascadenorm.mesh import Vectors, kernel
 
 Values = NDArray[np.float64]
 """(n,) float64, one value a point."""
@@ -39,8 +39,9 @@ def box(half: ArrayLike) -> Field:
     half = np.asarray(half, np.float64)
 
     def distance(points: Vectors) -> Values:
-        excess = np.abs(points) - half
-        return norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0)
+        values = np.empty(len(points))
+        _box(points, half, values)
+        return values
 
     return distance
 
@@ -88,34 +89,22 @@ def torus(*, major: float, minor: float) -> Field:
 
 def limb(start: ArrayLike, end: ArrayLike, *, radii: tuple[float, float]) -> Field:
     """Segment thickened by a radius that goes linearly from one end to the other."""
-    start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
-    axis = end - start
-    length2 = float(axis @ axis)
-
-    def distance(points: Vectors) -> Values:
-        offset = points - start
-        along = np.clip(offset @ axis / length2, 0, 1)
-        return norm(offset - along[:, None] * axis) - (radii[0] + along * (radii[1] - radii[0]))
-
-    return distance
+    return tube(np.stack([np.asarray(start, np.float64), np.asarray(end, np.float64)]), radius=np.array(radii))
 
 
 def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> Field:
     """Polyline thickened by a radius, or by one radius a point of the path."""
     ends = np.roll(path, -1, axis=0) if closed else path[1:]
     starts = path if closed else path[:-1]
-    thickness = np.broadcast_to(np.asarray(radius, np.float64), len(path))
+    thickness = np.broadcast_to(np.asarray(radius, np.float64), len(path)).copy()
     axes = ends - starts
     length2 = np.maximum(np.einsum("ij,ij->i", axes, axes), 1e-12)
     growth = (np.roll(thickness, -1) if closed else thickness[1:]) - thickness[: len(starts)]
 
     def distance(points: Vectors) -> Values:
-        best = np.full(len(points), np.inf)
-        for start, axis, l2, first, grown in zip(starts, axes, length2, thickness, growth, strict=False):
-            offset = points - start
-            along = np.clip(offset @ axis / l2, 0, 1)
-            np.minimum(best, norm(offset - along[:, None] * axis) - first - along * grown, out=best)
-        return best
+        values = np.empty(len(points))
+        _tube(points, starts, axes, length2, thickness[: len(starts)], growth, values)
+        return values
 
     return distance
 
@@ -124,10 +113,9 @@ def polytope(normals: Vectors, offsets: Values) -> Field:
     """Intersection of half spaces with unit `normals`, each at its offset from the origin."""
 
     def distance(points: Vectors) -> Values:
-        best = np.full(len(points), -np.inf)
-        for normal, offset in zip(normals, offsets, strict=True):
-            np.maximum(best, points @ normal - offset, out=best)
-        return best
+        values = np.empty(len(points))
+        _polytope(points, normals, offsets, values)
+        return values
 
     return distance
 
@@ -195,3 +183,36 @@ def shell(field: Field, *, thickness: float) -> Field:
 def displaced(field: Field, pattern: Field, *, amplitude: float) -> Field:
     """Push the surface outward by a pattern times the amplitude."""
     return lambda points: field(points) - amplitude * pattern(points)
+
+
+@kernel
+def _box(points, half, values):  # type: ignore[no-untyped-def]
+    for n in range(len(points)):
+        inner, outer = -np.inf, 0.0
+        for k in range(3):
+            excess = abs(points[n, k]) - half[k]
+            inner = max(inner, excess)
+            outer += max(excess, 0.0) ** 2
+        values[n] = np.sqrt(outer) + min(inner, 0.0)
+
+
+@kernel
+def _polytope(points, normals, offsets, values):  # type: ignore[no-untyped-def]
+    for n in range(len(points)):
+        x, y, z, most = points[n, 0], points[n, 1], points[n, 2], -np.inf
+        for k in range(len(offsets)):
+            most = max(most, x * normals[k, 0] + y * normals[k, 1] + z * normals[k, 2] - offsets[k])
+        values[n] = most
+
+
+@kernel
+def _tube(points, starts, axes, length2, thickness, growth, values):  # type: ignore[no-untyped-def]
+    for n in range(len(points)):
+        least = np.inf
+        for k in range(len(starts)):
+            x, y, z = points[n, 0] - starts[k, 0], points[n, 1] - starts[k, 1], points[n, 2] - starts[k, 2]
+            along = (x * axes[k, 0] + y * axes[k, 1] + z * axes[k, 2]) / length2[k]
+            along = min(max(along, 0.0), 1.0)
+            x, y, z = x - along * axes[k, 0], y - along * axes[k, 1], z - along * axes[k, 2]
+            least = min(least, np.sqrt(x * x + y * y + z * z) - thickness[k] - along * growth[k])
+        values[n] = least

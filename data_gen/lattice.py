@@ -27,7 +27,7 @@ def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, 
 
     Parameters
     ----------
-    lower, upper : corners of the box that has to be covered
+    lower, upper : corners of the box that has to be covered; with an open rim the lattice is that box, turned
     spacing : mean length of the lattice's edges
     jitter : nodes are moved by up to this share of the spacing, at random
     stretch : relative edge lengths along the lattice's axes
@@ -38,7 +38,7 @@ def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, 
     steps = np.asarray(stretch, np.float64)
     steps = spacing * steps / steps.prod() ** (1 / 3)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    if turn is not None:
+    if turn is not None and not open_rim:
         half = np.abs(turn.T) @ half
     blocks = np.ceil(2 * half / (BLOCK * steps)).astype(int)
     counts = BLOCK * blocks + 1

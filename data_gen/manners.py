@@ -4,17 +4,23 @@ from collections.abc import Callable
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cascadenorm.data_gen.corners import CORNER, SMOOTH, Corners, corners_of, mesh_of
+from cascadenorm.data_gen.corners import CORNER, SMOOTH, Corners, corners_of, is_manifold, mesh_of
+from cascadenorm.data_gen.decimate import decimate
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.patterns import noise
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.polygonise import gradients, meeting_points
-from cascadenorm.data_gen.remesh import collapse_short, flip_edges, slide, split_long
-from cascadenorm.data_gen.surface import Extent, fit, polygonised
+from cascadenorm.data_gen.remesh import collapse_short, flip_edges, mend, slide, split_long
+from cascadenorm.data_gen.surface import Extent, UnfitShapeError, fit, polygonised
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-Manner = Literal["lattice", "even", "graded", "stretched", "subdivided", "jittered"]
+Manner = Literal["lattice", "even", "graded", "stretched", "subdivided", "jittered", "decimated"]
+
+
+JUMP = 0.3  # radians by which the normal jumps at an edge of a shape, at least
+ASTRAY = 0.006  # share of the faces that may turn away from the surface's normal
 
 
 def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
@@ -28,20 +34,28 @@ def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np
     window : box at which the surface is cut open
     """
     if manner is None:
-        manner = rng.choice(get_args(Manner), p=[0.2, 0.25, 0.2, 0.1, 0.1, 0.15])
+        manner = rng.choice(get_args(Manner), p=[0.15, 0.22, 0.17, 0.08, 0.08, 0.12, 0.18])
     coarse = faces // 4 if manner == "subdivided" else faces
-    lattice_faces = coarse if manner == "lattice" else int(1.3 * coarse)
+    oversampling = {"lattice": 1.0, "decimated": float(rng.uniform(2, 3))}.get(manner, 2.5 if sharp else 1.3)
+    lattice_faces = int(oversampling * coarse)
     mesh = polygonised(field, extent, faces=lattice_faces, sharp=sharp or rng.random() < 0.5, window=window, rng=rng)
-    fit_topology(mesh)
-    corners = corners_of(mesh, normals=field_normals(field, mesh) if sharp else None)
+    if not is_manifold(mesh):
+        raise UnfitShapeError("the polygonised surface is not manifold")
+    corners = corners_of(mesh, creases=creases_of(field, mesh) if sharp else None)
     corners.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / coarse)
+    mend(corners)
     _MANNERS[manner](field, corners, rng)
+    mend(corners)
     mesh = mesh_of(corners)
     if manner == "subdivided":
         corners = _halved(field, mesh, sharp=sharp)
         settle(field, corners)
+        mend(corners)
         mesh = mesh_of(corners)
     fit(mesh)
+    agreement = np.einsum("ij,ij->i", field_normals(field, mesh), mesh.normals)
+    if np.mean(agreement < (0.5 if sharp else -0.2)) > ASTRAY:
+        raise UnfitShapeError("too many faces do not follow the surface, which has features finer than the mesh")
     return mesh
 
 
@@ -70,6 +84,26 @@ def settle(field: Field, corners: Corners) -> None:
     corners.points[:n][moved] = places[moved]
 
 
+def creases_of(field: Field, mesh: Mesh) -> NDArray[np.bool_]:
+    """Edges of the mesh that lie on an edge of the shape: the surface's normal jumps within a small part of a triangle.
+
+    So a narrow fillet is none, however much the mesh bends there.
+    """
+    inner = mesh.topology.interior_edges
+    first = mesh.topology.edge_faces.indptr[inner]
+    pairs = np.stack([mesh.topology.edge_faces.indices[first], mesh.topology.edge_faces.indices[first + 1]])
+    bends = np.einsum("ij,ij->i", *mesh.normals[pairs]) < np.cos(0.5 * JUMP)
+    edges, pairs = inner[bends], pairs[:, bends]
+    middle = mesh.vertices[mesh.topology.edges[edges]].mean(axis=1)
+    spacing = mesh.mean_edge_length
+    beside = (0.7 * middle + 0.3 * mesh.centroids[pairs]).reshape(-1, 3)
+    beside = projected(field, beside, reach=0.2 * spacing)
+    normals = unit(gradients(field, beside, step=1e-3 * spacing)).reshape(2, -1, 3)
+    creases = np.zeros(len(mesh.topology.edges), bool)
+    creases[edges] = np.einsum("ij,ij->i", *normals) < np.cos(JUMP)
+    return creases
+
+
 def field_normals(field: Field, mesh: Mesh) -> Vectors:
     """Normals of the surface where it is nearest to the middles of the faces."""
     spacing = mesh.mean_edge_length
@@ -85,15 +119,6 @@ def projected(field: Field, points: Vectors, *, reach: float, steps: int = 2) ->
         length = np.linalg.norm(move, axis=1, keepdims=True)
         points = points + move * np.minimum(1, reach / np.maximum(length, 1e-300))
     return points
-
-
-def fit_topology(mesh: Mesh) -> None:
-    """Raise UnfitShapeError unless a mesh is manifold."""
-    from cascadenorm.data_gen.corners import is_manifold
-    from cascadenorm.data_gen.surface import UnfitShapeError
-
-    if not is_manifold(mesh):
-        raise UnfitShapeError("the mesh is not manifold")
 
 
 def _lattice(field: Field, corners: Corners, rng: np.random.Generator) -> None:
@@ -157,6 +182,22 @@ def _jittered(field: Field, corners: Corners, rng: np.random.Generator) -> None:
     collapse_short(corners, bound=0.35)
 
 
+def _decimated(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+    """Thin out a finer mesh: triangles of all shapes, larger where the surface is flat."""
+    wanted = 4 / np.sqrt(3) * corners.length[0] ** -2 * _area(corners)
+    collapse_short(corners, bound=0.2)
+    flip_edges(corners, rule="delaunay")
+    slide(corners, share=0.5)
+    settle(field, corners)
+    decimate(corners, faces=int(wanted), evenness=float(10 ** rng.uniform(-4, -1)))
+    if rng.random() < 0.7:
+        flip_edges(corners, rule="delaunay")
+
+
+def _area(corners: Corners) -> float:
+    return mesh_of(corners).area
+
+
 def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> Corners:
     """Put a vertex on each edge and make four triangles of one."""
     edges, sides = mesh.topology.edges, mesh.topology.face_edges + len(mesh.vertices)
@@ -164,7 +205,7 @@ def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> Corners:
     (a, b, c), (ab, bc, ca) = mesh.faces.T, sides.T
     faces = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
     fine = Mesh(vertices, faces)
-    corners = corners_of(fine, normals=field_normals(field, fine) if sharp else None, capacity=1.0)
+    corners = corners_of(fine, creases=creases_of(field, fine) if sharp else None, capacity=1.0)
     corners.length[:] = fine.mean_edge_length
     return corners
 
@@ -176,4 +217,5 @@ _MANNERS: dict[Manner, Callable[[Field, Corners, np.random.Generator], None]] = 
     "stretched": _stretched,
     "subdivided": _even,
     "jittered": _jittered,
+    "decimated": _decimated,
 }

@@ -16,7 +16,9 @@ a share of the vertices, Gaussian. `varying`: along normals, by a deviation that
 
 def vertex_normals(mesh: Mesh) -> Vectors:
     """Unit sum of the area vectors around each vertex."""
-    total = [np.bincount(mesh.faces.ravel(), np.repeat(mesh.area_vectors[:, k], 3), len(mesh.vertices)) for k in range(3)]
+    total = [
+        np.bincount(mesh.faces.ravel(), np.repeat(mesh.area_vectors[:, k], 3), len(mesh.vertices)) for k in range(3)
+    ]
     return unit(np.stack(total, axis=1))
 
 

@@ -2,15 +2,26 @@
 
 import numpy as np
 
-from cascadenorm.data_gen.fields import Field, displaced, ellipsoid, limb, melted, sphere, superquadric, torus, tube, union
+from cascadenorm.data_gen.fields import (
+    Field,
+    displaced,
+    ellipsoid,
+    limb,
+    melted,
+    sphere,
+    superquadric,
+    torus,
+    tube,
+    union,
+)
 from cascadenorm.data_gen.patterns import Form, cells, labyrinth, masked, noise, stripes
-from cascadenorm.data_gen.placement import direction, mirrored, moved, random_rotation, tapered, twisted, warped
+from cascadenorm.data_gen.placement import direction, mirrored, moved, random_rotation, scaled, tapered, twisted, warped
 from cascadenorm.mesh import Vectors
 
 
-def skin(body: Field, *, rng: np.random.Generator, finest: float = 0.06, layers: tuple[int, int] = (1, 4)) -> Field:
+def skin(body: Field, *, finest: float, layers: int, rng: np.random.Generator) -> Field:
     """Lay detail of several kinds and scales over a body; `finest` is the shortest wavelength."""
-    for _ in range(rng.integers(layers[0], layers[1])):
+    for _ in range(layers):
         wavelength = float(np.exp(rng.uniform(np.log(finest), np.log(8 * finest))))
         pattern = _pattern(rng, wavelength)
         if rng.random() < 0.5:
@@ -23,15 +34,25 @@ def _pattern(rng: np.random.Generator, wavelength: float) -> Field:
     kind = rng.integers(7)
     if kind <= 2:
         form: Form = rng.choice(["smooth", "ridged", "billowed"])
-        return noise(wavelength=1.5 * wavelength, octaves=int(rng.integers(1, 4)), gain=float(rng.uniform(0.3, 0.6)), form=form, rng=rng)
+        return noise(
+            wavelength=1.5 * wavelength,
+            octaves=int(rng.integers(1, 4)),
+            gain=float(rng.uniform(0.3, 0.6)),
+            form=form,
+            rng=rng,
+        )
     if kind == 3:
         return cells(wavelength=wavelength, kind="bumps" if rng.random() < 0.6 else "cracks", rng=rng)
     if kind <= 5:
-        return stripes(wavelength=wavelength, wander=float(rng.uniform(0.2, 1.5)), sharpness=float(rng.uniform(0.7, 2)), rng=rng)
-    return labyrinth(wavelength=1.5 * wavelength, spots=float(rng.uniform(-0.7, 0.7)), steepness=float(rng.uniform(0.7, 4)), rng=rng)
+        return stripes(
+            wavelength=wavelength, wander=float(rng.uniform(0.2, 1.5)), sharpness=float(rng.uniform(0.7, 2)), rng=rng
+        )
+    return labyrinth(
+        wavelength=1.5 * wavelength, spots=float(rng.uniform(-0.7, 0.7)), steepness=float(rng.uniform(0.7, 4)), rng=rng
+    )
 
 
-def creature(rng: np.random.Generator) -> Field:
+def creature(edge: float, rng: np.random.Generator) -> Field:
     """A trunk with limbs, a head and some lumps, melted together; half of them mirror-symmetric; smooth skin."""
     trunk = ellipsoid(rng.uniform([0.3, 0.35, 0.3], [0.5, 0.65, 0.55]))
     parts = [trunk]
@@ -49,23 +70,30 @@ def creature(rng: np.random.Generator) -> Field:
     return _gently_warped(body, rng)
 
 
-def statue(rng: np.random.Generator) -> Field:
+def statue(edge: float, rng: np.random.Generator) -> Field:
     """A creature or a bust under folds, hair, scales and pores."""
-    body = creature(rng) if rng.random() < 0.6 else _lump(rng)
-    return skin(body, rng=rng, layers=(2, 5))
+    body = creature(edge, rng) if rng.random() < 0.6 else _lump(rng)
+    return skin(body, finest=4 * edge, layers=int(rng.integers(2, 5)), rng=rng)
 
 
 def _lump(rng: np.random.Generator) -> Field:
-    parts = [moved(ellipsoid(rng.uniform(0.25, 0.6, 3)), by=rng.uniform(-0.4, 0.4, 3), rotation=random_rotation(rng=rng)) for _ in range(rng.integers(2, 6))]
+    parts = [
+        moved(ellipsoid(rng.uniform(0.25, 0.6, 3)), by=rng.uniform(-0.4, 0.4, 3), rotation=random_rotation(rng=rng))
+        for _ in range(rng.integers(2, 6))
+    ]
     return melted(*parts, radius=float(rng.uniform(0.1, 0.4)))
 
 
-def bust(rng: np.random.Generator) -> Field:
+def bust(edge: float, rng: np.random.Generator) -> Field:
     """Head-like: skull, jaw, nose, brows, eyes, lips, ears, neck, with hair on top and fine skin."""
     wide, tall, deep = rng.uniform([0.42, 0.55, 0.5], [0.55, 0.7, 0.6])
     skull = ellipsoid([wide, tall, deep])
     jaw = moved(ellipsoid([0.75 * wide, 0.5 * tall, 0.7 * deep]), by=[0, -0.55 * tall, 0.15 * deep])
-    nose = limb([0, 0.05, 0.95 * deep], [0, -0.2, deep + float(rng.uniform(0.05, 0.18))], radii=(0.04, float(rng.uniform(0.06, 0.1))))
+    nose = limb(
+        [0, 0.05, 0.95 * deep],
+        [0, -0.2, deep + float(rng.uniform(0.05, 0.18))],
+        radii=(0.04, float(rng.uniform(0.06, 0.1))),
+    )
     brow = limb([0, 0.16, 0.93 * deep], [0.28, 0.16, 0.75 * deep], radii=(0.04, 0.06))
     cheek = moved(sphere(radius=0.14), by=[0.22, -0.15, 0.7 * deep])
     neck = limb([0, -0.5, -0.05], [0, -1.15, -0.1], radii=(float(rng.uniform(0.22, 0.32)), 0.35))
@@ -83,15 +111,18 @@ def bust(rng: np.random.Generator) -> Field:
     lips = [limb([-0.001, y, 0.86 * deep], [0.12, y, 0.8 * deep], radii=(0.035, 0.02)) for y in (-0.36, -0.42)]
     ear = moved(torus(major=0.09, minor=0.03), by=[wide, 0, 0], rotation=random_rotation(rng=rng))
     whole = mirrored(melted(union(face, eye), *lips, ear, radius=0.03))
-    hair = stripes(wavelength=float(rng.uniform(0.05, 0.12)), wander=float(rng.uniform(0.5, 2)), sharpness=1.0, rng=rng)
+    hair = stripes(
+        wavelength=edge * float(rng.uniform(4, 9)), wander=float(rng.uniform(0.5, 2)), sharpness=1.0, rng=rng
+    )
     line = float(rng.uniform(0.1, 0.4))
     curls = masked(hair, lambda points: points[:, 1] - line - 0.6 * (points[:, 2] - 0.3), width=0.15)
     whole = displaced(whole, curls, amplitude=float(rng.uniform(0.005, 0.02)))
-    pores = noise(wavelength=float(rng.uniform(0.05, 0.2)), octaves=3, rng=rng)
-    return _gently_warped(displaced(whole, pores, amplitude=float(rng.uniform(0.0, 0.006))), rng)
+    pores = noise(wavelength=edge * float(rng.uniform(6, 20)), octaves=3, rng=rng)
+    whole = displaced(whole, pores, amplitude=float(rng.uniform(0.0, 0.006)))
+    return _gently_warped(moved(scaled(whole, 0.9), by=[0, 0.2, 0]), rng)
 
 
-def bumpy(rng: np.random.Generator) -> Field:
+def bumpy(edge: float, rng: np.random.Generator) -> Field:
     """A plain closed surface under one strong, regular or random relief."""
     kind = rng.integers(4)
     if kind == 0:
@@ -102,7 +133,7 @@ def bumpy(rng: np.random.Generator) -> Field:
         body = superquadric(rng.uniform(0.6, 0.95, 3), exponent=float(rng.uniform(1.2, 6)))
     else:
         body = _knot(rng)
-    wavelength = float(np.exp(rng.uniform(np.log(0.12), np.log(0.5))))
+    wavelength = float(np.exp(rng.uniform(np.log(5 * edge), np.log(0.6))))
     return displaced(body, _pattern(rng, wavelength), amplitude=wavelength * float(rng.uniform(0.05, 0.2)))
 
 
@@ -115,7 +146,7 @@ def _knot(rng: np.random.Generator) -> Field:
     return tube(path, radius=thick * (1 + 0.3 * np.sin(int(rng.integers(0, 6)) * t)), closed=True)
 
 
-def smooth(rng: np.random.Generator) -> Field:
+def smooth(edge: float, rng: np.random.Generator) -> Field:
     """Soft shapes without detail: knots, rings melted together, twisted and tapered superquadrics."""
     kind = rng.integers(4)
     if kind == 0:
@@ -128,7 +159,7 @@ def smooth(rng: np.random.Generator) -> Field:
         body = superquadric(rng.uniform(0.4, 0.9, 3), exponent=float(rng.uniform(1.1, 8)))
         body = twisted(tapered(body, rate=float(rng.uniform(-0.7, 0.7))), rate=float(rng.uniform(-2, 2)))
     else:
-        body = creature(rng)
+        body = creature(edge, rng)
     return _gently_warped(body, rng)
 
 
@@ -138,7 +169,7 @@ def _ring(angle: float, rng: np.random.Generator) -> Field:
     return moved(ring, by=[0.45 * np.cos(angle), 0.45 * np.sin(angle), 0], rotation=turn)
 
 
-def rock(rng: np.random.Generator) -> Field:
+def rock(edge: float, rng: np.random.Generator) -> Field:
     """Fractured stone: a few planes through a lump, and noise of many octaves."""
     body = _lump(rng)
     cuts = [(direction(rng=rng), float(rng.uniform(0.3, 0.7))) for _ in range(rng.integers(0, 7))]
@@ -150,11 +181,17 @@ def rock(rng: np.random.Generator) -> Field:
         return values
 
     form: Form = rng.choice(["smooth", "ridged", "billowed"])
-    grain = noise(wavelength=float(rng.uniform(0.3, 0.9)), octaves=5, gain=float(rng.uniform(0.35, 0.55)), form=form, rng=rng)
+    grain = noise(
+        wavelength=float(rng.uniform(0.3, 0.9)), octaves=3, gain=float(rng.uniform(0.35, 0.55)), form=form, rng=rng
+    )
     return displaced(broken, grain, amplitude=float(rng.uniform(0.02, 0.09)))
 
 
 def _gently_warped(body: Field, rng: np.random.Generator) -> Field:
     wavelength = float(rng.uniform(0.8, 1.6))
-    warps = (noise(wavelength=wavelength, rng=rng), noise(wavelength=wavelength, rng=rng), noise(wavelength=wavelength, rng=rng))
+    warps = (
+        noise(wavelength=wavelength, rng=rng),
+        noise(wavelength=wavelength, rng=rng),
+        noise(wavelength=wavelength, rng=rng),
+    )
     return warped(body, warps, amplitude=float(rng.uniform(0, 0.12)) * wavelength)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.data_gen.fields import Field, Values
-from cascadenorm.mesh import Vectors, unit
+from cascadenorm.mesh import Vectors, kernel, unit
 
 
 def random_rotation(*, rng: np.random.Generator) -> Vectors:
@@ -24,8 +24,14 @@ def moved(field: Field, *, by: ArrayLike = (0.0, 0.0, 0.0), rotation: Vectors | 
     shift = np.asarray(by, np.float64)
     if rotation is None:
         return lambda points: field(points - shift)
-    turn = np.asarray(rotation, np.float64)
-    return lambda points: field((points - shift) @ turn)
+    turn = np.array(rotation, np.float64, order="C")
+
+    def turned(points: Vectors) -> Values:
+        local = np.empty(points.shape)
+        _into_frame(points, shift, turn, local)
+        return field(local)
+
+    return turned
 
 
 def aligned(field: Field, axis: ArrayLike, *, by: ArrayLike = (0.0, 0.0, 0.0)) -> Field:
@@ -109,3 +115,11 @@ def tapered(field: Field, *, rate: float) -> Field:
 def warped(field: Field, warps: tuple[Field, Field, Field], *, amplitude: float) -> Field:
     """Shift space by three scalar patterns before the field looks at it."""
     return lambda points: field(points + amplitude * np.stack([warp(points) for warp in warps], axis=1))
+
+
+@kernel
+def _into_frame(points, shift, turn, local):  # type: ignore[no-untyped-def]
+    for n in range(len(points)):
+        x, y, z = points[n, 0] - shift[0], points[n, 1] - shift[1], points[n, 2] - shift[2]
+        for k in range(3):
+            local[n, k] = x * turn[0, k] + y * turn[1, k] + z * turn[2, k]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.data_gen.fields import Blend, Field, Values, intersection, norm
-from cascadenorm.mesh import Vectors
+from cascadenorm.mesh import Vectors, kernel
 
 Profile = Callable[[NDArray[np.float64]], Values]
 """(n, 2) positions to signed distances."""
@@ -29,20 +29,12 @@ def rectangle(*, half: tuple[float, float]) -> Profile:
 
 def polygon(corners: NDArray[np.float64]) -> Profile:
     """Simple polygon, of either orientation; an exact distance."""
-    ends = np.roll(corners, -1, axis=0)
+    corners = np.array(corners, np.float64, order="C")
 
     def distance(points: NDArray[np.float64]) -> Values:
-        nearest = np.full(len(points), np.inf)
-        inside = np.zeros(len(points), bool)
-        for a, b in zip(corners, ends, strict=True):
-            edge, offset = b - a, points - a
-            along = np.clip(offset @ edge / (edge @ edge), 0, 1)
-            gap = offset - along[:, None] * edge
-            np.minimum(nearest, np.einsum("ij,ij->i", gap, gap), out=nearest)
-            above = (a[1] <= points[:, 1]) != (b[1] <= points[:, 1])
-            left = edge[0] * offset[:, 1] - edge[1] * offset[:, 0]
-            inside ^= above & ((left > 0) == (edge[1] > 0))
-        return np.where(inside, -1, 1) * np.sqrt(nearest)
+        values = np.empty(len(points))
+        _polygon(points, corners, values)
+        return values
 
     return distance
 
@@ -90,3 +82,19 @@ def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", ra
 def revolved(profile: Profile) -> Field:
     """Turn a profile, drawn in radius and height, about the z axis."""
     return lambda points: profile(np.stack([norm(points[:, :2]), points[:, 2]], axis=1))
+
+
+@kernel
+def _polygon(points, corners, values):  # type: ignore[no-untyped-def]
+    count = len(corners)
+    for n in range(len(points)):
+        nearest, inside = np.inf, False
+        for k in range(count):
+            ax, ay = corners[k, 0], corners[k, 1]
+            ex, ey = corners[(k + 1) % count, 0] - ax, corners[(k + 1) % count, 1] - ay
+            x, y = points[n, 0] - ax, points[n, 1] - ay
+            along = min(max((x * ex + y * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+            nearest = min(nearest, (x - along * ex) ** 2 + (y - along * ey) ** 2)
+            if (ay <= points[n, 1]) != (ay + ey <= points[n, 1]):
+                inside ^= (ex * y - ey * x > 0) == (ey > 0)
+        values[n] = -np.sqrt(nearest) if inside else np.sqrt(nearest)

@@ -25,6 +25,7 @@ from cascadenorm.data_gen.corners import (
 from cascadenorm.mesh import kernel
 
 LONG, SHORT = 4 / 3, 4 / 5  # bounds around the target length (Botsch and Kobbelt 2004)
+THIN = 0.06  # triangles of less quality than this are mended
 TINY = 0.12  # edges shorter than this share of the target are noise of the polygoniser, even along creases
 
 
@@ -41,6 +42,13 @@ def collapse_short(corners: Corners, *, bound: float = SHORT) -> None:
 def flip_edges(corners: Corners, *, rule: Literal["valence", "delaunay"]) -> None:
     """Flip unmarked, nearly flat edges: towards six neighbours a vertex, or towards larger angles."""
     _flip_edges(corners, rule == "valence")
+
+
+def mend(corners: Corners) -> None:
+    """Remove triangles of nearly no area: needles by a collapse, flat ones by a flip of their long side."""
+    for _ in range(4):
+        if not _mend(corners):
+            return
 
 
 def slide(corners: Corners, *, share: float) -> None:
@@ -96,13 +104,13 @@ def _collapse_short(c, bound):  # type: ignore[no-untyped-def]
         middle = 0.5 if c.kind[a] == c.kind[b] else 1.0
         place = c.points[a] + middle * (c.points[b] - c.points[a])
         longest = LONG * target if bound > 0.5 else 1e300
-        if _faces_survive(c, a, b, place, longest, ring) and _faces_survive(c, b, a, place, longest, ring):
+        if faces_survive(c, a, b, place, longest, ring) and faces_survive(c, b, a, place, longest, ring):
             collapse(c, h, ring)
             c.points[b] = place
 
 
 @kernel
-def _faces_survive(c, v, gone, place, longest, ring):  # type: ignore[no-untyped-def]
+def faces_survive(c, v, gone, place, longest, ring):  # type: ignore[no-untyped-def]
     """Whether the faces around v, but for those with `gone`, keep their side and shape when v moves to place."""
     count, _ = leaving(c, v, ring)
     for i in range(count):
@@ -157,6 +165,76 @@ def _flip_edges(c, by_valence):  # type: ignore[no-untyped-def]
         keeps_side = x2 * sx + y2 * sy + z2 * sz > 0 and u2 * sx + v2 * sy + w2 * sz > 0
         if keeps_side and not joined(c, left, right, ring):
             flip(c, h)
+
+
+@kernel
+def _parted(c, a, b, ring):  # type: ignore[no-untyped-def]
+    """Move a, which lies upon b and cannot be merged with it, a little along its longest edge."""
+    count, closed = leaving(c, a, ring)
+    longest, far = 0.0, -1
+    for i in range(count):
+        w = c.origin[after(ring[i])]
+        size = distance(c.points[a], c.points[w])
+        if size > longest:
+            longest, far = size, w
+    if not closed or far == -1 or distance(c.points[a], c.points[b]) > 0.02 * longest:
+        return False
+    c.points[a] += 0.3 * (c.points[far] - c.points[a])
+    return True
+
+
+@kernel
+def _mend(c):  # type: ignore[no-untyped-def]
+    ring, other = np.empty(RING, np.int64), np.empty(RING, np.int64)
+    mended = 0
+    for face in range(c.used[1]):
+        h = 3 * face
+        if c.origin[h] == -1:
+            continue
+        if shape(c.points[c.origin[h]], c.points[c.origin[h + 1]], c.points[c.origin[h + 2]]) > THIN:
+            continue
+        short, long = h, h
+        for k in range(h, h + 3):
+            size = distance(c.points[c.origin[k]], c.points[c.origin[after(k)]])
+            if size < distance(c.points[c.origin[short]], c.points[c.origin[after(short)]]):
+                short = k
+            if size >= distance(c.points[c.origin[long]], c.points[c.origin[after(long)]]):
+                long = k
+        a, b = c.origin[short], c.origin[after(short)]
+        longest = distance(c.points[c.origin[long]], c.points[c.origin[after(long)]])
+        if distance(c.points[a], c.points[b]) < 0.2 * longest and c.twin[short] != -1:
+            if c.kind[a] > c.kind[b]:
+                short = c.twin[short]
+                a, b = b, a
+            if collapse_keeps_manifold(c, short, ring, other) and faces_survive(c, a, b, c.points[b], 1e300, ring):
+                collapse(c, short, ring)
+                mended += 1
+                continue
+            if _parted(c, a, b, ring):
+                mended += 1
+                continue
+        g = c.twin[long]
+        if g == -1:
+            continue
+        a, b, left, right = c.origin[long], c.origin[after(long)], c.origin[before(long)], c.origin[before(g)]
+        pa, pb, pl, pr = c.points[a], c.points[b], c.points[left], c.points[right]
+        x, y, z = area_vector(pb, pa, pr)
+        x1, y1, z1 = area_vector(pa, pr, pl)
+        x2, y2, z2 = area_vector(pr, pb, pl)
+        if min(x * x1 + y * y1 + z * z1, x * x2 + y * y2 + z * z2) <= 0 or joined(c, left, right, ring):
+            continue
+        if leaving(c, a, ring)[0] < 4 or leaving(c, b, ring)[0] < 4:
+            continue
+        mark, p, q = c.marked[long], 3 * (long // 3), 3 * (g // 3)
+        flip(c, long)
+        if mark:  # the crease goes on along the two short sides, through the vertex that was beside it
+            for k in (p + 2, q + 1):
+                c.marked[k] = True
+                if c.twin[k] != -1:
+                    c.marked[c.twin[k]] = True
+            c.kind[left] = max(c.kind[left], CREASE)
+        mended += 1
+    return mended
 
 
 @kernel

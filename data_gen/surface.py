@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cascadenorm.data_gen.corners import is_manifold
 from cascadenorm.data_gen.fields import Field
@@ -18,11 +18,20 @@ ROUGH = 0.09  # spacing of the first look
 
 
 class Extent(NamedTuple):
-    """Box around a shape, and the area of its surface."""
+    """Box around a shape, and a first, coarse mesh of its surface (in one cut out: of the part within)."""
 
     lower: Vectors
     upper: Vectors
-    area: float
+    rough: Mesh
+
+    @property
+    def area(self) -> float:
+        """Area of the surface, nearly."""
+        return self.rough.area
+
+
+Window = tuple[Vectors, Vectors]
+"""Lower and upper corner of a box."""
 
 
 class UnfitShapeError(ValueError):
@@ -36,12 +45,24 @@ def extent_of(field: Field, *, rng: np.random.Generator) -> Extent:
     if not inside.any():
         raise UnfitShapeError("the shape is empty, or all thinner than the first look")
     where = lattice.nodes[inside]
-    mesh = marching_cubes(field, lattice)
-    return Extent(where.min(axis=0) - ROUGH, where.max(axis=0) + ROUGH, mesh.area)
+    if np.abs(where).max() > REACH - 2 * ROUGH:
+        raise UnfitShapeError("the shape is too large")
+    return Extent(where.min(axis=0) - ROUGH, where.max(axis=0) + ROUGH, marching_cubes(field, lattice))
+
+
+def cut_out(extent: Extent, *, share: float, rng: np.random.Generator) -> tuple[Extent, Window]:
+    """Choose a cube about a point of the surface that holds about a share of its area."""
+    rough = extent.rough
+    middle = rough.centroids[rng.choice(len(rough.areas), p=rough.areas / rough.area)]
+    gap = np.abs(rough.centroids - middle).max(axis=1)
+    order = np.argsort(gap)
+    half = float(gap[order[np.searchsorted(np.cumsum(rough.areas[order]), share * rough.area)]])
+    window = (middle - half, middle + half)
+    return Extent(*window, Mesh(rough.vertices, rough.faces[gap <= half])), window
 
 
 def polygonised(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
-                window: tuple[ArrayLike, ArrayLike] | None = None, relative_jitter: float = 0.2) -> Mesh:  # fmt: skip
+                window: Window | None = None, relative_jitter: float = 0.2) -> Mesh:  # fmt: skip
     """Polygonise a field with about `faces` triangles on a lattice turned and jittered at random.
 
     Parameters
@@ -87,4 +108,3 @@ def fit(mesh: Mesh) -> None:
         raise UnfitShapeError("the mesh is not manifold")
     if mesh.areas.min() <= 1e-7 * mesh.areas.mean():
         raise UnfitShapeError("the mesh has faces without area")
-
