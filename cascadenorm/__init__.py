@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from cascadenorm.api import Report, compare, denoise, denoise_file, methods
     from cascadenorm.controls import DenoiseError
     from cascadenorm.evaluation import evaluate
-    from cascadenorm.io import OutputError, ReadError, read, write
+    from cascadenorm.io import OutputError, ReadError, from_arrays, read, write
     from cascadenorm.mesh import Mesh, MeshError
     from cascadenorm.metrics import Measures
     from cascadenorm.registry import ParameterError
@@ -31,6 +31,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "denoise": "api",
     "denoise_file": "api",
     "evaluate": "evaluation",
+    "from_arrays": "io",
     "methods": "api",
     "read": "io",
     "write": "io",
@@ -49,6 +50,7 @@ __all__ = [
     "denoise",
     "denoise_file",
     "evaluate",
+    "from_arrays",
     "methods",
     "read",
     "write",

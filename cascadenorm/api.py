@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import cascadenorm.baselines
-import cascadenorm.learned  # noqa: F401 - both register their methods
+import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
 from cascadenorm.controls import Controls, controlled
 from cascadenorm.interop import adapter

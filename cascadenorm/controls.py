@@ -16,7 +16,7 @@ from cascadenorm.registry import Method, ParameterError
 from cascadenorm.volume import with_volume_of
 
 REGION = "region"
-"""A method with a parameter of this name is told which vertices may move: (n,) bool."""
+"""A method with a parameter of this name is told which vertices may move, (n,) bool; callers say it by a mask."""
 
 
 class DenoiseError(RuntimeError):
@@ -77,10 +77,12 @@ def controlled(
     ParameterError : a parameter, mask or limit that is out of range or does not fit the mesh
     DenoiseError : the method gave vertices that are not finite
     """
+    if REGION in parameters:
+        raise ParameterError(f"{REGION} is not set by itself: give a mask, or fixed vertices")
     checked = method.checked(parameters)
     weights = _weights(mesh, controls)
     if REGION in method.settings and (controls.mask is not None or controls.fixed is not None):
-        checked.setdefault(REGION, weights > 0)
+        checked[REGION] = weights > 0
     framed, exponent = _framed(mesh)
     with limit_threads(controls.threads), threadpool_limits(1, user_api="blas"):  # BLAS adds in an order by threads
         displacement = _displacement(method, framed, checked, controls.strength * weights, controls.progress)
@@ -180,23 +182,31 @@ def _read_length(text: float | str | None) -> tuple[float, bool]:
 
 
 def _limit(text: float | str | None, framed: Mesh, exponent: int) -> float:
-    """Return the largest displacement in the mesh's unit."""
+    """Return the largest displacement in the unit of the frame."""
     length, in_edges = _read_length(text)
-    return length * float(np.ldexp(framed.mean_edge_length, exponent)) if in_edges else length
+    with np.errstate(over="ignore"):  # far larger than the mesh is no limit
+        return length * framed.mean_edge_length if in_edges else float(np.ldexp(length, -exponent))
 
 
 def _moved(mesh: Mesh, displacement: Vectors, exponent: int, limit: float, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Add the displacement to the vertices; in the type of the result none is longer than the limit."""
-    before = mesh.vertices.astype(dtype)
-    displacement = np.ldexp(displacement, exponent)
     limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that it holds as well when measured in that type
     length = np.linalg.norm(displacement, axis=1, keepdims=True)
     long = length[:, 0] > limit
     displacement[long] *= limit / length[long]
-    after = np.where(displacement != 0, mesh.vertices + displacement, mesh.vertices).astype(dtype)
+    before = mesh.vertices.astype(dtype)
+    with np.errstate(over="ignore"):
+        step = np.ldexp(displacement, exponent)
+        after = np.where(step != 0, mesh.vertices + step, mesh.vertices).astype(dtype)
+    bad = ~np.isfinite(after).all(axis=1)
+    if bad.any():
+        raise DenoiseError(
+            f"{bad.sum()} vertices would go beyond what {dtype} can hold (vertices {first_places(bad)}): "
+            "scale the mesh down first"
+        )
     while True:  # rounding may have gone past the limit: come back by single steps of the number type
-        step = after.astype(np.float64) - before.astype(np.float64)
-        long = np.linalg.norm(step, axis=1) > limit
+        taken = np.ldexp(after.astype(np.float64) - before.astype(np.float64), -exponent)
+        long = np.linalg.norm(taken, axis=1) > limit
         if not long.any():
             return after
         after[long] = np.nextafter(after[long], before[long])

@@ -49,7 +49,7 @@ def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 
 
 def _pyvista_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    if mesh.n_cells != mesh.n_faces_strict or not mesh.is_all_triangles:
+    if mesh.n_verts or mesh.n_lines or mesh.n_strips or not mesh.is_all_triangles:
         raise MeshError("the PolyData holds cells that are not triangles: call its triangulate() first")
     return np.asarray(mesh.points), np.asarray(mesh.regular_faces)
 

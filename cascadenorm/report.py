@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from cascadenorm.api import Report
+from cascadenorm.controls import REGION
 from cascadenorm.evaluation import Evaluation, Result
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.metrics import Measures
@@ -120,7 +121,8 @@ def print_methods(methods: Mapping[str, Method]) -> None:
     for title in ("method", "what it does", "parameters", "source"):
         table.add_column(title)
     for method in methods.values():
-        table.add_row(method.name, method.summary, ", ".join(method.settings), method.source)
+        names = ", ".join(setting.name for setting in _shown(method))
+        table.add_row(method.name, method.summary, names, method.source)
     _console().print(table)
 
 
@@ -130,7 +132,7 @@ def print_method(method: Method) -> None:
     table = Table()
     for title in ("parameter", "default", "unit", "allowed", "meaning"):
         table.add_column(title)
-    for setting in method.settings.values():
+    for setting in _shown(method):
         table.add_row(setting.name, str(setting.default), setting.about.unit, _allowed(setting), setting.about.help)
     _console().print(table)
 
@@ -149,9 +151,14 @@ def method_object(method: Method) -> dict[str, Any]:
                 "allowed": _allowed(setting),
                 "help": setting.about.help,
             }
-            for setting in method.settings.values()
+            for setting in _shown(method)
         ],
     }
+
+
+def _shown(method: Method) -> list[Setting]:
+    """Settings that a user gives by name; the region is given by a mask."""
+    return [setting for setting in method.settings.values() if setting.name != REGION]
 
 
 def _allowed(setting: Setting) -> str:

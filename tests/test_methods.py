@@ -1,0 +1,121 @@
+"""What holds for every registered method, under the controls that surround it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from shapes import icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.mesh import Mesh
+
+ROUGH = noisy(icosphere(3), 0.15, seed=1)
+MESH = ROUGH.moved(
+    np.round(ROUGH.vertices * 2.0**20) / 2.0**14
+)  # edges of about 9, few enough bits to be shifted exactly
+EDGE = MESH.mean_edge_length
+HALF = MESH.vertices[:, 0] > 0
+
+
+@cache
+def denoised(name: str) -> np.ndarray:
+    return cn.denoise(MESH, method=name).vertices
+
+
+@pytest.fixture(params=sorted(cn.methods()))
+def name(request) -> str:
+    try:
+        denoised(request.param)
+    except cn.ParameterError as error:
+        pytest.skip(f"{request.param} cannot run here: {error}")
+    return request.param
+
+
+def turn() -> np.ndarray:
+    q, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))
+    return q * np.sign(np.linalg.det(q))
+
+
+def test_moves_vertices_by_finite_steps_and_leaves_its_input(name):
+    before = MESH.vertices.tobytes()
+    out = denoised(name)
+    assert out.shape == MESH.vertices.shape and np.isfinite(out).all()
+    assert 0 < np.linalg.norm(out - MESH.vertices, axis=1).max() < 30 * EDGE
+    assert MESH.vertices.tobytes() == before
+
+
+def test_same_bytes_for_one_and_two_threads(name):
+    one, two = (cn.denoise(MESH, method=name, threads=threads).vertices for threads in (1, 2))
+    assert one.tobytes() == two.tobytes()
+
+
+def test_turns_with_the_mesh(name):
+    out = cn.denoise(MESH.moved(MESH.vertices @ turn()), method=name).vertices
+    np.testing.assert_allclose(out, denoised(name) @ turn(), rtol=0, atol=1e-6 * EDGE)
+
+
+def test_does_not_depend_on_the_order_of_the_faces(name):
+    order = np.random.default_rng(2).permutation(len(MESH.faces))
+    out = cn.denoise(MESH.vertices, np.roll(MESH.faces[order], 1, axis=1), method=name)
+    np.testing.assert_allclose(out, denoised(name), rtol=0, atol=1e-6 * EDGE)
+
+
+def test_scaling_by_a_power_of_two_is_exact(name):
+    out = cn.denoise(MESH.moved(MESH.vertices * 2.0**-40), method=name).vertices
+    np.testing.assert_array_equal(out, denoised(name) * 2.0**-40)
+
+
+def test_other_scales_change_nothing_but_rounding(name):
+    out = cn.denoise(MESH.moved(MESH.vertices * 1e-8), method=name).vertices
+    np.testing.assert_allclose(out, denoised(name) * 1e-8, rtol=0, atol=1e-14 * EDGE)
+
+
+def test_far_from_the_origin_the_displacement_is_the_same(name):
+    offset = np.array([500_000.0, 5_000_000.0, 100.0])
+    out = cn.denoise(MESH.moved(MESH.vertices + offset), method=name).vertices
+    np.testing.assert_allclose(out - offset, denoised(name), rtol=0, atol=1e-9 * EDGE)
+
+
+def test_no_strength_or_an_empty_mask_keeps_every_bit(name):
+    for nothing in ({"strength": 0}, {"mask": np.zeros(len(HALF), bool)}, {"fixed": np.arange(len(HALF))}):
+        assert cn.denoise(MESH, method=name, **nothing).vertices.tobytes() == MESH.vertices.tobytes()
+
+
+def test_half_strength_goes_half_the_way(name):
+    half = cn.denoise(MESH, method=name, strength=0.5).vertices
+    np.testing.assert_allclose(half, 0.5 * (MESH.vertices + denoised(name)), rtol=0, atol=1e-12 * EDGE)
+
+
+def test_strength_two_is_the_method_on_its_own_output(name):
+    twice = cn.denoise(MESH, method=name, strength=2).vertices
+    again = cn.denoise(MESH.moved(denoised(name)), method=name).vertices
+    np.testing.assert_allclose(twice, again, rtol=0, atol=1e-6 * EDGE)
+
+
+def test_only_masked_and_free_vertices_move(name):
+    fixed = np.flatnonzero(HALF)[:20]
+    out = cn.denoise(MESH, method=name, mask=HALF, fixed=fixed).vertices
+    still = ~HALF
+    still[fixed] = True
+    assert out[still].tobytes() == MESH.vertices[still].tobytes()
+    assert (out[~still] != MESH.vertices[~still]).any()
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_no_vertex_goes_beyond_the_limit(name, dtype):
+    vertices = (MESH.vertices + 1000).astype(dtype)
+    limit = 0.03 * EDGE
+    out = cn.denoise(vertices, MESH.faces, method=name, max_displacement=limit)
+    assert out.dtype == dtype
+    moves = np.linalg.norm(out - vertices, axis=1)
+    assert 0.5 * limit < moves.max() <= limit
+
+
+def test_unused_vertices_and_faces_without_area_do_no_harm(name):
+    strays = np.array([[1e30, -1e30, 0], [np.nextafter(0, 1), -0.0, 3]])
+    count = len(MESH.vertices)
+    vertices = np.concatenate([MESH.vertices, strays, MESH.vertices[:1]])
+    faces = np.concatenate([MESH.faces, [[0, 0, 1], [0, 1, count + 2]]])  # two corners in one vertex, in one place
+    out = cn.denoise(Mesh(vertices, faces), method=name).vertices
+    assert np.isfinite(out).all()
+    assert out[count : count + 2].tobytes() == strays.tobytes()
