@@ -117,6 +117,15 @@ def test_equal_normals_at_a_seam_stay_equal_and_creases_stay():
     assert len(np.unique(np.column_stack([moved.welds, found]), axis=0)) == len(smooth.mesh.vertices)
 
 
+@pytest.mark.parametrize("scale", [1e300, 1.0, 1e-250])
+def test_normals_of_any_size_are_right(scale):
+    sphere = icosphere(2)
+    file = ply_of(sphere.vertices * scale, sphere.faces.astype(np.int64), sphere.vertices[:, [1, 2, 0]])
+    again = file.with_vertices(sphere.vertices * scale / 2).content().vertex_values
+    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
+    assert (np.abs(np.einsum("ij,ij->i", found, sphere.vertices)) > 0.99).all()
+
+
 def test_normals_far_from_what_moved_stay():
     sphere = icosphere(2)
     tilted = unit(sphere.vertices + np.array((0.3, 0, 0)))
@@ -227,6 +236,7 @@ def test_glb_converts_with_its_transforms():
     ("change", "words"),
     [
         ((b'"count": 4', b'"count": 9'), "past the 252 bytes"),
+        ((b'"byteOffset": 12', b'"byteOffset": 8 '), "overlap"),
         ((b'"POSITION": 4', b'"POSITION": 8'), "IndexError"),
         ((b'"type": "VEC3"', b'"type": "VEC4"'), "not of 3 floats"),
         ((b'"scene": 0,', b'"scene" 0, '), "no valid glTF"),

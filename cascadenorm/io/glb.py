@@ -8,7 +8,7 @@ import copy
 import json
 import struct
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,23 @@ FLOAT = 5126
 TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
 
-Accessor = tuple[int, int, int]
-"""First byte in the buffer, step, and number of elements."""
+VECTOR = 12  # bytes of three floats
+
+
+class Primitive(NamedTuple):
+    """Triangles of one material.
+
+    Parameters
+    ----------
+    number : accessor of its positions
+    positions, normals : byte of each in the buffer; no normals, or one for each position
+    triangles : (m, 3) rows of both
+    """
+
+    number: int
+    positions: NDArray[np.int64]
+    normals: NDArray[np.int64]
+    triangles: NDArray[np.int64]
 
 
 class GlbFile(MeshFile):
@@ -48,42 +63,51 @@ class GlbFile(MeshFile):
         used = [name for name in COMPRESSED if name in self._document.get("extensionsRequired", [])]
         if used:
             raise ReadError(f"this GLB file is compressed ({used[0]}): export it without compression")
-        self._positions: dict[Accessor, tuple[int, list[int]]] = {}  # its first row, and the numbers of its accessors
-        self._normals: dict[Accessor, NDArray[np.int64]] = {}  # rows of the positions that its normals belong to
-        blocks, parts, triangles, rows = [], [], [np.zeros((0, 3), np.int64)], 0
-        for part, mesh in enumerate(self._document.get("meshes", [])):
-            for primitive in mesh["primitives"]:
-                number = primitive["attributes"].get("POSITION")
-                if number is None:
-                    continue
-                accessor = self._accessor(number)
-                if accessor not in self._positions:
-                    blocks.append(_vectors(self._chunks.get(BIN, b""), accessor).astype(np.float32))
-                    parts.append(np.full(accessor[2], part))
-                    self._positions[accessor] = rows, []
-                    rows += accessor[2]
-                first, numbers = self._positions[accessor]
-                numbers.append(number)
-                found = self._triangles(primitive, accessor[2])
-                if ((found < 0) | (found >= accessor[2])).any():
-                    raise ReadError(f"mesh {part} names vertex {found.max()}, but has {accessor[2]}: export it again")
-                triangles.append(found + first)
-                if "NORMAL" in primitive["attributes"]:
-                    normals = self._accessor(primitive["attributes"]["NORMAL"])
-                    if normals[2] == accessor[2]:
-                        self._normals.setdefault(normals, first + np.arange(accessor[2]))
-        self.parts = np.concatenate([np.zeros(0, np.int64), *parts])
-        positions = np.concatenate([np.zeros((0, 3), np.float32), *blocks])
-        return positions, Polygons.from_rows(np.concatenate(triangles))
+        primitives = [
+            (part, self._primitive(primitive))
+            for part, mesh in enumerate(self._document.get("meshes", []))
+            for primitive in mesh["primitives"]
+            if "POSITION" in primitive["attributes"]
+        ]
+        none = np.zeros(0, np.int64)
+        self._positions_at = np.unique(np.concatenate([none, *(p.positions for _, p in primitives)]))
+        self._normals_at = np.unique(np.concatenate([none, *(p.normals for _, p in primitives)]))
+        places = np.sort(np.concatenate([self._positions_at, self._normals_at]))
+        if (np.diff(places) < VECTOR).any():
+            raise ReadError("positions or normals of this GLB file overlap each other: export it again")
+        self.parts = np.zeros(len(self._positions_at), np.int64)
+        self._bounded = {}
+        triangles, normals = [np.zeros((0, 3), np.int64)], [np.zeros((0, 3), np.int64)]
+        for part, primitive in reversed(primitives):
+            rows = np.searchsorted(self._positions_at, primitive.positions)
+            self.parts[rows] = part
+            self._bounded[primitive.number] = rows
+            triangles.append(rows[primitive.triangles])
+            named = np.searchsorted(self._normals_at, primitive.normals)
+            normals.append(named[primitive.triangles] if len(named) else np.full(primitive.triangles.shape, -1))
+        self._corner_normals = np.concatenate(normals[::-1])
+        positions = _vectors(self._chunks.get(BIN, b""), self._positions_at)
+        return positions, Polygons.from_rows(np.concatenate(triangles[::-1]))
 
-    def _accessor(self, number: int) -> Accessor:
-        """Return where vectors lie; raises ReadError where they are no plain vectors of floats in the buffer."""
+    def _primitive(self, primitive: dict[str, Any]) -> Primitive:
+        number, normal = primitive["attributes"]["POSITION"], primitive["attributes"].get("NORMAL")
+        positions = self._vectors_at(number)
+        normals = np.zeros(0, np.int64) if normal is None else self._vectors_at(normal)
+        triangles = self._triangles(primitive, len(positions))
+        if ((triangles < 0) | (triangles >= len(positions))).any():
+            raise ReadError(f"a face names vertex {triangles.max()} of {len(positions)}: the GLB file is damaged")
+        return Primitive(number, positions, normals if len(normals) == len(positions) else normals[:0], triangles)
+
+    def _vectors_at(self, number: int) -> NDArray[np.int64]:
+        """Return the byte of each vector; raises ReadError where they are no plain vectors of floats in the buffer."""
         accessor = self._document["accessors"][number]
         if (accessor["componentType"], accessor["type"]) != (FLOAT, "VEC3") or "sparse" in accessor:
             raise ReadError(f"accessor {number} is sparse, or not of 3 floats: export the file without that")
-        return self._place(accessor, 12)
+        start, step, count = self._place(accessor, VECTOR)
+        return start + step * np.arange(count)
 
-    def _place(self, accessor: dict[str, Any], size: int) -> Accessor:
+    def _place(self, accessor: dict[str, Any], size: int) -> tuple[int, int, int]:
+        """Return the first byte of an accessor in the buffer, its step, and its number of elements."""
         view = self._document["bufferViews"][accessor["bufferView"]]
         if view["buffer"] != 0 or "uri" in self._document["buffers"][0]:
             raise ReadError("this GLB file keeps its vertices in another file: export it as one file")
@@ -116,19 +140,16 @@ class GlbFile(MeshFile):
 
     def _moved_pieces(self) -> Iterable[Piece]:
         buffer = bytearray(self._chunks[BIN])
+        _put(buffer, self._positions_at, self.positions)
+        stored = _vectors(buffer, self._normals_at).astype(np.float64)
+        if len(stored):
+            normals, renewed = self._renewed(Normals(stored, self._corner_normals))
+            _put(buffer, self._normals_at[renewed], normals[renewed])
         document = copy.deepcopy(self._document)
-        for accessor, (first, numbers) in self._positions.items():
-            moved = self.positions[first : first + accessor[2]]
-            _vectors(buffer, accessor)[:] = moved
-            for number in numbers if len(moved) else ():
-                document["accessors"][number].update(
-                    min=moved.min(axis=0).astype(float).tolist(), max=moved.max(axis=0).astype(float).tolist()
-                )
-        for accessor, rows in self._normals.items():
-            stored = np.full(self.positions.shape, np.nan)
-            stored[rows] = _vectors(buffer, accessor)
-            normals, renewed = self._renewed(Normals(stored, self.triangles))
-            _vectors(buffer, accessor)[renewed[rows]] = normals[rows][renewed[rows]]
+        for number, rows in self._bounded.items():
+            if len(rows):
+                moved = self.positions[rows].astype(float)
+                document["accessors"][number].update(min=moved.min(axis=0).tolist(), max=moved.max(axis=0).tolist())
         text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
         return _joined(self.data, {JSON: text + b" " * (-len(text) % 4), BIN: bytes(buffer)})
 
@@ -147,10 +168,16 @@ class GlbFile(MeshFile):
         return kind
 
 
-def _vectors(buffer: bytes | bytearray, accessor: Accessor) -> NDArray[np.float32]:
-    """View the vectors of an accessor."""
-    start, step, count = accessor
-    return np.ndarray((count, 3), "<f4", buffer, start, (step, 4)) if count else np.zeros((0, 3), np.float32)
+def _vectors(buffer: bytes | bytearray, places: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return the vectors that begin at these bytes."""
+    cells = np.frombuffer(buffer, np.uint8)[places[:, None] + np.arange(VECTOR)]
+    return np.asarray(cells.view("<f4").astype(np.float32))
+
+
+def _put(buffer: bytearray, places: NDArray[np.int64], vectors: NDArray[Any]) -> None:
+    """Replace the vectors that begin at these bytes."""
+    cells = np.ascontiguousarray(vectors, "<f4").view(np.uint8)
+    np.frombuffer(buffer, np.uint8)[places[:, None] + np.arange(VECTOR)] = cells
 
 
 def _chunks(data: bytes) -> Iterable[tuple[bytes, bytes]]:

@@ -106,6 +106,11 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
 
 
 def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the normal of each triangle times twice its area."""
-    a, b, c = (positions[triangles[:, corner]].astype(np.float64) for corner in range(3))
+    """Return the normal of each triangle times its area, up to one positive factor for all of them.
+
+    The factor keeps coordinates of any size from overflowing.
+    """
+    largest = np.abs(positions).max(initial=0)
+    scaled = positions / (np.float64(largest) if largest > 0 else 1.0)
+    a, b, c = (scaled[triangles[:, corner]] for corner in range(3))
     return np.asarray(np.cross(b - a, c - a))
