@@ -72,7 +72,7 @@ def decimals(start, stop, data, starts, ends, values, simple):  # type: ignore[n
             if data[i] == 46:
                 seen_point = True
             else:
-                mantissa = 10 * mantissa + (data[i] - 48)
+                mantissa = 10 * mantissa + int(data[i]) - 48
                 digits += 1
                 exponent -= seen_point
                 if mantissa >= 1 << 53:
@@ -89,7 +89,7 @@ def decimals(start, stop, data, starts, ends, values, simple):  # type: ignore[n
             if i == end:
                 continue
             while i < end and 48 <= data[i] <= 57 and power < 1000:
-                power = 10 * power + (data[i] - 48)
+                power = 10 * power + int(data[i]) - 48
                 i += 1
             exponent += -power if down else power
         if i < end or exponent < -22 or exponent > 22:
