@@ -183,6 +183,22 @@ def generate(
     print(f"{count} pairs in {folder}")
 
 
+@app.command()
+def demo(
+    folder: Annotated[Path, typer.Argument(help="Where to leave meshes and pictures; it is made.")] = Path(
+        "cascadenorm-demo"
+    ),
+) -> None:
+    """Denoise three meshes that come with the package; leave meshes and pictures in a folder."""
+    from cascadenorm import demo as demonstration
+    from cascadenorm import report
+
+    with report.progress_steps() as progress:
+        examples = demonstration.demo(folder, progress=progress)
+    report.print_table(demonstration.table(examples))
+    print(f"meshes and pictures are in {folder}; look at {folder / demonstration.BEFORE_AFTER} first")
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit; every error becomes one line on stderr and an exit code here."""
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))

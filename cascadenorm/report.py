@@ -59,7 +59,7 @@ def print_measures(measures: Measures) -> None:
         ("volume ratio", "open" if ratio is None else f"{ratio:.6f}"),
     ):
         table.add_row(name, value)
-    _console().print(table)
+    print_table(table)
 
 
 def print_evaluation(done: Evaluation) -> None:
@@ -79,7 +79,7 @@ def print_evaluation(done: Evaluation) -> None:
         if number == 0:
             table.add_section()
         table.add_row(*_cells(result, name="mean" if number == 0 else ""), style="bold")
-    _console().print(table)
+    print_table(table)
 
 
 def _cells(result: Result, *, name: str) -> tuple[str, ...]:
@@ -123,7 +123,7 @@ def print_methods(methods: Mapping[str, Method]) -> None:
     for method in methods.values():
         names = ", ".join(setting.name for setting in _shown(method))
         table.add_row(method.name, method.summary, names, method.source)
-    _console().print(table)
+    print_table(table)
 
 
 def print_method(method: Method) -> None:
@@ -134,7 +134,7 @@ def print_method(method: Method) -> None:
         table.add_column(title)
     for setting in _shown(method):
         table.add_row(setting.name, str(setting.default), setting.about.unit, _allowed(setting), setting.about.help)
-    _console().print(table)
+    print_table(table)
 
 
 def method_object(method: Method) -> dict[str, Any]:
@@ -192,5 +192,7 @@ def _progress() -> Progress:
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
-def _console() -> Console:
-    return Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
+def print_table(table: Table) -> None:
+    """Print a table, as wide as the terminal or as PLAIN_WIDTH."""
+    console = Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
+    console.print(table)

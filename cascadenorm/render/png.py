@@ -19,7 +19,7 @@ def save_png(path: str | Path, image: Image) -> None:
     rows[:, 4:] -= flat[:, :-3]
     chunks = (
         (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
-        (b"IDAT", zlib.compress(rows.tobytes(), 9)),
+        (b"IDAT", zlib.compress(rows.tobytes(), 6)),
         (b"IEND", b""),
     )
     Path(path).write_bytes(
