@@ -1,5 +1,23 @@
 """The classical denoising methods, one module a family; importing this package registers them."""
 
-from cascadenorm.baselines import bilateral_normal, curvature_flow, diffusion, taubin
+from cascadenorm.baselines import (
+    anisotropic,
+    bilateral_normal,
+    curvature_flow,
+    diffusion,
+    guided_normal,
+    l0,
+    prescribed,
+    taubin,
+)
 
-__all__ = ["bilateral_normal", "curvature_flow", "diffusion", "taubin"]
+__all__ = [
+    "anisotropic",
+    "bilateral_normal",
+    "curvature_flow",
+    "diffusion",
+    "guided_normal",
+    "l0",
+    "prescribed",
+    "taubin",
+]

@@ -1,6 +1,6 @@
 """Bilateral filtering of face normals (Zheng, Fu, Au, Tai 2011), and the vertices that go with them."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +9,14 @@ from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, method
 
-SpatialSpread = Annotated[float, Parameter("spread of the weight over distance", "mean edge lengths", above=0)]
-RangeSpread = Annotated[float, Parameter("spread of the weight over the chord between unit normals", "chord", above=0)]
+SpatialSpread = Annotated[float, Parameter("spread of the weight over distance", "mean edge lengths", minimum=1e-6)]
+RangeSpread = Annotated[
+    float, Parameter("spread of the weight over the chord between unit normals", "chord", minimum=1e-6)
+]
+Center = Annotated[
+    Literal["skip", "count"],
+    Parameter("whether a face counts among its own neighbours, or takes its normal from others"),
+]
 Passes = Annotated[int, Parameter("passes over the normals", minimum=0)]
 
 
@@ -18,18 +24,26 @@ Passes = Annotated[int, Parameter("passes over the normals", minimum=0)]
 def bilateral_normal(
     mesh: Mesh,
     *,
-    sigma_s: SpatialSpread = 0.6,
+    sigma_s: SpatialSpread = 0.7,
     sigma_r: RangeSpread = 0.45,
     iterations: Passes = 10,
-    sweeps: Sweeps = 20,
+    center: Center = "skip",
+    sweeps: Sweeps = 8,
 ) -> Vectors:
     """Average each face normal with those of near faces that point a similar way, then move the vertices to them."""
-    return recover_vertices(
-        mesh, bilateral_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations), sweeps=sweeps
-    )
+    normals = bilateral_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations, center=center)
+    return recover_vertices(mesh, normals, sweeps=sweeps)
 
 
-def bilateral_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, iterations: int, ring: int = 1) -> Vectors:
+def bilateral_normals(
+    mesh: Mesh,
+    *,
+    sigma_s: float,
+    sigma_r: float,
+    iterations: int,
+    ring: int = 1,
+    center: Literal["skip", "count"] = "skip",
+) -> Vectors:
     """Filter face normals: n_f ← unit Σ_g A_g exp(-|c_g - c_f|²/2σ_s²) exp(-|n_g - n_f|²/2σ_r²) n_g.
 
     Parameters
@@ -38,7 +52,9 @@ def bilateral_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, iterations:
     sigma_s : spatial spread, in mean edge lengths
     sigma_r : spread of the chord between unit normals; 0.35 is about 20 degrees; inf leaves the spatial weight alone
     iterations : passes; 0 returns the mesh's own normals
-    ring : neighbours are the faces within this many steps over shared vertices; the face itself counts too
+    ring : neighbours are the faces within this many steps over shared vertices
+    center : "count" lets the face itself take part, with its area as weight; "skip", as in the authors' program, frees
+        it of its own noise; where all its neighbours weigh nothing it keeps its normal
 
     Returns
     -------
@@ -46,9 +62,10 @@ def bilateral_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, iterations:
     """
     rings = mesh.topology.face_rings(ring)
     weights = spatial_weights(mesh, rings, sigma_s)
+    own = mesh.areas if center == "count" else np.zeros_like(mesh.areas)
     normals = mesh.normals
     for _ in range(iterations):
-        normals = joint_bilateral_pass(normals, normals, mesh.areas, rings, weights, sigma_r)
+        normals = joint_bilateral_pass(normals, normals, own, rings, weights, sigma_r)
     return normals
 
 
@@ -63,18 +80,18 @@ def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float) -> NDArray[np.float6
 def joint_bilateral_pass(
     normals: Vectors,
     guide: Vectors,
-    areas: NDArray[np.float64],
+    own: NDArray[np.float64],
     rings: Csr,
     weights: NDArray[np.float64],
     sigma_r: float,
 ) -> Vectors:
     """One pass of the filter, its range weight taken on the guide; the guide is the normals themselves for bilateral.
 
-    The face itself takes part with its area as weight. Where all weights vanish the normal stays.
+    The face itself takes part with the weight own[f]. Where all weights vanish the normal stays.
     """
     out = np.empty_like(normals)
     spread = 0.5 / sigma_r**2
-    over(len(normals), _bilateral_pass, normals, guide, areas, rings.indptr, rings.indices, weights, spread, out)
+    over(len(normals), _bilateral_pass, normals, guide, own, rings.indptr, rings.indices, weights, spread, out)
     return out
 
 
@@ -90,9 +107,9 @@ def _spatial_weights(start, stop, centroids, areas, indptr, indices, spread, wei
 
 
 @kernel
-def _bilateral_pass(start, stop, normals, guide, areas, indptr, indices, weights, spread, out):  # type: ignore[no-untyped-def]
+def _bilateral_pass(start, stop, normals, guide, own, indptr, indices, weights, spread, out):  # type: ignore[no-untyped-def]
     for f in range(start, stop):
-        x, y, z = areas[f] * normals[f, 0], areas[f] * normals[f, 1], areas[f] * normals[f, 2]
+        x, y, z = own[f] * normals[f, 0], own[f] * normals[f, 1], own[f] * normals[f, 2]
         for k in range(indptr[f], indptr[f + 1]):
             g = indices[k]
             dx = guide[g, 0] - guide[f, 0]

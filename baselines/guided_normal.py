@@ -1,0 +1,146 @@
+"""Guided filtering of face normals (Zhang, Deng, Zhang, Bouaziz, Liu 2015).
+
+A joint bilateral filter whose range weight is taken on a guidance that knows more than the noisy normals do: the mean
+normal of the most consistent patch around, or the Gaussian mean. Vertices follow after each pass, so that the next one
+sees the normals that the mesh really has.
+"""
+
+from typing import Annotated, Literal
+
+import numpy as np
+
+from cascadenorm.baselines.bilateral_normal import (
+    Passes,
+    RangeSpread,
+    SpatialSpread,
+    joint_bilateral_pass,
+    spatial_weights,
+)
+from cascadenorm.baselines.interior import faces_across
+from cascadenorm.baselines.reach import each_alone, within
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
+from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.registry import Parameter, method
+
+Guidance = Annotated[
+    Literal["patch", "gaussian"], Parameter("what tells features from noise: the most consistent patch, or a mean")
+]
+Radius = Annotated[float, Parameter("how far the centroids of neighbours may be", "mean edge lengths", above=0)]
+
+
+@method("guided-normal", source="Zhang, Deng, Zhang, Bouaziz, Liu 2015")
+def guided_normal(
+    mesh: Mesh,
+    *,
+    guidance: Guidance = "patch",
+    radius: Radius = 1.15,
+    sigma_s: SpatialSpread = 0.6,
+    sigma_r: RangeSpread = 0.45,
+    iterations: Passes = 10,
+    sweeps: Sweeps = 10,
+) -> Vectors:
+    """Average each face normal with those of near faces that have a similar guidance, and let the vertices follow."""
+    neighbors = faces_within(mesh, radius)
+    for _ in range(iterations):
+        guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)
+        weights = spatial_weights(mesh, neighbors, sigma_s)
+        normals = joint_bilateral_pass(mesh.normals, guide, mesh.areas, neighbors, weights, sigma_r)
+        mesh = mesh.moved(recover_vertices(mesh, normals, sweeps=sweeps))
+    return mesh.vertices.copy()
+
+
+def faces_within(mesh: Mesh, radius: float) -> Csr:
+    """Faces near each face, itself left out: centroids within `radius` mean edge lengths, joined by such faces."""
+    count = len(mesh.faces)
+    radii = np.full(count, radius * mesh.mean_edge_length)
+    rings = mesh.topology.face_rings(1)
+    near = within(mesh.centroids, radii, mesh.centroids, rings, each_alone(count))
+    return Csr(near.indptr - np.arange(count + 1), near.indices[near.indices != near.rows])
+
+
+def gaussian_guidance(mesh: Mesh, neighbors: Csr, sigma_s: float) -> Vectors:
+    """Return (m, 3) the mean normal around each face, weighted by area and a Gaussian of the distance."""
+    weights = spatial_weights(mesh, neighbors, sigma_s)
+    return joint_bilateral_pass(mesh.normals, mesh.normals, mesh.areas, neighbors, weights, np.inf)
+
+
+def patch_guidance(mesh: Mesh) -> Vectors:
+    """Return (m, 3) the mean normal of the most consistent patch near each face.
+
+    The patch of a face is itself and the faces that share a vertex with it; a face chooses among its own patch and
+    those of these neighbours. A patch is the more consistent the smaller
+
+        H = max |n_i - n_j| over its faces × max |φ| / (ε + Σ |φ|), φ = n_i - n_j over the edges inside it:
+
+    flat patches have a small first factor, patches with one strong edge a large second one.
+    """
+    rings = mesh.topology.face_rings(1)
+    inconsistency, means = patch_statistics(mesh, rings)
+    guide = np.empty_like(means)
+    over(len(means), _choose_patch, inconsistency, means, mesh.normals, *rings, guide)
+    return guide
+
+
+def patch_statistics(mesh: Mesh, rings: Csr) -> tuple[Vectors, Vectors]:
+    """Return H, (m,), and the area-weighted mean normal, (m, 3), of the patch of each face; zero where they cancel."""
+    count = len(mesh.faces)
+    inconsistency, means = np.empty(count), np.empty((count, 3))
+    across = faces_across(mesh.topology)
+    over(count, _patch_statistics, mesh.normals, mesh.areas, across, *rings, inconsistency, means)
+    return inconsistency, means
+
+
+EPSILON = 1e-9  # keeps the relative saliency of a flat patch finite
+
+
+@kernel
+def _patch_statistics(start, stop, normals, areas, across, indptr, indices, inconsistency, means):  # type: ignore[no-untyped-def]
+    inside = np.full(len(normals), -1, np.int32)
+    for f in range(start, stop):
+        patch = np.empty(indptr[f + 1] - indptr[f] + 1, np.int32)
+        patch[:-1] = indices[indptr[f] : indptr[f + 1]]
+        patch[-1] = f
+        for g in patch:
+            inside[g] = f
+        x = y = z = 0.0
+        widest = saliency = largest = 0.0
+        for i in range(len(patch)):
+            g = patch[i]
+            if areas[g] == 0.0:
+                continue
+            x += areas[g] * normals[g, 0]
+            y += areas[g] * normals[g, 1]
+            z += areas[g] * normals[g, 2]
+            for j in range(i):
+                h = patch[j]
+                if areas[h] > 0.0:
+                    widest = max(widest, _squared_chord(normals, g, h))
+            for side in range(3):
+                h = across[g, side]
+                if h > g and inside[h] == f and areas[h] > 0.0:
+                    turn = np.sqrt(_squared_chord(normals, g, h))
+                    largest = max(largest, turn)
+                    saliency += turn
+        inconsistency[f] = np.sqrt(widest) * largest / (EPSILON + saliency)
+        length = np.sqrt(x * x + y * y + z * z)
+        scale = 1.0 / length if length > 0.0 else 0.0
+        means[f, 0], means[f, 1], means[f, 2] = scale * x, scale * y, scale * z
+
+
+@kernel
+def _squared_chord(normals, g, h):  # type: ignore[no-untyped-def]
+    x, y, z = normals[g, 0] - normals[h, 0], normals[g, 1] - normals[h, 1], normals[g, 2] - normals[h, 2]
+    return x * x + y * y + z * z
+
+
+@kernel
+def _choose_patch(start, stop, inconsistency, means, normals, indptr, indices, guide):  # type: ignore[no-untyped-def]
+    """The first of the least wins, the neighbours in their order and the face itself last; its own normal if zero."""
+    for f in range(start, stop):
+        best = f
+        for k in range(indptr[f], indptr[f + 1]):
+            g = indices[k]
+            if inconsistency[g] < inconsistency[best] or (inconsistency[g] == inconsistency[best] and best == f):
+                best = g
+        length = means[best, 0] ** 2 + means[best, 1] ** 2 + means[best, 2] ** 2
+        guide[f] = means[best] if length > 0.0 else normals[f]

@@ -1,0 +1,171 @@
+"""L0 minimisation (He & Schaefer 2013): as few edges as possible across which the surface bends.
+
+Edges that stay bent are chosen by a threshold, then the vertices are solved for, in turn, while the price β of an
+unwanted bend rises. The matrix changes with each step, since the operator follows the vertices, but not its pattern:
+that is found once, and conjugate gradients start from the last vertices, which lie close to the next ones.
+"""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
+from cascadenorm.registry import Parameter, method
+
+FIRST_BETA, LAST_BETA = 1e-3, 1e3
+ACCURACY = 1e-6  # bound of the root mean square error of each solution, in mean edge lengths
+MOST_STEPS = 2000  # of conjugate gradients; only meshes with needles need more than about 600
+
+Operator = Annotated[
+    EdgeOperator, Parameter("area-based edge operator, or cotangent: needles weigh much in the latter")
+]
+Sparsity = Annotated[
+    float, Parameter("λ, price of a bent edge", "squared mean edge lengths × mean dihedral angle", minimum=0)
+]
+Regularity = Annotated[
+    float, Parameter("first α, price of uneven triangles; halved each step", "mean dihedral angle", minimum=0)
+]
+Growth = Annotated[float, Parameter("factor by which β grows each step, from 1e-3 to 1e3", minimum=1.01)]
+
+
+@method("l0", source="He, Schaefer 2013")
+def l0(
+    mesh: Mesh,
+    *,
+    operator: Operator = "area",
+    sparsity: Sparsity = 0.2,
+    regularity: Regularity = 0.1,
+    growth: Growth = 1.414,
+) -> Vectors:
+    """Make the surface piecewise flat: minimise the number of bent edges, the distance moved and unevenness.
+
+    Only edges with exactly two faces take part; vertices of others are held by the distance alone.
+    """
+    dihedral, edge = mean_dihedral(mesh), mesh.mean_edge_length
+    price, alpha, beta = sparsity * edge**2 * dihedral, regularity * dihedral, FIRST_BETA
+    system = edge_system(edge_quads(mesh.topology), len(mesh.vertices))
+    vertices = mesh.vertices.copy()
+    right, values = np.empty_like(vertices), np.empty(len(system.pattern.indices))
+    tolerance = len(vertices) * (ACCURACY * edge) ** 2
+    while beta < LAST_BETA:
+        coefficients = edge_coefficients(vertices, system.quads, operator)
+        _assemble(*system[1:], mesh.vertices, vertices, coefficients, alpha, beta, price, values, right)
+        _conjugate_gradients(*system.pattern, values, right, vertices, tolerance, MOST_STEPS)
+        beta *= growth
+        alpha *= 0.5
+    return vertices
+
+
+class EdgeSystem(NamedTuple):
+    """Where the edges put their weights in the symmetric matrix of the vertices.
+
+    Parameters
+    ----------
+    pattern : n rows, columns ascending, the diagonal included
+    quads : (e, 4) vertices of each edge
+    slots : (e, 4, 4) entry of the pattern for each pair of these vertices
+    diagonal : (n,) entry of the pattern on the diagonal
+    """
+
+    pattern: Csr
+    quads: NDArray[np.int32]
+    slots: NDArray[np.int32]
+    diagonal: NDArray[np.int32]
+
+
+def edge_system(quads: NDArray[np.int32], vertex_count: int) -> EdgeSystem:
+    """Find the pattern of I + αRᵀR + βDᵀD."""
+    everyone = np.arange(vertex_count, dtype=np.int32)
+    rows = np.concatenate([np.repeat(quads, 4, axis=1).ravel(), everyone])
+    columns = np.concatenate([np.tile(quads, 4).ravel(), everyone])
+    matrix = sparse.csr_array((np.ones(len(rows), np.int8), (rows, columns)), (vertex_count, vertex_count))
+    matrix.sort_indices()
+    pattern = Csr(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
+    slots = np.empty(len(rows), np.int32)
+    over(len(rows), _find_slots, *pattern, rows, columns, slots)
+    return EdgeSystem(pattern, quads, slots[: 16 * len(quads)].reshape(-1, 4, 4), slots[16 * len(quads) :])
+
+
+@kernel
+def _find_slots(start, stop, indptr, indices, rows, columns, slots):  # type: ignore[no-untyped-def]
+    for i in range(start, stop):
+        low, high = indptr[rows[i]], indptr[rows[i] + 1]
+        slots[i] = low + np.searchsorted(indices[low:high], columns[i])
+
+
+@kernel
+def _assemble(quads, slots, diagonal, noisy, vertices, coefficients, alpha, beta, price, values, right):  # type: ignore[no-untyped-def]
+    """Fill the matrix I + αRᵀR + βDᵀD and the right-hand side x* + βDᵀδ, where δ is Dx on edges worth their price."""
+    for k in range(len(values)):
+        values[k] = 0.0
+    for i in range(len(noisy)):
+        values[diagonal[i]] = 1.0
+        for d in range(3):
+            right[i, d] = noisy[i, d]
+    for e in range(len(quads)):
+        x = y = z = 0.0
+        for a in range(4):
+            i, c = quads[e, a], coefficients[e, a]
+            x += c * vertices[i, 0]
+            y += c * vertices[i, 1]
+            z += c * vertices[i, 2]
+        stays = beta * (x * x + y * y + z * z) > price
+        for a in range(4):
+            for b in range(4):
+                even = alpha if (a - b) % 2 == 0 else -alpha
+                values[slots[e, a, b]] += even + beta * coefficients[e, a] * coefficients[e, b]
+            if stays:
+                i, c = quads[e, a], beta * coefficients[e, a]
+                right[i, 0] += c * x
+                right[i, 1] += c * y
+                right[i, 2] += c * z
+
+
+@kernel
+def _conjugate_gradients(indptr, indices, values, right, x, tolerance, most):  # type: ignore[no-untyped-def]
+    """Improve x until the squared residual is at most `tolerance`; so is the squared error, since the matrix is ≥ I.
+
+    Preconditioned by the diagonal. The three columns are one system with common steps: so they turn with the mesh.
+    """
+    n = len(x)
+    inverse, residual, direction, image = np.empty(n), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    for i in range(n):
+        for d in range(3):
+            residual[i, d], direction[i, d] = right[i, d], 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            for d in range(3):
+                residual[i, d] -= values[k] * x[indices[k], d]
+            if indices[k] == i:
+                inverse[i] = 1.0 / values[k]
+    before = np.inf
+    for _ in range(most):
+        squared = energy = 0.0
+        for i in range(n):
+            size = residual[i, 0] ** 2 + residual[i, 1] ** 2 + residual[i, 2] ** 2
+            squared += size
+            energy += inverse[i] * size
+        if squared <= tolerance:
+            return
+        share = energy / before
+        before = energy
+        for i in range(n):
+            for d in range(3):
+                direction[i, d] = inverse[i] * residual[i, d] + share * direction[i, d]
+        curvature = 0.0
+        for i in range(n):
+            a = b = c = 0.0
+            for k in range(indptr[i], indptr[i + 1]):
+                j, value = indices[k], values[k]
+                a += value * direction[j, 0]
+                b += value * direction[j, 1]
+                c += value * direction[j, 2]
+            image[i, 0], image[i, 1], image[i, 2] = a, b, c
+            curvature += a * direction[i, 0] + b * direction[i, 1] + c * direction[i, 2]
+        step = energy / curvature
+        for i in range(n):
+            for d in range(3):
+                x[i, d] += step * direction[i, d]
+                residual[i, d] -= step * image[i, d]

@@ -1,0 +1,69 @@
+"""What lies within a distance, found by walking over neighbours: linear where a search of all pairs is not."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Csr, Vectors, kernel, over
+
+
+def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr) -> Csr:
+    """Find the points near each centre that a walk over near points reaches from the seeds.
+
+    Parameters
+    ----------
+    centers, radii : (k, 3), (k,)
+    points : (p, 3)
+    graph : p rows, neighbours of each point
+    seeds : k rows, where the walk of each centre starts; a seed that is too far is left out as any other point
+
+    Returns
+    -------
+    k rows: the points at most radii[i] from centers[i], in the order in which they are found
+    """
+    count = len(centers)
+    parts = over(count, _within_range, centers, radii, points, *graph, *seeds)
+    indptr = np.zeros(count + 1, np.int64)
+    np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
+    return Csr(indptr, np.concatenate([found for _, found in parts]))
+
+
+def each_alone(count: int) -> Csr:
+    """Return rows of one entry, their own number: seeds for a walk from each point itself."""
+    return Csr(np.arange(count + 1, dtype=np.int64), np.arange(count, dtype=np.int32))
+
+
+@kernel
+def _within_range(start, stop, centers, radii, points, indptr, indices, seed_indptr, seed_indices):  # type: ignore[no-untyped-def]
+    """Search breadth first from the seeds of each centre in start … stop; the counts, and what is found."""
+    seen = np.full(len(points), -1, np.int32)
+    counts = np.empty(stop - start, np.int64)
+    found = np.empty(max(64, 24 * (stop - start)), np.int32)
+    end = 0
+    for i in range(start, stop):
+        first = end
+        limit = radii[i] * radii[i]
+        current = first - 1  # the seeds stand before the first point found
+        while current < end:
+            if current < first:
+                low, high, source = seed_indptr[i], seed_indptr[i + 1], seed_indices
+            else:
+                low, high, source = indptr[found[current]], indptr[found[current] + 1], indices
+            for k in range(low, high):
+                j = source[k]
+                if seen[j] == i:
+                    continue
+                seen[j] = i
+                x = points[j, 0] - centers[i, 0]
+                y = points[j, 1] - centers[i, 1]
+                z = points[j, 2] - centers[i, 2]
+                if x * x + y * y + z * z > limit:
+                    continue
+                if end == len(found):
+                    larger = np.empty(2 * len(found), np.int32)
+                    larger[:end] = found
+                    found = larger
+                found[end] = j
+                end += 1
+            current += 1
+        counts[i - start] = end - first
+    return counts, found[:end].copy()
