@@ -182,7 +182,7 @@ def turned(edge: float, rng: np.random.Generator) -> Field:
 
 
 def plate(edge: float, rng: np.random.Generator) -> Field:
-    """A random outline pulled to a height, with pockets, holes and rounded or chamfered rims; sometimes bent or tapered."""
+    """A random outline pulled to a height, with pockets, holes and worked rims; sometimes bent or tapered."""
     kind = rng.integers(4)
     if kind == 0:
         count = int(rng.integers(5, 14))
@@ -206,7 +206,7 @@ def plate(edge: float, rng: np.random.Generator) -> Field:
         hole: Field = cylinder(radius=float(rng.uniform(0.06, 0.25)), half_height=depth)
         if rng.random() < 0.4:
             hole = box([*rng.uniform(0.08, 0.35, 2), depth])
-        total = difference(total, moved(hole, by=at + [0, 0, thick if depth < 1 else 0]))
+        total = difference(total, moved(hole, by=at + np.array([0, 0, thick if depth < 1 else 0])))
     if rng.random() < 0.25:
         total = moved(
             bent(

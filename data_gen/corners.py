@@ -43,8 +43,8 @@ def is_manifold(mesh: Mesh) -> bool:
 def corners_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> Corners:
     """Lay out a mesh for editing, with room for `capacity` times its faces.
 
-    Edges where `creases`, one a topological edge, is true are marked, and those of the rim always; a vertex on two marked
-    edges that go nearly straight on is on a crease, one with any other number of them is a corner.
+    Edges where `creases`, one a topological edge, is true are marked, and those of the rim always; a vertex on two
+    marked edges that go nearly straight on is on a crease, one with any other number of them is a corner.
     """
     n, m = len(mesh.vertices), len(mesh.faces)
     rooms = int(capacity * m) + 8
@@ -135,7 +135,7 @@ def _fans_are_single(c, n):  # type: ignore[no-untyped-def]
     for h in range(3 * c.used[1]):
         degree[c.origin[h]] += 1
     ring = np.empty(512, np.int64)
-    for v in range(n):
+    for v in range(n):  # noqa: SIM110, numba compiles no generators
         if degree[v] > 0 and leaving(c, v, ring)[0] != degree[v]:
             return False
     return True
@@ -204,7 +204,7 @@ def collapse_keeps_manifold(c, h, ring, other):  # type: ignore[no-untyped-def]
         return False
     for i in range(count):
         w = c.origin[after(ring[i])]
-        if w == left or w == right or w == b:
+        if w in (left, right, b):
             continue
         for j in range(around):
             if c.origin[after(other[j])] == w or c.origin[before(other[j])] == w:

@@ -31,7 +31,7 @@ class DatasetConfig:
     count : pairs in the data set
     seed : of everything
     families : names out of FAMILIES; those left out are held out
-    min_faces, max_faces : bounds for the wanted number of faces, drawn log-uniformly; meshes meet it within a third or so
+    min_faces, max_faces : bounds for the wanted number of faces, drawn log-uniformly and met within a third or so
     noise_kinds : drawn with equal chance; name one twice to double its chance
     min_level, max_level : noise level in mean edge lengths, drawn log-uniformly
     """

@@ -20,7 +20,7 @@ def decimate(corners: Corners, *, faces: int, evenness: float) -> None:
     """Collapse edges until about so many faces are left, the cheapest first.
 
     The cost of a collapse is the squared distance to the planes that a vertex stands for (Garland and Heckbert 1997),
-    plus `evenness` times the squared length of the edge and the area around it, so that flat regions keep some triangles.
+    plus `evenness` times the squared length of the edge and the area around it, so that flat regions keep triangles.
     """
     quadrics = _quadrics(corners)
     share = 0.1

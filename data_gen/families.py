@@ -13,7 +13,6 @@ from cascadenorm.data_gen.surface import cut_out, extent_of
 from cascadenorm.data_gen.views import view
 from cascadenorm.mesh import Mesh
 
-
 USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
 
 

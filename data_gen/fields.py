@@ -67,7 +67,7 @@ def superquadric(radii: ArrayLike, *, exponent: float) -> Field:
         top = scaled.max(axis=1, keepdims=True)
         level = top[:, 0] * ((scaled / top) ** exponent).sum(axis=1) ** (1 / exponent)
         gradient = norm((scaled / level[:, None]) ** (exponent - 1) / radii)
-        return (level - 1) / np.maximum(gradient, 1e-6)
+        return np.asarray((level - 1) / np.maximum(gradient, 1e-6))
 
     return distance
 
@@ -77,7 +77,7 @@ def cylinder(*, radius: float, half_height: float) -> Field:
 
     def distance(points: Vectors) -> Values:
         excess = np.stack([norm(points[:, :2]) - radius, np.abs(points[:, 2]) - half_height], axis=1)
-        return norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0)
+        return np.asarray(norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0))
 
     return distance
 
@@ -151,7 +151,7 @@ def _join(a: Values, b: Values, blend: Blend, radius: float) -> Values:
     if blend == "sharp" or radius <= 0:
         return np.minimum(a, b)
     if blend == "chamfer":
-        return np.minimum(np.minimum(a, b), (a + b - radius) * np.sqrt(0.5))
+        return np.asarray(np.minimum(np.minimum(a, b), (a + b - radius) * np.sqrt(0.5)))
     bite = np.hypot(np.maximum(radius - a, 0), np.maximum(radius - b, 0))
     return np.maximum(radius, np.minimum(a, b)) - bite
 

@@ -1,4 +1,4 @@
-"""Sampling a field on a lattice of points, which may be jittered and warped; far from the surface it is not evaluated."""
+"""Sampling a field on a lattice of points, which may be jittered and stretched, only near the surface."""
 
 from typing import NamedTuple
 

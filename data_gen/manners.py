@@ -37,6 +37,8 @@ def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np
         manner = rng.choice(get_args(Manner), p=[0.15, 0.22, 0.17, 0.08, 0.08, 0.12, 0.18])
     coarse = faces // 4 if manner == "subdivided" else faces
     oversampling = {"lattice": 1.0, "decimated": float(rng.uniform(2, 3))}.get(manner, 2.5 if sharp else 1.3)
+    if manner == "subdivided" and sharp:
+        oversampling = 5.0
     lattice_faces = int(oversampling * coarse)
     mesh = polygonised(field, extent, faces=lattice_faces, sharp=sharp or rng.random() < 0.5, window=window, rng=rng)
     if not is_manifold(mesh):
@@ -205,7 +207,12 @@ def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> Corners:
     (a, b, c), (ab, bc, ca) = mesh.faces.T, sides.T
     faces = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
     fine = Mesh(vertices, faces)
-    corners = corners_of(fine, creases=creases_of(field, fine) if sharp else None, capacity=1.0)
+    creases = None
+    if sharp:
+        marked = np.flatnonzero(creases_of(field, mesh))
+        halves = edges[marked].astype(np.int64) * len(vertices) + (len(mesh.vertices) + marked)[:, None]
+        creases = np.isin(fine.topology.edges.astype(np.int64) @ [len(vertices), 1], halves)
+    corners = corners_of(fine, creases=creases, capacity=1.0)
     corners.length[:] = fine.mean_edge_length
     return corners
 

@@ -10,8 +10,12 @@ from cascadenorm.data_gen.patterns import noise as drift
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "none"]
-"""`normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat. `impulsive`:
-a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape. `mixed`: two."""
+"""What noise is like.
+
+`normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat.
+`impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
+`mixed`: two.
+"""
 
 
 def vertex_normals(mesh: Mesh) -> Vectors:
@@ -28,8 +32,8 @@ def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.G
     Parameters
     ----------
     kind : see NoiseKind
-    level : standard deviation in mean edge lengths: along the normal, or of each coordinate; of impulsive noise that of the
-        vertices that it hits
+    level : standard deviation in mean edge lengths: along the normal, or of each coordinate; of impulsive noise that
+        of the vertices that it hits
 
     Returns
     -------
@@ -74,7 +78,8 @@ def _varying(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
 
 def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     share = rng.uniform(0.2, 0.8)
-    first, second = rng.choice([_normal, _gaussian, _uniform, _impulsive, _varying], 2, replace=False)
+    kinds = (_normal, _gaussian, _uniform, _impulsive, _varying)
+    first, second = (kinds[k] for k in rng.choice(len(kinds), 2, replace=False))
     total = np.sqrt(share) * first(mesh, deviation, rng) + np.sqrt(1 - share) * second(mesh, deviation, rng)
     return np.asarray(total)
 

@@ -16,7 +16,7 @@ def random_rotation(*, rng: np.random.Generator) -> Vectors:
 
 def direction(*, rng: np.random.Generator) -> Values:
     """Unit vector, uniform over the sphere."""
-    return unit(rng.normal(size=(1, 3)))[0]
+    return np.asarray(unit(rng.normal(size=(1, 3)))[0])
 
 
 def moved(field: Field, *, by: ArrayLike = (0.0, 0.0, 0.0), rotation: Vectors | None = None) -> Field:

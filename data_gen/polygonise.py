@@ -50,7 +50,7 @@ def marching_cubes(field: Field, lattice: Lattice) -> Mesh:
 
 
 def dual_contouring(field: Field, lattice: Lattice) -> Mesh:
-    """Triangles with a vertex for each piece of surface in a cell, on the edge or corner of the shape if one is there."""
+    """Triangles with a vertex for each piece of surface in a cell, on the shape's edge or corner if one is there."""
     crossings = find_crossings(field, lattice)
     sheets, count = _sheets(crossings)
     normals = unit(gradients(field, crossings.points, step=1e-4 * lattice.spacing))
@@ -64,7 +64,7 @@ def dual_contouring(field: Field, lattice: Lattice) -> Mesh:
 
 
 def find_crossings(field: Field, lattice: Lattice) -> Crossings:
-    """Run marching cubes on the lattice and find each crossing on its edge to a thousandth of the edge."""
+    """Run marching cubes on the lattice, then find each crossing on its edge exactly."""
     from skimage.measure import marching_cubes as march
 
     values = lattice.values
@@ -72,7 +72,8 @@ def find_crossings(field: Field, lattice: Lattice) -> Crossings:
     pushed = np.where(values >= 0, np.maximum(values, limit), np.minimum(values, -limit))
     if not pushed.min() < 0 < pushed.max():
         raise NoSurfaceError("the field has one sign all over the lattice")
-    found, triangles, _, _ = march(np.clip(pushed, -4 * lattice.spacing, 4 * lattice.spacing), 0.0)
+    clipped = np.clip(pushed, -4 * lattice.spacing, 4 * lattice.spacing)
+    found, triangles, _, _ = march(clipped, 0.0)  # type: ignore[no-untyped-call]
     found = found.astype(np.float64)
     cells = np.floor(found[triangles].mean(axis=1)).astype(np.int64)
 
@@ -109,17 +110,25 @@ def _facing(
 
 
 def _roots(field: Field, start: Vectors, stop: Vectors, low: Values, high: Values) -> Values:
-    """Share of the way from start to stop at which the field vanishes: linear, then two false-position steps."""
-    left, right = np.zeros(len(start)), np.ones(len(start))
-    change = np.where(low == high, 1.0, low - high)
-    share = np.clip(low / change, 0, 1)
-    for _ in range(2):
-        value = field(start + share[:, None] * (stop - start))
-        same = (value < 0) == (low < 0)
-        left, low = np.where(same, share, left), np.where(same, value, low)
-        right, high = np.where(same, right, share), np.where(same, high, value)
-        change = np.where(low == high, 1.0, low - high)
-        share = np.clip(left + (right - left) * low / change, left, right)
+    """Share of the way from start to stop at which the field vanishes, by the Illinois rule of false position."""
+    share = np.clip(low / np.where(low == high, 1.0, low - high), 0, 1)
+    open_ = np.flatnonzero((low < 0) != (high < 0))
+    left, right, low, high = np.zeros(len(open_)), np.ones(len(open_)), low[open_], high[open_]
+    side = np.zeros(len(open_), np.int8)
+    for _ in range(12):
+        at = share[open_]
+        value = field(start[open_] + at[:, None] * (stop - start)[open_])
+        lower = (value < 0) == (low < 0)
+        high = np.where(lower & (side == 1), 0.5 * high, np.where(lower, high, value))
+        low = np.where(~lower & (side == -1), 0.5 * low, np.where(lower, value, low))
+        left, right = np.where(lower, at, left), np.where(lower, right, at)
+        side[:] = np.where(lower, 1, -1)
+        share[open_] = left + (right - left) * low / np.where(low == high, 1.0, low - high)
+        rough = np.abs(value) > 1e-7
+        open_, side = open_[rough], side[rough]
+        left, right, low, high = left[rough], right[rough], low[rough], high[rough]
+        if len(open_) == 0:
+            break
     return np.clip(share, 0, 1)
 
 

@@ -22,7 +22,7 @@ def rectangle(*, half: tuple[float, float]) -> Profile:
 
     def distance(points: NDArray[np.float64]) -> Values:
         excess = np.abs(points) - np.asarray(half)
-        return norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0)
+        return np.asarray(norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0))
 
     return distance
 
@@ -47,7 +47,7 @@ def gear(*, teeth: int, radius: float, depth: float, slope: float) -> Profile:
         wave = np.sin(teeth * angle)
         rim = radius + 0.5 * depth * (np.clip(slope * wave, -1, 1) if slope > 0 else wave)
         steepness = 1 + (0.25 * depth * teeth * max(slope, 1) / radius) ** 2
-        return (norm(points) - rim) / np.sqrt(steepness)
+        return np.asarray((norm(points) - rim) / np.sqrt(steepness))
 
     return distance
 
@@ -62,7 +62,7 @@ def lobed(*, radii: Values) -> Profile:
             a, b = radii[2 * order - 1], radii[2 * order]
             rim += a * np.cos(order * angle) + b * np.sin(order * angle)
             slope += order * (b * np.cos(order * angle) - a * np.sin(order * angle))
-        return (norm(points) - rim) / np.sqrt(1 + (slope / np.maximum(rim, 0.1)) ** 2)
+        return np.asarray((norm(points) - rim) / np.sqrt(1 + (slope / np.maximum(rim, 0.1)) ** 2))
 
     return distance
 

@@ -24,7 +24,7 @@ def _with_single_edges(mesh: Mesh) -> tuple[Vectors, NDArray[np.int32]]:
         return mesh.vertices, mesh.faces
     fresh: list[NDArray[np.float64]] = []
     inserted: dict[int, list[tuple[int, int]]] = {}  # face: (side, vertex)
-    for edge in crowded:
+    for edge in crowded.tolist():
         a, b = mesh.topology.edges[edge]
         members = edge_faces.row(edge)
         sides = [int(np.flatnonzero(mesh.topology.face_edges[f] == edge)[0]) for f in members]
