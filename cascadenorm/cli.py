@@ -209,6 +209,8 @@ def run(arguments: Sequence[str]) -> int:
     try:
         code = app(list(arguments), prog_name="cascadenorm", standalone_mode=False)
         sys.stdout.flush()
+        if code == INTERRUPTED:  # what newer typers make of a KeyboardInterrupt
+            raise KeyboardInterrupt
         return code if isinstance(code, int) else DONE
     except (KeyboardInterrupt, typer.Abort):
         _complain("interrupted; no file was left half written")

@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+from shapes import cube, icosphere, noisy
+
+from cascadenorm.api import save_mesh
+from cascadenorm.evaluation import NOISY, evaluate
+from cascadenorm.io import OutputError, ReadError
+from cascadenorm.metrics import measure
+from cascadenorm.pairs import find_pairs, write_pairs
+from cascadenorm.registry import ParameterError
+
+SHAPES = {"ball": icosphere(2), "cube": cube(4)}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    root = tmp_path_factory.mktemp("pairs")
+    for name, clean in SHAPES.items():
+        (root / name).mkdir()
+        save_mesh(root / name / "noisy.ply", noisy(clean, 0.2))
+        save_mesh(root / name / "clean.ply", clean)
+    (root / "notes").mkdir()
+    return root
+
+
+def test_pairs_are_found_in_a_folder_and_in_the_folders_in_it(folder):
+    assert [pair.name for pair in find_pairs([folder])] == ["ball", "cube"]
+    assert [pair.name for pair in find_pairs([folder / "cube", folder / "ball"])] == ["cube", "ball"]
+    both = find_pairs([folder, folder / "ball"])
+    assert [pair.name for pair in both] == [str(folder / name) for name in ("ball", "cube", "ball")]
+
+
+def test_folders_without_pairs_are_refused(folder, tmp_path):
+    with pytest.raises(ReadError, match="is not a folder"):
+        find_pairs([folder / "absent"])
+    with pytest.raises(ReadError, match="holds no pairs"):
+        find_pairs([folder / "notes"])
+    (tmp_path / "noisy.ply").touch()
+    with pytest.raises(ReadError, match=r"holds noisy\.ply alone"):
+        find_pairs([tmp_path])
+    (tmp_path / "noisy.obj").touch()
+    with pytest.raises(ReadError, match=r"holds 2 files noisy\.\*"):
+        find_pairs([tmp_path])
+
+
+def test_measures_are_those_of_the_denoised_mesh(folder):
+    done = evaluate([folder], methods=["bilateral-normal"], parameters={"iterations": "0", "sweeps": 0})
+    assert [(r.pair, r.method) for r in done.results] == [
+        (name, method) for name in SHAPES for method in (NOISY, "bilateral-normal")
+    ]
+    for result in done.results:  # no passes, no sweeps: the method gives back what it got
+        assert result.measures == measure(noisy(SHAPES[result.pair], 0.2), SHAPES[result.pair])
+    assert done.failures == []
+
+
+def test_means_are_over_the_pairs(folder):
+    done = evaluate([folder], methods=["bilateral-normal"])
+    errors = [r.measures.normal_error_deg for r in done.results]
+    assert [mean.measures.normal_error_deg for mean in done.means] == [
+        pytest.approx((errors[0] + errors[2]) / 2),
+        pytest.approx((errors[1] + errors[3]) / 2),
+    ]
+    assert errors[1] < 0.6 * errors[0] and errors[3] < 0.6 * errors[2]
+
+
+def test_progress_counts_all_parts(folder):
+    seen = []
+    evaluate([folder], methods=["laplacian"], progress=lambda *what: seen.append(what))
+    assert seen == [
+        ("ball: noisy", 0, 4),
+        ("ball: laplacian", 1, 4),
+        ("cube: noisy", 2, 4),
+        ("cube: laplacian", 3, 4),
+    ]
+
+
+def test_one_bad_pair_does_not_end_the_evaluation(folder, tmp_path):
+    for pair in ("a_bad", "b_good"):
+        (tmp_path / pair).mkdir()
+        for half in ("noisy.ply", "clean.ply"):
+            (tmp_path / pair / half).write_bytes((folder / "ball" / half).read_bytes())
+    (tmp_path / "a_bad" / "noisy.ply").write_bytes(b"ply\nrubbish")
+    done = evaluate([tmp_path], methods=["laplacian"])
+    assert [result.pair for result in done.results] == ["b_good", "b_good"]
+    assert [(failure.pair, failure.method) for failure in done.failures] == [("a_bad", None)]
+    assert "noisy.ply" in str(done.failures[0].error)
+
+
+def test_unknown_methods_and_parameters_are_refused_before_any_work(folder):
+    with pytest.raises(ParameterError, match="there is no method 'magic'"):
+        evaluate([folder / "absent"], methods=["magic"])
+    with pytest.raises(ParameterError, match="laplacian has no parameter 'wings'"):
+        evaluate([folder / "absent"], methods=["laplacian"], parameters={"wings": 1})
+
+
+def test_generated_pairs_can_be_evaluated_and_repeat(tmp_path):
+    for name in ("one", "two"):
+        write_pairs(tmp_path / name, count=1, seed=3)
+    (pair,), (again,) = find_pairs([tmp_path / "one"]), find_pairs([tmp_path / "two"])
+    assert pair.noisy.read_bytes() == again.noisy.read_bytes()
+    done = evaluate([tmp_path / "one"], methods=[])
+    assert done.results[0].measures.normal_error_deg > 0
+    with pytest.raises(OutputError, match="is not empty"):
+        write_pairs(tmp_path / "one", count=1, seed=3)
+    with pytest.raises(OutputError, match="is a file"):
+        write_pairs(pair.noisy, count=1, seed=3)
+    assert np.isfinite(done.means[0].measures.vertex_error_edges)

@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, noisy
+
+from cascadenorm.mesh import Mesh, MeshError
+from cascadenorm.metrics import measure
+
+
+def turned(mesh: Mesh, degrees: float, axis: int) -> Mesh:
+    """Return the mesh turned about a coordinate axis."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    matrix = np.roll(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), (axis + 1, axis + 1), axis=(0, 1))
+    return mesh.moved(mesh.vertices @ matrix.T)
+
+
+def test_a_mesh_is_no_error_away_from_itself():
+    found = measure(noisy(icosphere(2), 0.1), noisy(icosphere(2), 0.1))
+    assert found.normal_error_deg == found.normal_error_rms_deg == found.normal_error_p95_deg == 0
+    assert found.turned_percent == 0
+    assert found.hausdorff_diagonal < 1e-15
+    assert found.vertex_error_edges < 1e-15
+    assert found.volume_ratio == 1
+
+
+def test_a_larger_sphere_is_off_by_the_difference_of_the_radii():
+    small = icosphere(3)
+    found = measure(small.moved(1.02 * small.vertices), small)
+    assert found.normal_error_deg == pytest.approx(0, abs=1e-12)
+    assert found.vertex_error_edges == pytest.approx(0.02 / small.mean_edge_length, rel=1e-12)
+    assert found.hausdorff_diagonal == pytest.approx(0.02 / small.diagonal, rel=1e-12)
+    assert found.volume_ratio == pytest.approx(1.02**3, rel=1e-12)
+
+
+def test_a_lifted_plane_is_off_by_its_height_in_edges_of_the_true_mesh():
+    plane = grid(4, 5)
+    found = measure(plane.moved(plane.vertices + np.array([0, 0, 0.3])), plane)
+    assert found.vertex_error_edges == pytest.approx(0.3 / plane.mean_edge_length, rel=1e-12)
+    assert found.hausdorff_diagonal == pytest.approx(0.3 / np.hypot(4, 5), rel=1e-12)
+    assert found.normal_error_deg == 0
+    assert found.volume_ratio is None
+
+
+def test_hausdorff_looks_both_ways_and_the_vertex_error_one():
+    plane = grid(4, 8)
+    part = Mesh(plane.vertices, plane.faces[(plane.centroids[:, 0] < 4)])
+    assert measure(part, plane).vertex_error_edges == 0
+    assert measure(part, plane).hausdorff_diagonal == pytest.approx(4 / np.hypot(4, 8), rel=1e-12)
+    assert measure(plane, part).vertex_error_edges > 0
+
+
+@pytest.mark.parametrize("degrees", [1e-5, 7.0, 89.0, 91.0, 180.0])
+def test_a_turned_plane_is_off_by_the_angle(degrees):
+    plane = grid(3, 3)
+    found = measure(turned(plane, degrees, axis=0), plane)
+    assert found.normal_error_deg == pytest.approx(degrees, rel=1e-9)
+    assert found.normal_error_p95_deg == pytest.approx(degrees, rel=1e-9)
+    assert found.turned_percent == (100 if degrees > 90 else 0)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_cube_turned_about_its_axis_is_off_on_four_sides_of_six(axis):
+    found = measure(turned(cube(4), 12, axis), cube(4))
+    assert found.normal_error_deg == pytest.approx(12 * 4 / 6, rel=1e-9)
+    assert found.normal_error_rms_deg == pytest.approx(12 * np.sqrt(4 / 6), rel=1e-9)
+    assert found.volume_ratio == pytest.approx(1, rel=1e-12)
+
+
+def test_meshes_with_other_faces_are_compared_at_their_nearest_points():
+    found = measure(cube(7), cube(4))
+    assert found.normal_error_deg == pytest.approx(0, abs=1e-6)
+    assert found.vertex_error_edges == pytest.approx(0, abs=1e-12)
+    assert found.hausdorff_diagonal == pytest.approx(0, abs=1e-12)
+    small = turned(grid(3, 7), 5, axis=0)
+    assert measure(small, grid(4, 4)).normal_error_deg == pytest.approx(5, rel=1e-9)
+
+
+def test_order_of_faces_does_not_matter():
+    rough, clean = noisy(icosphere(2), 0.1), icosphere(2)
+    order = np.random.default_rng(0).permutation(len(clean.faces))
+    shuffled = measure(Mesh(rough.vertices, rough.faces[order]), Mesh(clean.vertices, clean.faces[order]))
+    expected = measure(rough, clean)
+    assert shuffled.normal_error_deg == pytest.approx(expected.normal_error_deg, rel=1e-12)
+    assert shuffled.vertex_error_edges == expected.vertex_error_edges
+
+
+def test_measures_do_not_change_with_the_scale():
+    rough, clean = noisy(icosphere(2), 0.2), icosphere(2)
+    expected = measure(rough, clean)
+    for scale in (2.0**30, 2.0**-30):
+        assert measure(rough.moved(rough.vertices * scale), clean.moved(clean.vertices * scale)) == expected
+
+
+def test_faces_without_area_have_no_angle():
+    plane = grid(2, 2)
+    tilted = turned(plane, 10, axis=0)
+    flat_face = [[0, 1, 1]]
+    found = measure(
+        Mesh(tilted.vertices, np.concatenate([tilted.faces, flat_face])),
+        Mesh(plane.vertices, np.concatenate([plane.faces, flat_face])),
+    )
+    assert found.normal_error_deg == pytest.approx(10, rel=1e-9)
+    with pytest.raises(MeshError, match="no face has an area in both meshes"):
+        measure(Mesh(plane.vertices, flat_face), plane)
+
+
+def test_unused_vertices_do_not_count():
+    plane = grid(2, 2)
+    stray = Mesh(np.concatenate([plane.vertices, [[0, 0, 1000]]]), plane.faces)
+    assert measure(stray, plane).hausdorff_diagonal == 0
+
+
+def test_a_reference_without_extent_is_refused():
+    with pytest.raises(MeshError, match="at one place"):
+        measure(grid(1, 1), Mesh(np.zeros((3, 3)), [[0, 1, 2]]))
