@@ -199,6 +199,21 @@ def demo(
     print(f"meshes and pictures are in {folder}; look at {folder / demonstration.BEFORE_AFTER} first")
 
 
+@app.command()
+def render(
+    meshes: Annotated[list[str], typer.Argument(metavar="MESH...", help="Drawn side by side, seen from one place.")],
+    *,
+    output: Annotated[Path, typer.Option("-o", "--output", help="PNG file.")],
+    size: Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")] = 600,
+    force: Force = False,
+) -> None:
+    """Draw meshes into a picture, without a graphics card or a window."""
+    from cascadenorm.pictures import draw
+
+    draw(meshes, output, size=size, force=force)
+    print(output)
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit; every error becomes one line on stderr and an exit code here."""
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))

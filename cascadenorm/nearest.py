@@ -67,21 +67,23 @@ def _curve(points: Vectors) -> NDArray[np.uint64]:
 def _search(start, stop, points, corners, order, boxes, squared, faces):  # type: ignore[no-untyped-def]
     """Visit the nearer child first, and no box that is farther than the best triangle so far."""
     first_leaf = len(boxes) // 2
-    stack = np.empty(64, np.int64)
+    stack, away = np.empty(64, np.int64), np.empty(64)  # boxes to visit, and how far they are
     for i in range(start, stop):
         p = (points[i, 0], points[i, 1], points[i, 2])
         best, face = np.inf, -1
-        stack[0], top = 0, 1
+        stack[0], away[0], top = 0, 0.0, 1
         while top > 0:
             top -= 1
             node = stack[top]
-            if _box_distance2(p, boxes, node) > best:
+            if away[top] > best:
                 continue
             if node < first_leaf:
-                left, right = 2 * node + 1, 2 * node + 2
-                if _box_distance2(p, boxes, left) <= _box_distance2(p, boxes, right):
-                    left, right = right, left
-                stack[top], stack[top + 1] = left, right
+                near, far = 2 * node + 1, 2 * node + 2
+                to_near, to_far = _box_distance2(p, boxes, near), _box_distance2(p, boxes, far)
+                if to_far < to_near:
+                    near, far, to_near, to_far = far, near, to_far, to_near
+                stack[top], away[top] = far, to_far
+                stack[top + 1], away[top + 1] = near, to_near
                 top += 2
                 continue
             first = (node - first_leaf) * LEAF

@@ -257,6 +257,16 @@ def test_generate_makes_pairs_that_evaluate_reads(tmp_path, capsys):
     assert code == 5 and "is not empty" in message
 
 
+def test_render_draws_meshes_side_by_side(place, capsys):
+    assert run(["render", "ball.ply", "true.ply", "-o", "both.png", "--size", "40"]) == 0
+    assert capsys.readouterr().out == "both.png\n"
+    data = (place / "both.png").read_bytes()
+    assert data.startswith(b"\x89PNG") and int.from_bytes(data[16:20], "big") >= 80
+    assert refused(capsys, "render", "ball.ply", "-o", "both.png")[0] == 5
+    assert (place / "both.png").read_bytes() == data
+    assert refused(capsys, "render", "absent.ply", "-o", "new.png")[0] == 3
+
+
 # the process
 
 

@@ -49,7 +49,7 @@ def parts() -> dict[str, set[str]]:
         for path in sorted(folder.rglob("*.py")):
             inside = path.relative_to(folder).with_suffix("").parts
             part = inside[0] if name == "cascadenorm" else name
-            if part != "__init__":
+            if part not in ("__init__", "__main__"):
                 found.setdefault(part, set()).update(imported(path) - {part})
     return found
 

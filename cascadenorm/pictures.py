@@ -1,0 +1,39 @@
+"""Pictures of mesh files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cascadenorm.api import as_mesh
+from cascadenorm.io import OutputError
+from cascadenorm.io.atomic import check_output
+from cascadenorm.mesh import MeshError
+from cascadenorm.render import Camera, render, save_png, side_by_side
+
+
+def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = False) -> None:
+    """Draw meshes side by side, all seen from the place that suits the last, each above its name.
+
+    Parameters
+    ----------
+    meshes : paths, or meshes of any kind that `denoise` takes
+    output : PNG file
+    size : width and height of each picture in pixels
+    force : replace an existing file
+
+    Raises
+    ------
+    ReadError, MeshError : a mesh that cannot be read or drawn, or none
+    OutputError : the file exists and force is not given, or it cannot be written
+    """
+    check_output(output, force=force)
+    if not meshes:
+        raise MeshError("there are no meshes to draw: give at least one")
+    names = [Path(mesh).name if isinstance(mesh, str | Path) else "" for mesh in meshes]
+    drawn = [as_mesh(mesh) for mesh in meshes]
+    view = Camera.looking_at(drawn[-1])
+    sheet = side_by_side([render(mesh, view=view, size=(size, size)) for mesh in drawn], names)
+    try:
+        save_png(output, sheet)
+    except OSError as error:
+        raise OutputError(f"{output} cannot be written: {error.strerror or error}") from error
