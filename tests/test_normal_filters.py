@@ -1,0 +1,60 @@
+"""What holds for every filter of face normals."""
+
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, noisy
+
+from cascadenorm.mesh import Mesh
+from cascadenorm.recover import recover_vertices
+from cascadenorm.registry import find
+
+FILTERS = {  # with a range narrow enough to tell the sides of a cube apart
+    "bilateral-normal": {"sigma_r": 0.1},
+    "guided-normal": {"sigma_r": 0.1},
+}
+name = pytest.mark.parametrize("name", FILTERS)
+
+
+def mean_angle(mesh: Mesh, true: Mesh) -> float:
+    return np.degrees(np.arccos(np.clip((mesh.normals * true.normals).sum(axis=1), -1, 1))).mean()
+
+
+def bent_sheet(steps: int) -> Mesh:
+    """A square sheet with a right-angled bend in the middle."""
+    sheet = grid(steps, steps)
+    x, y, _ = sheet.vertices.T
+    return sheet.moved(np.stack([np.minimum(x, steps // 2), y, np.maximum(x - steps // 2, 0)], axis=1))
+
+
+@name
+def test_a_plane_an_edge_and_a_noise_free_cube_stay(name):
+    for mesh in (grid(8, 8), bent_sheet(8), cube(5)):
+        if name == "guided-normal" and len(mesh.faces) == len(cube(5).faces):
+            continue  # a triangle that cuts a corner off has no flat patch to be guided by
+        out = find(name)(mesh, **FILTERS[name])
+        np.testing.assert_allclose(out, mesh.vertices, atol=1e-7 * mesh.mean_edge_length)
+
+
+@name
+def test_noise_goes(name):
+    for clean in (cube(10), icosphere(3)):
+        rough = noisy(clean, 0.12, seed=4)
+        smooth = rough.moved(find(name)(rough))
+        assert mean_angle(smooth, clean) < 0.55 * mean_angle(rough, clean)
+
+
+@name
+def test_in_plane_noise_of_a_sheet_stays_in_its_plane(name):
+    sheet = grid(8, 8)
+    jitter = np.random.default_rng(0).uniform(-0.2, 0.2, sheet.vertices.shape) * (1, 1, 0)
+    out = find(name)(sheet.moved(sheet.vertices + jitter))
+    np.testing.assert_allclose(out[:, 2], 0, atol=1e-12)
+
+
+def test_true_normals_bring_the_error_near_zero_and_turn_no_face():
+    for clean in (icosphere(3), cube(10)):
+        rough = noisy(clean, 0.2, seed=1)
+        out = rough.moved(recover_vertices(rough, clean.normals, sweeps=100))
+        assert mean_angle(rough, clean) > 15
+        assert mean_angle(out, clean) < 1.5
+        assert ((out.normals * clean.normals).sum(axis=1) > 0).all()
