@@ -360,3 +360,31 @@ def fan(edge: float, rng: np.random.Generator) -> Field:
 def _tilt(angle: float) -> Vectors:
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0, 0], [0, cos, -sin], [0, sin, cos]])
+
+
+def tabletop(edge: float, rng: np.random.Generator) -> Field:
+    """A few plain solids, cones and pyramids among them, some standing on a slab."""
+    parts = []
+    count = int(rng.integers(1, 4))
+    for k in range(count):
+        size = float(rng.uniform(0.35, 0.75)) / count**0.4
+        high = size * float(rng.uniform(0.7, 1.6))
+        kind = rng.integers(5)
+        top = float(rng.choice([0.0, rng.uniform(0.1, 0.8)])) * size
+        if kind <= 1:
+            solid = revolved(polygon(np.array([[-size, -high], [size, -high], [top, high], [-size, high]])))
+        elif kind == 2:
+            flanks = unit(np.array([[1.0, 0, 0.4], [-1, 0, 0.4], [0, 1, 0.4], [0, -1, 0.4], [0, 0, -1]]))
+            solid = polytope(flanks, np.array([0.4, 0.4, 0.4, 0.4, 0.6]) * size)
+        elif kind == 3:
+            solid = sphere(radius=size)
+        else:
+            solid = _solid(rng, size=size)
+        angle = 2 * np.pi * (k + rng.uniform(-0.2, 0.2)) / count
+        away = 0.0 if count == 1 else 0.6
+        turn = random_rotation(rng=rng) if rng.random() < 0.3 else None
+        parts.append(moved(solid, by=[away * np.cos(angle), away * np.sin(angle), 0], rotation=turn))
+    scene = union(*parts)
+    if rng.random() < 0.5:
+        scene = union(scene, moved(box([1.1, 1.1, 2 * edge]), by=[0, 0, -float(rng.uniform(0.4, 0.6))]))
+    return scene

@@ -22,6 +22,18 @@ ATTEMPTS = 60  # shapes drawn for one index before giving up
 _SHAPE, _NOISE = 0, 1  # separate streams of random numbers, so that noise settings leave the shapes as they are
 
 
+USUAL_KINDS: tuple[NoiseKind, ...] = (
+    "normal",
+    "normal",
+    "gaussian",
+    "uniform",
+    "impulsive",
+    "varying",
+    "mixed",
+    "sensor",
+)
+
+
 @dataclass(frozen=True)
 class DatasetConfig:
     """What to generate; the same config gives the same bytes.
@@ -32,7 +44,8 @@ class DatasetConfig:
     seed : of everything
     families : names out of FAMILIES; those left out are held out
     min_faces, max_faces : bounds for the wanted number of faces, drawn log-uniformly and met within a third or so
-    noise_kinds : drawn with equal chance; name one twice to double its chance
+    noise_kinds : drawn with equal chance; name one twice to double its chance. `sensor` is for the views of families
+        that are seen from one side: half of these get it, and no other mesh, unless it is the only kind
     min_level, max_level : noise level in mean edge lengths, drawn log-uniformly
     """
 
@@ -41,7 +54,7 @@ class DatasetConfig:
     families: tuple[str, ...] = tuple(FAMILIES)
     min_faces: int = 4000
     max_faces: int = 15000
-    noise_kinds: tuple[NoiseKind, ...] = ("normal", "normal", "gaussian", "uniform", "impulsive", "varying", "mixed")
+    noise_kinds: tuple[NoiseKind, ...] = USUAL_KINDS
     min_level: float = 0.02
     max_level: float = 0.9
 
@@ -99,7 +112,9 @@ def noisy_vertices(
 ) -> tuple[Vectors, NoiseKind, float]:
     """Draw noise for the clean mesh of an index: vertices, kind and level; another draw in each epoch."""
     rng = _stream(config, index, _NOISE, epoch)
-    kind: NoiseKind = config.noise_kinds[rng.integers(len(config.noise_kinds))]
+    kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
+    seen = FAMILIES[family_of(config, index)].part == "view" and "sensor" in config.noise_kinds
+    kind: NoiseKind = "sensor" if not kinds or (seen and rng.random() < 0.5) else kinds[rng.integers(len(kinds))]
     level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))
     if kind == "none":
         level = 0.0

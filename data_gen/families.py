@@ -79,5 +79,5 @@ FAMILIES: dict[str, Family] = {
     "rock": Family(organic.rock, 0.7, sharp=False),
     "machined_piece": Family(MACHINED, 0.9, sharp=True, part="piece"),
     "grown_piece": Family(GROWN, 1.4, sharp=False, part="piece"),
-    "view": Family(any_of(cad.assembly, cad.turned, cad.polyhedron, GROWN), 0.7, sharp=True, part="view"),
+    "view": Family(any_of(cad.tabletop, cad.tabletop, cad.assembly, cad.turned, GROWN), 0.9, sharp=True, part="view"),
 }

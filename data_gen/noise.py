@@ -7,14 +7,15 @@ import numpy as np
 
 from cascadenorm.data_gen.fields import Values
 from cascadenorm.data_gen.patterns import noise as drift
+from cascadenorm.data_gen.sensor import sensor_displacements
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "none"]
+NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "sensor", "none"]
 """What noise is like.
 
 `normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat.
 `impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
-`mixed`: two.
+`mixed`: two. `sensor`: the error of a depth camera, for sheets seen from one side.
 """
 
 
@@ -84,6 +85,12 @@ def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     return np.asarray(total)
 
 
+def _sensor(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    if deviation == 0:
+        return np.zeros(mesh.vertices.shape)
+    return sensor_displacements(mesh, deviation, rng=rng)
+
+
 def _none(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     return np.zeros(mesh.vertices.shape)
 
@@ -95,5 +102,6 @@ _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] =
     "impulsive": _impulsive,
     "varying": _varying,
     "mixed": _mixed,
+    "sensor": _sensor,
     "none": _none,
 }

@@ -4,6 +4,9 @@ import numpy as np
 
 from cascadenorm.data_gen.fields import (
     Field,
+    Values,
+    box,
+    cylinder,
     displaced,
     ellipsoid,
     limb,
@@ -14,8 +17,18 @@ from cascadenorm.data_gen.fields import (
     tube,
     union,
 )
-from cascadenorm.data_gen.patterns import Form, cells, labyrinth, masked, noise, stripes
-from cascadenorm.data_gen.placement import direction, mirrored, moved, random_rotation, scaled, tapered, twisted, warped
+from cascadenorm.data_gen.patterns import Form, cells, crate, labyrinth, masked, noise, stripes
+from cascadenorm.data_gen.placement import (
+    aligned,
+    direction,
+    mirrored,
+    moved,
+    random_rotation,
+    scaled,
+    tapered,
+    twisted,
+    warped,
+)
 from cascadenorm.mesh import Vectors
 
 
@@ -23,33 +36,32 @@ def skin(body: Field, *, finest: float, layers: int, rng: np.random.Generator) -
     """Lay detail of several kinds and scales over a body; `finest` is the shortest wavelength."""
     for _ in range(layers):
         wavelength = float(np.exp(rng.uniform(np.log(finest), np.log(8 * finest))))
-        pattern = _pattern(rng, wavelength)
+        pattern, steepest = _pattern(rng, wavelength)
         if rng.random() < 0.5:
             pattern = masked(pattern, noise(wavelength=float(rng.uniform(0.5, 1.2)), rng=rng))
-        body = displaced(body, pattern, amplitude=wavelength * float(np.exp(rng.uniform(np.log(0.02), np.log(0.16)))))
+        steepness = float(np.exp(rng.uniform(np.log(0.1 * steepest), np.log(steepest))))
+        body = displaced(body, pattern, amplitude=steepness * wavelength)
     return body
 
 
-def _pattern(rng: np.random.Generator, wavelength: float) -> Field:
-    kind = rng.integers(7)
+def _pattern(rng: np.random.Generator, wavelength: float) -> tuple[Field, float]:
+    """Draw a pattern, and the largest amplitude, in wavelengths, that still looks like something carved or grown."""
+    kind = rng.integers(9)
     if kind <= 2:
         form: Form = rng.choice(["smooth", "ridged", "billowed"])
-        return noise(
-            wavelength=1.5 * wavelength,
-            octaves=int(rng.integers(1, 4)),
-            gain=float(rng.uniform(0.3, 0.6)),
-            form=form,
-            rng=rng,
-        )
+        octaves, gain = int(rng.integers(1, 4)), float(rng.uniform(0.3, 0.6))
+        return noise(wavelength=1.5 * wavelength, octaves=octaves, gain=gain, form=form, rng=rng), 0.15
     if kind == 3:
-        return cells(wavelength=wavelength, kind="bumps" if rng.random() < 0.6 else "cracks", rng=rng)
-    if kind <= 5:
-        return stripes(
-            wavelength=wavelength, wander=float(rng.uniform(0.2, 1.5)), sharpness=float(rng.uniform(0.7, 2)), rng=rng
-        )
-    return labyrinth(
-        wavelength=1.5 * wavelength, spots=float(rng.uniform(-0.7, 0.7)), steepness=float(rng.uniform(0.7, 4)), rng=rng
-    )
+        return cells(wavelength=1.5 * wavelength, kind="bumps", rng=rng), 0.3
+    if kind == 4:
+        return cells(wavelength=1.5 * wavelength, kind="cracks", rng=rng), 0.08
+    if kind <= 6:
+        wander, sharpness = float(rng.uniform(0.2, 1.5)), float(rng.uniform(0.7, 2))
+        return stripes(wavelength=wavelength, wander=wander, sharpness=sharpness, rng=rng), 0.12
+    if kind == 7:
+        return crate(wavelength=2 * wavelength, rng=rng), 0.35
+    spots, steepness = float(rng.uniform(-0.7, 0.7)), float(rng.uniform(0.7, 4))
+    return labyrinth(wavelength=2 * wavelength, spots=spots, steepness=steepness, rng=rng), 0.15
 
 
 def creature(edge: float, rng: np.random.Generator) -> Field:
@@ -71,9 +83,16 @@ def creature(edge: float, rng: np.random.Generator) -> Field:
 
 
 def statue(edge: float, rng: np.random.Generator) -> Field:
-    """A creature or a bust under folds, hair, scales and pores."""
+    """A creature or a lump under folds, hair, scales and pores; some stand on a base with edges."""
     body = creature(edge, rng) if rng.random() < 0.6 else _lump(rng)
-    return skin(body, finest=4 * edge, layers=int(rng.integers(2, 5)), rng=rng)
+    body = skin(body, finest=4 * edge, layers=int(rng.integers(2, 6)), rng=rng)
+    if rng.random() < 0.25:
+        base = box(rng.uniform([0.4, 0.1, 0.4], [0.8, 0.25, 0.8]))
+        if rng.random() < 0.5:
+            base = cylinder(radius=float(rng.uniform(0.4, 0.8)), half_height=float(rng.uniform(0.1, 0.25)))
+            base = aligned(base, [0, 1, 0])
+        body = union(body, moved(base, by=[0, -0.65, 0]))
+    return body
 
 
 def _lump(rng: np.random.Generator) -> Field:
@@ -103,7 +122,7 @@ def bust(edge: float, rng: np.random.Generator) -> Field:
     carved = melted(head, radius=0.1)
     hollow = 0.06
 
-    def face(points: Vectors) -> np.ndarray:
+    def face(points: Vectors) -> Values:
         a, b = carved(points), -socket(points)
         h = np.maximum(hollow - np.abs(a - b), 0) / hollow
         return np.maximum(a, b) + h**3 * hollow / 6
@@ -134,7 +153,8 @@ def bumpy(edge: float, rng: np.random.Generator) -> Field:
     else:
         body = _knot(rng)
     wavelength = float(np.exp(rng.uniform(np.log(5 * edge), np.log(0.6))))
-    return displaced(body, _pattern(rng, wavelength), amplitude=wavelength * float(rng.uniform(0.05, 0.2)))
+    pattern, steepest = _pattern(rng, wavelength)
+    return displaced(body, pattern, amplitude=wavelength * steepest * float(rng.uniform(0.3, 1.3)))
 
 
 def _knot(rng: np.random.Generator) -> Field:
@@ -174,7 +194,7 @@ def rock(edge: float, rng: np.random.Generator) -> Field:
     body = _lump(rng)
     cuts = [(direction(rng=rng), float(rng.uniform(0.3, 0.7))) for _ in range(rng.integers(0, 7))]
 
-    def broken(points: Vectors) -> np.ndarray:
+    def broken(points: Vectors) -> Values:
         values = body(points)
         for normal, level in cuts:
             np.maximum(values, points @ normal - level, out=values)

@@ -76,6 +76,19 @@ def labyrinth(*, wavelength: float, spots: float, steepness: float, rng: np.rand
     return pattern
 
 
+def crate(*, wavelength: float, rng: np.random.Generator) -> Field:
+    """Regular bumps and pits, as of an egg crate: a product of waves at right angles, from a random start."""
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] * (2 * np.pi / wavelength)
+    phases = rng.uniform(0, 2 * np.pi, 3)
+    flat = rng.random() < 0.5  # two waves make columns, three make cells
+
+    def pattern(points: Vectors) -> Values:
+        waves = np.cos(points @ axes + phases)
+        return np.asarray(waves[:, 0] * waves[:, 1] * (1.0 if flat else waves[:, 2]))
+
+    return pattern
+
+
 def masked(pattern: Field, mask: Field, *, width: float = 0.2) -> Field:
     """Keep a pattern where another is positive, fading out over `width`."""
     return lambda points: pattern(points) * np.clip(mask(points) / width + 0.5, 0, 1)

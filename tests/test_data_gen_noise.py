@@ -8,6 +8,7 @@ from cascadenorm.data_gen.fields import sphere
 from cascadenorm.data_gen.lattice import sample
 from cascadenorm.data_gen.noise import vertex_normals
 from cascadenorm.data_gen.polygonise import dual_contouring
+from cascadenorm.mesh import Mesh
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +58,21 @@ def test_varying_noise_has_its_level_over_all_and_others_in_places(ball):
     assert max(by_place) > 1.5 * min(by_place)
 
 
+def test_a_depth_camera_errs_along_its_view_and_by_its_level():
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(40.0), np.arange(40.0)))
+    first = (np.arange(39)[:, None] * 40 + np.arange(39)).ravel()
+    faces = np.concatenate([np.stack([first, first + 1, first + 41], 1), np.stack([first, first + 41, first + 40], 1)])
+    slope = Mesh(np.stack([x, y, 0.3 * x], axis=1), faces)
+    moved = displacements(slope, "sensor", level=0.2, rng=np.random.default_rng(8))
+    normal = np.array([-0.3, 0, 1]) / np.sqrt(1.09)
+    np.testing.assert_allclose(np.cross(moved, normal), 0, atol=1e-12)
+    assert np.sqrt(np.mean(moved**2) * 3) == pytest.approx(0.2 * slope.mean_edge_length, rel=1e-9)
+
+
 def test_no_noise_is_the_identity(ball):
     rng = np.random.default_rng(5)
     np.testing.assert_array_equal(displacements(ball, "none", level=0.5, rng=rng), 0)
-    for kind in ("normal", "gaussian", "uniform", "impulsive", "varying", "mixed"):
+    for kind in ("normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "sensor"):
         np.testing.assert_array_equal(displacements(ball, kind, level=0.0, rng=rng), 0)
 
 
