@@ -220,9 +220,9 @@ def test_meshio_comes_back_with_its_data():
 
 
 def test_open3d_comes_back_with_its_colors():
-    open3d = pytest.importorskip("open3d")
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
     mesh = open3d.geometry.TriangleMesh(
-        open3d.utility.Vector3dVector(BALL.vertices), open3d.utility.Vector3iVector(BALL.faces)
+        open3d.utility.Vector3dVector(BALL.vertices.copy()), open3d.utility.Vector3iVector(BALL.faces.copy())
     )
     mesh.paint_uniform_color([0.1, 0.2, 0.3])
     out = cn.denoise(mesh, **METHOD)
