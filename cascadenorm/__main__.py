@@ -1,0 +1,5 @@
+"""`python -m cascadenorm` is the command `cascadenorm`."""
+
+from cascadenorm.cli import main
+
+main()

@@ -1,0 +1,73 @@
+"""The wheel holds the whole package under one name, and works where the repository is not."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCES = ("cascadenorm", "baselines", "data_gen")
+FILES = ("pyproject.toml", "README.md", "LICENSE")
+
+LOOK = """
+import sys
+from pathlib import Path
+
+import cascadenorm, cascadenorm.api, cascadenorm.baselines, cascadenorm.data_gen
+
+for package in (cascadenorm, cascadenorm.baselines, cascadenorm.data_gen):
+    assert Path(sys.argv[1]) in Path(package.__file__).parents, package.__file__
+mesh = cascadenorm.api.as_mesh(Path(cascadenorm.__file__).parent / "demo_data" / "part" / "noisy.ply")
+piece = cascadenorm.Mesh(mesh.vertices, mesh.faces[:60])
+assert (cascadenorm.denoise(piece, method=sys.argv[2]).vertices != piece.vertices).any()
+assert "torch" not in sys.modules
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A folder into which the wheel was unpacked; it is built from a copy, so that nothing old gets in."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    for name in SOURCES:
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in FILES:
+        shutil.copy(ROOT / name, source)
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(source)]
+    subprocess.run(build, check=True, stdout=subprocess.DEVNULL)
+    (wheel,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder / "site")
+    return folder / "site"
+
+
+def test_it_installs_one_name(installed):
+    names = {path.name for path in installed.iterdir() if not path.name.endswith(".dist-info")}
+    assert names == {"cascadenorm"}
+
+
+def test_it_holds_every_module_and_all_data(installed):
+    for folder, place in (("cascadenorm", ""), ("baselines", "baselines"), ("data_gen", "data_gen")):
+        for path in (ROOT / folder).rglob("*"):
+            if path.is_file() and "__pycache__" not in path.parts:
+                assert (installed / "cascadenorm" / place / path.relative_to(ROOT / folder)).exists(), path
+
+
+@pytest.mark.parametrize("method", ["bilateral-normal"])
+def test_it_denoises_from_another_folder(installed, tmp_path, method):
+    environment = {**os.environ, "PYTHONPATH": str(installed), "NUMBA_DISABLE_JIT": "1"}  # compiling takes longer
+    command = [sys.executable, "-c", LOOK, str(installed), method]
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True)
+
+
+@pytest.mark.slow  # compiles every kernel
+def test_its_demonstration_leaves_pictures_where_it_says(installed, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    command = [sys.executable, "-m", "cascadenorm", "demo"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    assert "cascadenorm-demo" in done.stdout
+    assert (tmp_path / "cascadenorm-demo" / "before-after.png").exists()
