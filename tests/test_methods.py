@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from shapes import icosphere, noisy
+from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.mesh import Mesh
@@ -15,6 +15,21 @@ MESH = ROUGH.moved(
 )  # edges of about 9, few enough bits to be shifted exactly
 EDGE = MESH.mean_edge_length
 HALF = MESH.vertices[:, 0] > 0
+
+
+POINTS = np.random.default_rng(0).normal(size=(30, 3))
+MEAN_MESHES = {
+    "one triangle": (POINTS, [[0, 1, 2]]),
+    "three faces at an edge": (POINTS, [[0, 1, 2], [0, 1, 3], [0, 1, 4]]),
+    "one face three times": (POINTS, [[0, 1, 2], [0, 1, 2], [0, 2, 1]]),
+    "faces that share a vertex": (POINTS, [[0, 1, 2], [0, 3, 4]]),
+    "soup": (POINTS, np.random.default_rng(1).integers(0, 30, (60, 3))),
+    "no area": (POINTS, [[0, 0, 1], [1, 1, 1]]),
+    "on a line": (np.outer(np.arange(5), [1, 1, 1]), [[0, 1, 2], [2, 3, 4]]),
+    "in one place": (np.ones((3, 3)), [[0, 1, 2]]),
+    "flat": (grid(3, 3).vertices, grid(3, 3).faces),
+    "spike": (np.concatenate([ROUGH.vertices[:-1], [[1e6, 0, 0]]]), ROUGH.faces),
+}
 
 
 @cache
@@ -119,3 +134,12 @@ def test_unused_vertices_and_faces_without_area_do_no_harm(name):
     out = cn.denoise(Mesh(vertices, faces), method=name).vertices
     assert np.isfinite(out).all()
     assert out[count : count + 2].tobytes() == strays.tobytes()
+
+
+@pytest.mark.parametrize("mean", MEAN_MESHES)
+def test_mean_meshes_come_out_finite(name, mean):
+    vertices, faces = MEAN_MESHES[mean]
+    out = cn.denoise(vertices, faces, method=name)
+    assert out.shape == vertices.shape and np.isfinite(out).all()
+    loose = np.setdiff1d(np.arange(len(vertices)), faces)
+    np.testing.assert_array_equal(out[loose], vertices[loose])
