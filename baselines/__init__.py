@@ -3,6 +3,7 @@
 from cascadenorm.baselines import (
     anisotropic,
     bilateral_normal,
+    bilateral_vertex,
     curvature_flow,
     diffusion,
     guided_normal,
@@ -14,6 +15,7 @@ from cascadenorm.baselines import (
 __all__ = [
     "anisotropic",
     "bilateral_normal",
+    "bilateral_vertex",
     "curvature_flow",
     "diffusion",
     "guided_normal",

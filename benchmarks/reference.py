@@ -116,10 +116,20 @@ def _l0(mesh: Mesh, parameters: Parameters) -> dict[str, Any]:
     }
 
 
+def _bilateral(mesh: Mesh, parameters: Parameters) -> dict[str, Any]:
+    return {"iterations": parameters["Iteration Num."]}
+
+
+def _non_iterative_bilateral(mesh: Mesh, parameters: Parameters) -> dict[str, Any]:
+    return {"sigma_f": parameters["sigma_f/mean_edge_length"], "sigma_g": parameters["sigma_g/mean_edge_length"]}
+
+
 PROGRAMS = {
     "bnf": Program("bilateral-normal", _bilateral_normal, _bilateral_normal_same_update),
     "gnf": Program("guided-normal", _guided_normal, _guided_normal_same_update),
     "l0": Program("l0", _l0),
+    "fleishman": Program("bilateral", _bilateral),
+    "jones": Program("non-iterative-bilateral", _non_iterative_bilateral),
 }
 
 

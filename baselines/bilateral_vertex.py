@@ -1,0 +1,181 @@
+"""Bilateral filters that move vertices directly (Fleishman, Drori, Cohen-Or 2003; Jones, Durand, Desbrun 2003)."""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.baselines.reach import each_alone, within
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
+from cascadenorm.registry import Parameter, method
+
+REACH = 2.0  # spreads beyond which a neighbour is left out
+
+Steps = Annotated[int, Parameter("steps taken", minimum=0)]
+Closeness = Annotated[
+    float | None,
+    Parameter("spread over distance; none: at each vertex its shortest edge", "mean edge lengths", minimum=1e-6),
+]
+Similarity = Annotated[
+    float | None,
+    Parameter("spread over height; none: at each vertex that of its neighbours", "mean edge lengths", minimum=1e-6),
+]
+Spatial = Annotated[float, Parameter("spread over the distance to a face", "mean edge lengths", minimum=1e-6)]
+Influence = Annotated[float, Parameter("spread over the distance to its plane", "mean edge lengths", minimum=1e-6)]
+
+
+@method("bilateral", source="Fleishman, Drori, Cohen-Or 2003")
+def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = None, iterations: Steps = 12) -> Vectors:
+    """Move each vertex along its normal by the mean height of near vertices over its tangent plane, like heights first.
+
+    Neighbours are the vertices within 2 σ_c, joined by such ones, and the vertex itself. Unless given, σ_s is the
+    standard deviation of their unsigned heights. A rim has no special treatment.
+    """
+    count, edge = len(mesh.vertices), mesh.mean_edge_length
+    graph, alone = mesh.topology.vertex_neighbors, each_alone(count)
+    height_spread = 0.0 if sigma_s is None else sigma_s * edge
+    for _ in range(iterations):
+        spreads = shortest_edges(mesh) if sigma_c is None else np.full(count, sigma_c * edge)
+        near = within(mesh.vertices, REACH * spreads, mesh.vertices, graph, alone)
+        moved = np.empty_like(mesh.vertices)
+        over(count, _bilateral_step, mesh.vertices, vertex_normals(mesh), spreads, height_spread, *near, moved)
+        mesh = mesh.moved(moved)
+    return mesh.vertices.copy()
+
+
+@method("non-iterative-bilateral", source="Jones, Durand, Desbrun 2003")
+def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Influence = 1.0) -> Vectors:
+    """Move each vertex, once, to the mean of its projections on the planes of near faces, near planes first.
+
+    Normals of the planes are those after each vertex was moved to the Gaussian mean of near centroids, of spread σ_f/2.
+    Neighbours are the faces with a centroid within 2 σ_f of the vertex, joined to its own by such ones.
+    """
+    count, edge = len(mesh.vertices), mesh.mean_edge_length
+    topology, spread = mesh.topology, sigma_f * edge
+    radii = np.full(count, REACH * spread)
+    near = within(mesh.vertices, radii, mesh.centroids, topology.face_rings(1), topology.vertex_faces)
+    mollified = np.empty_like(mesh.vertices)
+    over(count, _centroid_means, mesh.vertices, mesh.centroids, mesh.areas, 0.5 * spread, *near, mollified)
+    normals = mesh.moved(mollified).normals
+    out = np.empty_like(mesh.vertices)
+    over(
+        count, _projection_means, mesh.vertices, mesh.centroids, mesh.areas, normals, spread, sigma_g * edge, *near, out
+    )  # fmt: skip
+    return out
+
+
+def vertex_normals(mesh: Mesh) -> Vectors:
+    """Return (n, 3) the normalised sum of the unit normals of the faces around each vertex; zero where they cancel."""
+    around = mesh.topology.vertex_faces
+    total = np.empty_like(mesh.vertices)
+    over(len(total), _sum_rows, mesh.normals, *around, total)
+    return unit(total)
+
+
+def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
+    """Return (n,) the length of the shortest edge at each vertex; 0 without any."""
+    neighbors: Csr = mesh.topology.vertex_neighbors
+    lengths = np.empty(len(mesh.vertices))
+    over(len(lengths), _shortest_edges, mesh.vertices, *neighbors, lengths)
+    return lengths
+
+
+@kernel
+def _bilateral_step(start, stop, vertices, normals, spreads, height_spread, indptr, indices, moved):  # type: ignore[no-untyped-def]
+    for i in range(start, stop):
+        px, py, pz = vertices[i]
+        nx, ny, nz = normals[i]
+        first, last = indptr[i], indptr[i + 1]
+        heights = np.empty(last - first)
+        mean = 0.0
+        for k in range(first, last):
+            j = indices[k]
+            heights[k - first] = nx * (vertices[j, 0] - px) + ny * (vertices[j, 1] - py) + nz * (vertices[j, 2] - pz)
+            mean += abs(heights[k - first])
+        mean /= last - first
+        variance = height_spread * height_spread
+        if height_spread == 0.0:
+            for h in heights:
+                variance += (abs(h) - mean) ** 2
+            variance /= last - first
+        step = total = 0.0
+        if variance > 0.0 and spreads[i] > 0.0:
+            for k in range(first, last):
+                j = indices[k]
+                h = heights[k - first]
+                x, y, z = vertices[j, 0] - px, vertices[j, 1] - py, vertices[j, 2] - pz
+                w = np.exp(-0.5 * ((x * x + y * y + z * z) / (spreads[i] * spreads[i]) + h * h / variance))
+                step += w * h
+                total += w
+            step /= total  # the vertex itself weighs 1
+        moved[i, 0], moved[i, 1], moved[i, 2] = px + step * nx, py + step * ny, pz + step * nz
+
+
+@kernel
+def _centroid_means(start, stop, vertices, centroids, areas, spread, indptr, indices, means):  # type: ignore[no-untyped-def]
+    """Gaussian mean of near centroids; a vertex that nothing weighs stays."""
+    for i in range(start, stop):
+        x = y = z = total = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            f = indices[k]
+            dx, dy, dz = (
+                centroids[f, 0] - vertices[i, 0],
+                centroids[f, 1] - vertices[i, 1],
+                centroids[f, 2] - vertices[i, 2],
+            )
+            w = areas[f] * np.exp(-0.5 * (dx * dx + dy * dy + dz * dz) / (spread * spread))
+            x += w * dx
+            y += w * dy
+            z += w * dz
+            total += w
+        scale = 1.0 / total if total > 0.0 else 0.0
+        means[i, 0] = vertices[i, 0] + scale * x
+        means[i, 1] = vertices[i, 1] + scale * y
+        means[i, 2] = vertices[i, 2] + scale * z
+
+
+@kernel
+def _projection_means(start, stop, vertices, centroids, areas, normals, spread, influence, indptr, indices, out):  # type: ignore[no-untyped-def]
+    for i in range(start, stop):
+        x = y = z = total = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            f = indices[k]
+            dx, dy, dz = (
+                centroids[f, 0] - vertices[i, 0],
+                centroids[f, 1] - vertices[i, 1],
+                centroids[f, 2] - vertices[i, 2],
+            )
+            height = normals[f, 0] * dx + normals[f, 1] * dy + normals[f, 2] * dz
+            near = (dx * dx + dy * dy + dz * dz) / (spread * spread)
+            w = areas[f] * np.exp(-0.5 * (near + height * height / (influence * influence)))
+            x += w * height * normals[f, 0]
+            y += w * height * normals[f, 1]
+            z += w * height * normals[f, 2]
+            total += w
+        scale = 1.0 / total if total > 0.0 else 0.0
+        out[i, 0] = vertices[i, 0] + scale * x
+        out[i, 1] = vertices[i, 1] + scale * y
+        out[i, 2] = vertices[i, 2] + scale * z
+
+
+@kernel
+def _sum_rows(start, stop, values, indptr, indices, out):  # type: ignore[no-untyped-def]
+    for i in range(start, stop):
+        x = y = z = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            f = indices[k]
+            x += values[f, 0]
+            y += values[f, 1]
+            z += values[f, 2]
+        out[i, 0], out[i, 1], out[i, 2] = x, y, z
+
+
+@kernel
+def _shortest_edges(start, stop, vertices, indptr, indices, lengths):  # type: ignore[no-untyped-def]
+    for i in range(start, stop):
+        least = np.inf
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+            least = min(least, x * x + y * y + z * z)
+        lengths[i] = np.sqrt(least) if indptr[i] < indptr[i + 1] else 0.0
