@@ -3,23 +3,31 @@
 from cascadenorm.baselines import (
     anisotropic,
     bilateral_normal,
+    bilateral_normal_global,
     bilateral_vertex,
     curvature_flow,
     diffusion,
     guided_normal,
     l0,
+    mean_normal,
+    median_normal,
     prescribed,
     taubin,
+    tv_normal,
 )
 
 __all__ = [
     "anisotropic",
     "bilateral_normal",
+    "bilateral_normal_global",
     "bilateral_vertex",
     "curvature_flow",
     "diffusion",
     "guided_normal",
     "l0",
+    "mean_normal",
+    "median_normal",
     "prescribed",
     "taubin",
+    "tv_normal",
 ]

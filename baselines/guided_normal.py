@@ -10,8 +10,6 @@ from typing import Annotated, Literal
 import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import (
-    Passes,
-    RangeSpread,
     SpatialSpread,
     joint_bilateral_pass,
     spatial_weights,
@@ -25,6 +23,13 @@ from cascadenorm.registry import Parameter, method
 Guidance = Annotated[
     Literal["patch", "gaussian"], Parameter("what tells features from noise: the most consistent patch, or a mean")
 ]
+GuideSpread = Annotated[
+    float | None,
+    Parameter(
+        "spread over the chord between guidance normals; none: 0.45, or 0.15 for the mean", "chord", minimum=1e-6
+    ),
+]
+GuidedPasses = Annotated[int | None, Parameter("passes; none: 10, or 20 for the mean", minimum=0)]
 Radius = Annotated[float, Parameter("how far the centroids of neighbours may be", "mean edge lengths", above=0)]
 
 
@@ -35,11 +40,15 @@ def guided_normal(
     guidance: Guidance = "patch",
     radius: Radius = 1.15,
     sigma_s: SpatialSpread = 0.6,
-    sigma_r: RangeSpread = 0.45,
-    iterations: Passes = 10,
+    sigma_r: GuideSpread = None,
+    iterations: GuidedPasses = None,
     sweeps: Sweeps = 10,
 ) -> Vectors:
     """Average each face normal with those of near faces that have a similar guidance, and let the vertices follow."""
+    if sigma_r is None:
+        sigma_r = 0.45 if guidance == "patch" else 0.15
+    if iterations is None:
+        iterations = 10 if guidance == "patch" else 20
     neighbors = faces_within(mesh, radius)
     for _ in range(iterations):
         guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)

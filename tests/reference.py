@@ -85,3 +85,74 @@ def l0_system(noisy, vertices, quads, coefficients, *, alpha, beta, price):
     bend[beta * (bend**2).sum(axis=1) <= price] = 0
     matrix = np.eye(len(vertices)) + alpha * evenness.T @ evenness + beta * difference.T @ difference
     return matrix, noisy + beta * difference.T @ bend
+
+
+def unilateral_pass(n, rings: Csr, threshold):
+    out = np.empty_like(n)
+    for f in range(len(n)):
+        g = np.append(rings.row(f), f)
+        out[f] = unit(np.maximum(n[g] @ n[f] - threshold, 0) ** 2 @ n[g])
+    return out
+
+
+def walk_matrix(n, rings: Csr, sigma_r):
+    matrix = np.zeros((len(n), len(n)))
+    for f in range(len(n)):
+        g = np.append(rings.row(f), f)
+        matrix[f, g] = gauss(length(n[g] - n[f]), sigma_r)
+    return matrix / matrix.sum(axis=1, keepdims=True)
+
+
+def median_pass(mesh: Mesh, rings: Csr, median):
+    n, a = mesh.normals, mesh.areas
+    out = np.empty_like(n)
+    for f in range(len(n)):
+        g = np.append(f, rings.row(f))
+        if median == "vector":
+            totals = length(n[g][:, None] - n[g]) @ a[g]
+            out[f] = n[g[np.argmin(totals)]]
+        else:
+            g = g[np.argsort(length(n[g] - n[f]), kind="stable")]
+            out[f] = n[g[np.searchsorted(np.cumsum(a[g]), 0.5 * a[g].sum())]]
+    return out
+
+
+def bilateral_difference(mesh: Mesh, rings: Csr, *, sigma_s, sigma_r):
+    n, c, a = mesh.normals, mesh.centroids, mesh.areas
+    matrix = np.eye(len(n))
+    for f in range(len(n)):
+        g = rings.row(f)
+        w = a[g] * gauss(length(c[g] - c[f]), sigma_s * mesh.mean_edge_length) * gauss(length(n[g] - n[f]), sigma_r)
+        matrix[f, g] = -w / w.sum()
+    return matrix
+
+
+def fleishman_step(mesh: Mesh):
+    """One step of Fleishman et al. (2003), figure 3, with spreads chosen at each vertex."""
+    p = mesh.vertices
+    out = p.copy()
+    for i in range(len(p)):
+        n = unit(mesh.normals[mesh.topology.vertex_faces.row(i)].sum(axis=0))
+        spread = length(p[mesh.topology.vertex_neighbors.row(i)] - p[i]).min()
+        near, queue = {i}, [i]
+        while queue:
+            fresh = [j for j in mesh.topology.vertex_neighbors.row(queue.pop()) if length(p[j] - p[i]) <= 2 * spread]
+            queue += [j for j in fresh if j not in near]
+            near |= set(fresh)
+        q = p[sorted(near)] - p[i]
+        h = q @ n
+        w = gauss(length(q), spread) * gauss(h, np.abs(h).std())
+        out[i] += n * (w @ h) / w.sum()
+    return out
+
+
+def jones(mesh: Mesh, *, sigma_f, sigma_g):
+    """Jones et al. (2003), equations 3 and 4; reach of all faces within two spreads, wherever they are."""
+    p, c, a, edge = mesh.vertices, mesh.centroids, mesh.areas, mesh.mean_edge_length
+    distance = length(p[:, None] - c)
+    near = distance <= 2 * sigma_f * edge
+    w = near * a * gauss(distance, 0.5 * sigma_f * edge)
+    n = mesh.moved(w @ c / w.sum(axis=1, keepdims=True)).normals
+    height = np.einsum("ifd,fd->if", c - p[:, None], n)
+    w = near * a * gauss(distance, sigma_f * edge) * gauss(height, sigma_g * edge)
+    return p + (w * height) @ n / w.sum(axis=1, keepdims=True)

@@ -1,0 +1,80 @@
+"""Bilateral filtering of face normals by one sparse solve (Zheng, Fu, Au, Tai 2011, global scheme)."""
+
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import LinearOperator
+
+from cascadenorm.baselines.bilateral_normal import RangeSpread, SpatialSpread, spatial_weights
+from cascadenorm.baselines.solvers import conjugate_gradients
+from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
+from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.registry import Parameter, method
+
+LEAST_AREA = 1e-6  # mean areas; a face without area still gets a normal, from its neighbours
+
+Fidelity = Annotated[float, Parameter("λ, weight of the given normals against their smoothness", above=0, maximum=1)]
+
+
+@method("bilateral-normal-global", source="Zheng, Fu, Au, Tai 2011 (global scheme)")
+def bilateral_normal_global(
+    mesh: Mesh,
+    *,
+    sigma_s: SpatialSpread = 1.0,
+    sigma_r: RangeSpread = 0.6,
+    fidelity: Fidelity = 0.01,
+    sweeps: Sweeps = 10,
+) -> Vectors:
+    """Find normals that are bilateral means of each other and near the given ones, then move the vertices to them."""
+    normals = global_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, fidelity=fidelity)
+    return recover_vertices(mesh, normals, sweeps=sweeps)
+
+
+def global_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, fidelity: float) -> Vectors:
+    """Minimise (1 - λ) Σ A_f |(Ln)_f|² + λ Σ A_f |n_f - n*_f|², and normalise.
+
+    (Ln)_f is n_f less the bilateral mean of the normals around it, with weights from the given normals n*. The system
+    ((1 - λ) LᵀAL + λA) n = λA n* is solved by conjugate gradients, since its factors would not be sparse.
+    """
+    difference = bilateral_difference(mesh, sigma_s=sigma_s, sigma_r=sigma_r)
+    areas = np.maximum(mesh.areas, LEAST_AREA * (mesh.areas.mean() or 1.0))
+
+    def apply(values: NDArray[np.float64]) -> Any:
+        return (1 - fidelity) * (difference.T @ (areas * (difference @ values))) + fidelity * areas * values
+
+    diagonal = (1 - fidelity) * (difference.multiply(difference).T @ areas) + fidelity * areas
+    system = LinearOperator((len(areas), len(areas)), apply, dtype=np.float64)
+    right = fidelity * areas[:, None] * mesh.normals
+    solution = conjugate_gradients(system, right, lambda residual: residual / diagonal)
+    return unit(solution, otherwise=mesh.normals)
+
+
+def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
+    """Return L, (m, m) sparse: the value of a face less the bilateral mean of those that share a vertex with it.
+
+    A face whose neighbours all weigh nothing has a row of zeros.
+    """
+    rings = mesh.topology.face_rings(1)
+    weights = spatial_weights(mesh, rings, sigma_s)
+    count = len(mesh.faces)
+    own = np.empty(count)
+    over(count, _to_difference, mesh.normals, *rings, 0.5 / sigma_r**2, weights, own)
+    means = sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
+    return sparse.csr_array(sparse.diags_array(own) + means)
+
+
+@kernel
+def _to_difference(start, stop, normals, indptr, indices, spread, weights, own):  # type: ignore[no-untyped-def]
+    """Turn spatial weights into the entries of L beside the diagonal, and give those on it."""
+    for f in range(start, stop):
+        total = 0.0
+        for k in range(indptr[f], indptr[f + 1]):
+            g = indices[k]
+            x, y, z = normals[g, 0] - normals[f, 0], normals[g, 1] - normals[f, 1], normals[g, 2] - normals[f, 2]
+            weights[k] *= np.exp(-spread * (x * x + y * y + z * z))
+            total += weights[k]
+        own[f] = 1.0 if total > 0.0 else 0.0
+        for k in range(indptr[f], indptr[f + 1]):
+            weights[k] = -weights[k] / total if total > 0.0 else 0.0

@@ -1,0 +1,114 @@
+"""Weighted means of the normals around a face: plain, of similar ones (unilateral), of those a random walk visits.
+
+Neighbours are the faces that share a vertex, and the face itself.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, joint_bilateral_pass, spatial_weights
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
+from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.registry import Parameter, method
+
+Threshold = Annotated[
+    float,
+    Parameter(
+        "cosine of the angle between normals up to which they have nothing to do with each other", minimum=-1, below=1
+    ),
+]
+WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
+
+
+@method("mean-normal", source="Yagou, Ohtake, Belyaev 2002")
+def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10) -> Vectors:
+    """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges."""
+    rings = mesh.topology.face_rings(1)
+    weights = spatial_weights(mesh, rings, np.inf)
+    normals = mesh.normals
+    for _ in range(iterations):
+        normals = joint_bilateral_pass(normals, normals, mesh.areas, rings, weights, np.inf)
+    return recover_vertices(mesh, normals, sweeps=sweeps)
+
+
+@method("unilateral-normal", source="Sun, Rosin, Martin, Langbein 2007")
+def unilateral_normal(
+    mesh: Mesh, *, threshold: Threshold = 0.4, iterations: Passes = 10, sweeps: Sweeps = 10
+) -> Vectors:
+    """Average each face normal with similar ones around it: n_f ← unit Σ_g max(<n_f, n_g> - T, 0)² n_g."""
+    rings = mesh.topology.face_rings(1)
+    normals = mesh.normals
+    for _ in range(iterations):
+        normals = unilateral_pass(normals, rings, threshold)
+    return recover_vertices(mesh, normals, sweeps=sweeps)
+
+
+@method("random-walk-normal", source="Sun, Rosin, Martin, Langbein 2008")
+def random_walk_normal(
+    mesh: Mesh,
+    *,
+    sigma_r: RangeSpread = 0.45,
+    length: WalkLength = 2,
+    iterations: Passes = 5,
+    sweeps: Sweeps = 10,
+) -> Vectors:
+    """Average each face normal with those that a random walk from it visits; it likes to step to similar normals."""
+    rings = mesh.topology.face_rings(1)
+    normals = mesh.normals
+    for _ in range(iterations):
+        normals = unit(walk_means(normals, rings, sigma_r=sigma_r, length=length), otherwise=normals)
+    return recover_vertices(mesh, normals, sweeps=sweeps)
+
+
+def unilateral_pass(normals: Vectors, rings: Csr, threshold: float) -> Vectors:
+    """One pass of the unilateral filter; the face itself takes part, so that the weights never vanish."""
+    out = np.empty_like(normals)
+    over(len(normals), _unilateral_pass, normals, *rings, threshold, out)
+    return out
+
+
+def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> Vectors:
+    """Return (m, 3) the expected normal where a walk of `length` steps from each face ends.
+
+    A step leads from f to g, or stays at f, with a probability proportional to exp(-|n_f - n_g|²/2σ_r²).
+    """
+    means: NDArray[np.float64] = normals
+    for _ in range(length):
+        following = np.empty_like(normals)
+        over(len(normals), _walk_step, means, normals, *rings, 0.5 / sigma_r**2, following)
+        means = following
+    return means
+
+
+@kernel
+def _unilateral_pass(start, stop, normals, indptr, indices, threshold, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        own = (1.0 - threshold) ** 2
+        x, y, z = own * normals[f, 0], own * normals[f, 1], own * normals[f, 2]
+        for k in range(indptr[f], indptr[f + 1]):
+            g = indices[k]
+            cosine = normals[f, 0] * normals[g, 0] + normals[f, 1] * normals[g, 1] + normals[f, 2] * normals[g, 2]
+            w = max(cosine - threshold, 0.0) ** 2
+            x += w * normals[g, 0]
+            y += w * normals[g, 1]
+            z += w * normals[g, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        scale = 1.0 / length if length > 0.0 else 0.0
+        out[f, 0], out[f, 1], out[f, 2] = scale * x, scale * y, scale * z
+
+
+@kernel
+def _walk_step(start, stop, values, normals, indptr, indices, spread, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        x, y, z, total = values[f, 0], values[f, 1], values[f, 2], 1.0
+        for k in range(indptr[f], indptr[f + 1]):
+            g = indices[k]
+            dx, dy, dz = normals[g, 0] - normals[f, 0], normals[g, 1] - normals[f, 1], normals[g, 2] - normals[f, 2]
+            w = np.exp(-spread * (dx * dx + dy * dy + dz * dz))
+            x += w * values[g, 0]
+            y += w * values[g, 1]
+            z += w * values[g, 2]
+            total += w
+        out[f, 0], out[f, 1], out[f, 2] = x / total, y / total, z / total

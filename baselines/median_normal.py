@@ -1,0 +1,79 @@
+"""Weighted median filtering of face normals (Yagou, Ohtake, Belyaev 2002)."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+
+from cascadenorm.baselines.bilateral_normal import Passes
+from cascadenorm.mesh import Mesh, Vectors, kernel, over
+from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.registry import Parameter, method
+
+Median = Annotated[
+    Literal["vector", "angle"],
+    Parameter("of the normals (least weighted distance to all), or of their angles to the face's own, as published"),
+]
+
+
+@method("median-normal", source="Yagou, Ohtake, Belyaev 2002")
+def median_normal(mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10) -> Vectors:
+    """Replace each face normal by the weighted median of those around it, then move the vertices to them."""
+    normals = mesh.normals
+    for _ in range(iterations):
+        normals = median_pass(mesh, normals, median=median)
+    return recover_vertices(mesh, normals, sweeps=sweeps)
+
+
+def median_pass(mesh: Mesh, normals: Vectors, *, median: Literal["vector", "angle"]) -> Vectors:
+    """Return (m, 3) one of the normals around each face, its own among them; weights are the areas.
+
+    "vector" takes the one with the least weighted sum of chords to the others; "angle" sorts them by their angle to
+    the face's own normal and takes the one at half the weight. Of equal ones the face's own wins.
+    """
+    rings = mesh.topology.face_rings(1)
+    out = np.empty_like(normals)
+    run = _vector_medians if median == "vector" else _angle_medians
+    over(len(normals), run, normals, mesh.areas, *rings, out)
+    return out
+
+
+@kernel
+def _vector_medians(start, stop, normals, areas, indptr, indices, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        around = np.empty(indptr[f + 1] - indptr[f] + 1, np.int32)
+        around[0] = f
+        around[1:] = indices[indptr[f] : indptr[f + 1]]
+        totals = np.zeros(len(around))
+        for i in range(len(around)):
+            g = around[i]
+            for j in range(i):
+                h = around[j]
+                x, y, z = normals[g, 0] - normals[h, 0], normals[g, 1] - normals[h, 1], normals[g, 2] - normals[h, 2]
+                chord = np.sqrt(x * x + y * y + z * z)
+                totals[i] += areas[h] * chord
+                totals[j] += areas[g] * chord
+        best = 0
+        for i in range(len(around)):
+            if areas[around[i]] > 0.0 and totals[i] < totals[best]:
+                best = i
+        out[f] = normals[around[best]]
+
+
+@kernel
+def _angle_medians(start, stop, normals, areas, indptr, indices, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        count = indptr[f + 1] - indptr[f]
+        chords = np.empty(count)
+        half = 0.5 * areas[f]
+        for k in range(count):
+            g = indices[indptr[f] + k]
+            x, y, z = normals[g, 0] - normals[f, 0], normals[g, 1] - normals[f, 1], normals[g, 2] - normals[f, 2]
+            chords[k] = x * x + y * y + z * z  # grows with the angle
+            half += 0.5 * areas[g]
+        best, passed = f, areas[f]
+        for k in np.argsort(chords, kind="mergesort"):
+            if passed >= half:
+                break
+            best = indices[indptr[f] + k]
+            passed += areas[best]
+        out[f] = normals[best]

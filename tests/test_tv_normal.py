@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+from shapes import grid, icosphere, noisy
+
+from cascadenorm.baselines.interior import face_pairs
+from cascadenorm.baselines.tv_normal import difference_operator, least_variation
+
+ROUGH = noisy(icosphere(1), 0.2)
+
+
+def parts(mesh):
+    """D, w, l, A, n* as in the formula, in mean edge lengths."""
+    pairs = face_pairs(mesh.topology)
+    difference = difference_operator(pairs, len(mesh.faces))
+    shared = [np.intersect1d(mesh.faces[f], mesh.faces[g]) for f, g in pairs]
+    lengths = np.array([np.linalg.norm(mesh.vertices[i] - mesh.vertices[j]) for i, j in shared])
+    weights = np.exp(-(np.linalg.norm(difference @ mesh.normals, axis=1) ** 4))
+    edge = mesh.mean_edge_length
+    return difference, weights, lengths / edge, mesh.areas / edge**2, mesh.normals
+
+
+def energy(mesh, values, fidelity):
+    difference, weights, lengths, areas, given = parts(mesh)
+    variation = (weights * lengths) @ np.linalg.norm(difference @ values, axis=1)
+    return variation + fidelity * areas @ ((values - given) ** 2).sum(axis=1)
+
+
+@pytest.mark.parametrize("fidelity", [0.1, 1.0])
+def test_solution_is_optimal(fidelity):
+    values, duals = least_variation(ROUGH, fidelity=fidelity, iterations=1500)
+    difference, weights, lengths, areas, given = parts(ROUGH)
+    assert (np.linalg.norm(duals, axis=1) <= weights * (1 + 1e-9)).all()
+    gradient = 2 * fidelity * areas[:, None] * (values - given) + difference.T @ (lengths[:, None] * duals)
+    np.testing.assert_allclose(gradient, 0, atol=1e-6)
+    gap = (weights * np.linalg.norm(difference @ values, axis=1) - (duals * (difference @ values)).sum(axis=1)).max()
+    assert gap < 1e-6  # with the above: no other values have less energy
+    nudges = np.random.default_rng(0).normal(size=(20, *values.shape))
+    assert all(energy(ROUGH, values + 1e-3 * nudge, fidelity) > energy(ROUGH, values, fidelity) for nudge in nudges)
+
+
+def test_sixty_rounds_come_close():
+    best = energy(ROUGH, least_variation(ROUGH, fidelity=0.3, iterations=1500).values, 0.3)
+    assert energy(ROUGH, least_variation(ROUGH, fidelity=0.3, iterations=60).values, 0.3) < 1.02 * best
+
+
+def test_high_fidelity_is_the_identity():
+    values = least_variation(ROUGH, fidelity=1e8, iterations=50).values
+    np.testing.assert_allclose(values, ROUGH.normals, atol=1e-6)
+
+
+def test_a_step_sinks_by_length_times_weight_over_fidelity_times_area():
+    """Two flat halves of area A with a jump of w l: each comes nearer to the other by w l / (2 α A)."""
+    sheet = grid(6, 6)
+    x, y, _ = sheet.vertices.T
+    bent = sheet.moved(np.stack([np.minimum(x, 3), y, 0.5 * np.maximum(x - 3, 0)], axis=1) * 1.0)
+    values = least_variation(bent, fidelity=2.0, iterations=1500).values
+    edge = bent.mean_edge_length
+    left = bent.centroids[:, 0] < 3 - 1e-9
+    jump = bent.normals[left][0] - bent.normals[~left][0]
+    weight, seam = np.exp(-(np.linalg.norm(jump) ** 4)), 6 / edge
+    for side, sign in ((left, -1), (~left, 1)):
+        moved = values[side] - bent.normals[side]
+        expected = sign * weight * seam / (2 * 2.0 * bent.areas[side].sum() / edge**2) * jump / np.linalg.norm(jump)
+        np.testing.assert_allclose(moved.mean(axis=0), expected, atol=1e-6)
