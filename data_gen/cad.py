@@ -152,7 +152,8 @@ def wheel(edge: float, rng: np.random.Generator) -> Field:
 
 def turned(edge: float, rng: np.random.Generator) -> Field:
     """Lathe work: a stepped, tapered, grooved profile about an axis, with flats, flutes or cross holes."""
-    heights = np.sort(rng.uniform(-1, 1, rng.integers(4, 10)))
+    count = int(rng.integers(3, 8))
+    heights = np.linspace(-1, 1, count) + rng.uniform(-0.6, 0.6, count) / count
     heights[[0, -1]] = -1.05, 1.05
     radii = rng.uniform(0.2, 0.8, len(heights))
     corners = [[-0.5, -1.05]]
@@ -163,7 +164,7 @@ def turned(edge: float, rng: np.random.Generator) -> Field:
     corners.append([-0.5, 1.05])
     total = revolved(polygon(np.array(corners)))
     if rng.random() < 0.4:
-        round_ = float(rng.uniform(0.02, 0.08))
+        round_ = float(rng.uniform(2 * edge, 4 * edge))
         total = offset(revolved(polygon(np.array(corners) - [[round_, 0]])), by=round_)
     if rng.random() < 0.6:
         cut: Field = cylinder(radius=float(rng.uniform(0.04, 0.12)), half_height=2)
@@ -208,13 +209,8 @@ def plate(edge: float, rng: np.random.Generator) -> Field:
             hole = box([*rng.uniform(0.08, 0.35, 2), depth])
         total = difference(total, moved(hole, by=at + np.array([0, 0, thick if depth < 1 else 0])))
     if rng.random() < 0.25:
-        total = moved(
-            bent(
-                moved(total, rotation=np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])),
-                curvature=float(rng.uniform(-0.7, 0.7)),
-            ),
-            by=[0, 0, 0],
-        )
+        upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # so that it bends across its thickness
+        total = bent(moved(total, rotation=upright), curvature=float(rng.uniform(-0.7, 0.7)))
     elif rng.random() < 0.25:
         total = tapered(total, rate=float(rng.uniform(-0.6, 0.6)))
     return total
@@ -246,7 +242,6 @@ def polyhedron(edge: float, rng: np.random.Generator) -> Field:
     size = np.append(size, np.full(6, 1.1))
     solid = polytope(np.concatenate([normals, np.eye(3), -np.eye(3)]), size)
     if rng.random() < 0.3:
-        solid = offset(moved(solid), by=0.0)
         solid = intersection(solid, sphere(radius=float(rng.uniform(0.85, 1.0))))
     if rng.random() < 0.25:
         solid = shell(solid, thickness=0.3)
@@ -284,15 +279,13 @@ def _star(rng: np.random.Generator) -> Field:
 
 def engraved(edge: float, rng: np.random.Generator) -> Field:
     """A plain body with cut or raised lines, steps and dimples, down to a few edge lengths wide."""
-    body, skin = _plain_body(rng)
+    body, skin = _plain_body(edge, rng)
     for _ in range(rng.integers(2, 7)):
-        width = edge * float(rng.uniform(1.2, 3))
+        width = edge * float(rng.uniform(1.5, 3.5))
         kind = rng.integers(4)
         if kind == 0:
-            ring = torus(major=float(rng.uniform(0.3, 0.9)), minor=1.0)
-            tool: Field = intersection(moved(ring, rotation=random_rotation(rng=rng)), skin)
             plane, level = direction(rng=rng), float(rng.uniform(-0.6, 0.6))
-            tool = _slab(plane, level, width)
+            tool: Field = _slab(plane, level, width)
         elif kind == 1:
             a, b = direction(rng=rng), direction(rng=rng)
             tool = limb(0.9 * a, 0.9 * b, radii=(width + 0.1, width + 0.1))
@@ -300,7 +293,7 @@ def engraved(edge: float, rng: np.random.Generator) -> Field:
             tool = moved(sphere(radius=float(rng.uniform(0.08, 0.3))), by=0.8 * direction(rng=rng))
         else:
             tool = moved(box([width, width, 2.0]), by=rng.uniform(-0.5, 0.5, 3), rotation=random_rotation(rng=rng))
-        depth = edge * float(rng.uniform(1.2, 3))
+        depth = edge * float(rng.uniform(1.5, 3.5))
         if rng.random() < 0.6:
             body = difference(
                 body, intersection(tool, offset(skin, by=0.3)) if kind == 2 else _within(tool, skin, depth)
@@ -319,14 +312,14 @@ def _slab(plane: Vectors, level: float, width: float) -> Field:
     return lambda points: np.abs(points @ plane - level) - width
 
 
-def _plain_body(rng: np.random.Generator) -> tuple[Field, Field]:
+def _plain_body(edge: float, rng: np.random.Generator) -> tuple[Field, Field]:
     kind = rng.integers(4)
     if kind == 0:
         body = sphere(radius=float(rng.uniform(0.7, 0.95)))
     elif kind == 1:
         body = cylinder(radius=float(rng.uniform(0.5, 0.85)), half_height=float(rng.uniform(0.4, 0.9)))
     elif kind == 2:
-        body = offset(box(rng.uniform(0.4, 0.75, 3)), by=float(rng.uniform(0, 0.2)))
+        body = offset(box(rng.uniform(0.4, 0.75, 3)), by=float(rng.choice([0.0, rng.uniform(2 * edge, 0.25)])))
     else:
         body = torus(major=0.75, minor=float(rng.uniform(0.25, 0.4)))
     return body, body

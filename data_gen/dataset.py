@@ -14,9 +14,11 @@ import numpy as np
 
 from cascadenorm.data_gen.families import FAMILIES
 from cascadenorm.data_gen.noise import NoiseKind, displacements
+from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.surface import UnfitShapeError
 from cascadenorm.mesh import Mesh, Vectors
 
+PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
 ATTEMPTS = 60  # shapes drawn for one index before giving up
 
 _SHAPE, _NOISE = 0, 1  # separate streams of random numbers, so that noise settings leave the shapes as they are
@@ -103,8 +105,14 @@ def clean_mesh(config: DatasetConfig, index: int) -> Mesh:
         except UnfitShapeError:
             continue
         if 0.6 * faces <= len(mesh.faces) <= 1.6 * faces:
-            return mesh
+            return _pulled(mesh, rng=rng) if family.part != "view" and rng.random() < PULLED else mesh
     raise RuntimeError(f"no fit shape for index {index} of seed {config.seed} in {ATTEMPTS} attempts")
+
+
+def _pulled(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
+    """Stretch a mesh in three perpendicular directions, to at most about three times as long as wide."""
+    axes = random_rotation(rng=rng)
+    return mesh.moved(mesh.vertices @ (axes * np.exp(rng.uniform(-0.55, 0.55, 3))) @ axes.T)
 
 
 def noisy_vertices(

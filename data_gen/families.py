@@ -40,13 +40,13 @@ class Family:
 
     def make(self, *, faces: int, rng: np.random.Generator) -> Mesh:
         """Draw a shape and make a mesh of about so many faces; UnfitShapeError if it came out bad."""
-        area = USUAL_AREA * (0.3 if self.part == "piece" else 1.0)
+        area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         field = self.shape(float(np.sqrt(2.3 * area / faces)), rng)
         extent = extent_of(field, rng=rng)
         if self.part == "view":
             return view(field, extent, faces=faces, rng=rng)
         if self.part == "piece":
-            extent, window = cut_out(extent, share=float(rng.uniform(0.1, 0.5)), rng=rng)
+            extent, window = cut_out(extent, share=float(rng.uniform(0.08, 0.4)), rng=rng)
             return tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
         return tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
 
@@ -73,11 +73,12 @@ FAMILIES: dict[str, Family] = {
     "fan": Family(cad.fan, 0.7, sharp=True),
     "creature": Family(organic.creature, 0.7, sharp=False),
     "statue": Family(organic.statue, 1.6, sharp=False),
+    "mounted": Family(organic.mounted, 0.6, sharp=True),
     "bust": Family(organic.bust, 1.2, sharp=False),
     "bumpy": Family(organic.bumpy, 0.9, sharp=False),
     "smooth": Family(organic.smooth, 0.8, sharp=False),
     "rock": Family(organic.rock, 0.7, sharp=False),
-    "machined_piece": Family(MACHINED, 0.9, sharp=True, part="piece"),
-    "grown_piece": Family(GROWN, 1.4, sharp=False, part="piece"),
+    "machined_piece": Family(MACHINED, 1.8, sharp=True, part="piece"),
+    "grown_piece": Family(GROWN, 2.2, sharp=False, part="piece"),
     "view": Family(any_of(cad.tabletop, cad.tabletop, cad.assembly, cad.turned, GROWN), 0.9, sharp=True, part="view"),
 }

@@ -6,7 +6,9 @@ from cascadenorm.data_gen.fields import (
     Field,
     Values,
     box,
+    complement,
     cylinder,
+    difference,
     displaced,
     ellipsoid,
     limb,
@@ -83,16 +85,21 @@ def creature(edge: float, rng: np.random.Generator) -> Field:
 
 
 def statue(edge: float, rng: np.random.Generator) -> Field:
-    """A creature or a lump under folds, hair, scales and pores; some stand on a base with edges."""
+    """A creature or a lump under folds, hair, scales and pores."""
     body = creature(edge, rng) if rng.random() < 0.6 else _lump(rng)
-    body = skin(body, finest=4 * edge, layers=int(rng.integers(2, 6)), rng=rng)
-    if rng.random() < 0.25:
-        base = box(rng.uniform([0.4, 0.1, 0.4], [0.8, 0.25, 0.8]))
-        if rng.random() < 0.5:
-            base = cylinder(radius=float(rng.uniform(0.4, 0.8)), half_height=float(rng.uniform(0.1, 0.25)))
-            base = aligned(base, [0, 1, 0])
-        body = union(body, moved(base, by=[0, -0.65, 0]))
-    return body
+    return skin(body, finest=4 * edge, layers=int(rng.integers(2, 6)), rng=rng)
+
+
+def mounted(edge: float, rng: np.random.Generator) -> Field:
+    """A statue on a base with sharp edges, or with a flat cut."""
+    body = statue(edge, rng)
+    height = float(rng.uniform(0.1, 0.25))
+    if rng.random() < 0.3:
+        return difference(body, moved(box([2, 1, 2]), by=[0, -1.4 + height, 0]))
+    base = box([*rng.uniform(0.4, 0.8, 1), height, *rng.uniform(0.4, 0.8, 1)])
+    if rng.random() < 0.5:
+        base = aligned(cylinder(radius=float(rng.uniform(0.4, 0.8)), half_height=height), [0, 1, 0])
+    return union(body, moved(base, by=[0, -0.65, 0]))
 
 
 def _lump(rng: np.random.Generator) -> Field:
@@ -108,25 +115,16 @@ def bust(edge: float, rng: np.random.Generator) -> Field:
     wide, tall, deep = rng.uniform([0.42, 0.55, 0.5], [0.55, 0.7, 0.6])
     skull = ellipsoid([wide, tall, deep])
     jaw = moved(ellipsoid([0.75 * wide, 0.5 * tall, 0.7 * deep]), by=[0, -0.55 * tall, 0.15 * deep])
-    nose = limb(
-        [0, 0.05, 0.95 * deep],
-        [0, -0.2, deep + float(rng.uniform(0.05, 0.18))],
-        radii=(0.04, float(rng.uniform(0.06, 0.1))),
-    )
-    brow = limb([0, 0.16, 0.93 * deep], [0.28, 0.16, 0.75 * deep], radii=(0.04, 0.06))
-    cheek = moved(sphere(radius=0.14), by=[0.22, -0.15, 0.7 * deep])
+    bridge, tip = [0, 0.05, 0.95 * deep], [0, -float(rng.uniform(0.12, 0.25)), deep + float(rng.uniform(0.05, 0.18))]
+    nose = limb(bridge, tip, radii=(0.04, float(rng.uniform(0.06, 0.1))))
+    apart, level = float(rng.uniform(0.15, 0.22)), float(rng.uniform(0.0, 0.08))
+    brow = limb([0, level + 0.11, 0.93 * deep], [apart + 0.09, level + 0.1, 0.75 * deep], radii=(0.04, 0.06))
+    cheek = moved(sphere(radius=float(rng.uniform(0.1, 0.18))), by=[apart + 0.03, -0.15, 0.7 * deep])
     neck = limb([0, -0.5, -0.05], [0, -1.15, -0.1], radii=(float(rng.uniform(0.22, 0.32)), 0.35))
     head = melted(skull, jaw, nose, brow, cheek, neck, radius=float(rng.uniform(0.05, 0.15)))
-    socket = moved(sphere(radius=0.1), by=[0.19, 0.06, 0.92 * deep])
-    eye = moved(sphere(radius=float(rng.uniform(0.07, 0.09))), by=[0.19, 0.05, 0.82 * deep])
-    carved = melted(head, radius=0.1)
-    hollow = 0.06
-
-    def face(points: Vectors) -> Values:
-        a, b = carved(points), -socket(points)
-        h = np.maximum(hollow - np.abs(a - b), 0) / hollow
-        return np.maximum(a, b) + h**3 * hollow / 6
-
+    socket = moved(sphere(radius=float(rng.uniform(0.07, 0.12))), by=[apart, level, 0.92 * deep])
+    eye = moved(sphere(radius=float(rng.uniform(0.07, 0.09))), by=[apart, level - 0.01, 0.82 * deep])
+    face = complement(melted(complement(head), socket, radius=0.06))
     lips = [limb([-0.001, y, 0.86 * deep], [0.12, y, 0.8 * deep], radii=(0.035, 0.02)) for y in (-0.36, -0.42)]
     ear = moved(torus(major=0.09, minor=0.03), by=[wide, 0, 0], rotation=random_rotation(rng=rng))
     whole = mirrored(melted(union(face, eye), *lips, ear, radius=0.03))
@@ -204,7 +202,7 @@ def rock(edge: float, rng: np.random.Generator) -> Field:
     grain = noise(
         wavelength=float(rng.uniform(0.3, 0.9)), octaves=3, gain=float(rng.uniform(0.35, 0.55)), form=form, rng=rng
     )
-    return displaced(broken, grain, amplitude=float(rng.uniform(0.02, 0.09)))
+    return displaced(broken, grain, amplitude=float(rng.uniform(0.01, 0.06)))
 
 
 def _gently_warped(body: Field, rng: np.random.Generator) -> Field:
