@@ -59,20 +59,20 @@ def length_unit(mesh: Mesh, weights: Weights) -> float:
 
 def diffuse(
     laplacian: Laplacian,
-    vertices: Vectors,
+    values: NDArray[np.float64],
     *,
     time: float,
     iterations: int,
     scheme: Scheme = "implicit",
     order: Order = 1,
     region: Region | None = None,
-) -> Vectors:
+) -> NDArray[np.float64]:
     """Take steps of x_t = -(-Δ)^order x: an eigenvector of -Δ with value k is scaled by 1 - tk^p, or by 1/(1 + tk^p).
 
     Parameters
     ----------
     laplacian : of n vertices; it stays as it is during the flow
-    vertices : (n, 3)
+    values : (n, c), the vertices or other columns
     time : t, length of one step, in the laplacian's own unit to the power `order`
     iterations : steps
     scheme : an explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`. A longer one is cut
@@ -82,7 +82,7 @@ def diffuse(
 
     Returns
     -------
-    (n, 3)
+    (n, c)
 
     Raises
     ------
@@ -90,13 +90,13 @@ def diffuse(
     """
     free = laplacian.mass > 0 if region is None else region & (laplacian.mass > 0)
     if time == 0 or iterations == 0 or not free.any():
-        return vertices.copy()
+        return values.copy()
     if scheme == "explicit":
         cuts = _stable_cuts(laplacian, time, iterations, order)
         for _ in range(iterations * cuts):
-            vertices = vertices - np.where(free[:, None], (time / cuts) * laplacian.apply(vertices, order), 0.0)
-        return vertices
-    # (M + tP) d = -tPx for the displacement d, with P = M(-Δ)^p; rows and columns of vertices that stay are left out
+            values = values - np.where(free[:, None], (time / cuts) * laplacian.apply(values, order), 0.0)
+        return values
+    # (M + tP) d = -tPx for the displacement d, with P = M(-Δ)^p; rows and columns of values that stay are left out
     power = laplacian.power(order)
     inside = np.flatnonzero(free)
     mass = sparse.diags_array(laplacian.mass[inside])
@@ -104,17 +104,17 @@ def diffuse(
     if order == 1 and iterations == 1 and time * laplacian.largest < MILD:
         solve: Callable[[Vectors], Vectors] = partial(solve_once, matrix)
     elif order == 1:
-        solve = solver(matrix, vertices[inside])
+        solve = solver(matrix, laplacian.positions[inside])
     else:
-        solve = _solver_of_rings(laplacian, matrix, vertices, time=time, order=order, inside=inside)
-    vertices = vertices.copy()
+        solve = _solver_of_rings(laplacian, matrix, time=time, order=order, inside=inside)
+    values = values.copy()
     for _ in range(iterations):
-        vertices[inside] += solve(-time * (power @ vertices)[inside])
-    return vertices
+        values[inside] += solve(-time * (power @ values)[inside])
+    return values
 
 
 def _solver_of_rings(
-    laplacian: Laplacian, matrix: Any, positions: Vectors, *, time: float, order: Order, inside: NDArray[np.int64]
+    laplacian: Laplacian, matrix: Any, *, time: float, order: Order, inside: NDArray[np.int64]
 ) -> Callable[[Vectors], Vectors]:
     """Return a function that solves with M + tM(-Δ)^order, order 2 or 3, on the vertices `inside`.
 
@@ -122,11 +122,12 @@ def _solver_of_rings(
     are preconditioned by (M + sS) M⁻¹ (M + sS) …, s = t^(1/order), whose spectrum (1 + sk)^order lies within a
     factor of 4 of 1 + tk^order.
     """
+    positions = laplacian.positions[inside]
     if matrix.nnz <= DENSE_LIMIT:
-        return Factorisation(matrix, positions[inside]).solve
+        return Factorisation(matrix, positions).solve
     mass = laplacian.mass[inside]
     stiffness = laplacian.stiffness[inside][:, inside]
-    factor = solver(sparse.diags_array(mass) + time ** (1 / order) * stiffness, positions[inside])
+    factor = solver(sparse.diags_array(mass) + time ** (1 / order) * stiffness, positions)
 
     def precondition(residual: NDArray[np.float64]) -> NDArray[np.float64]:
         residual = factor(residual)

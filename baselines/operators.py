@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.mesh import Mesh, kernel, over
+from cascadenorm.mesh import Mesh, Vectors, kernel, over
 
 Weights = Literal["uniform", "cotan"]
 MOLLIFICATION = 1e-5  # slack of the triangle inequality, in mean edge lengths (Sharp & Crane 2020)
@@ -27,10 +27,12 @@ class Laplacian:
     ----------
     stiffness : S, (n, n) sparse, symmetric, positive semidefinite, rows sum to zero
     mass : M, (n,); zero for a vertex without a face, which then keeps its value
+    positions : (n, 3) of the vertices: by them solvers order the unknowns
     """
 
     stiffness: Any  # scipy.sparse.csr_array, which has no types
     mass: NDArray[np.float64]
+    positions: Vectors
 
     @cached_property
     def inverse_mass(self) -> NDArray[np.float64]:
@@ -64,7 +66,7 @@ def laplacian_of(mesh: Mesh, weights: Weights) -> Laplacian:
 def uniform_laplacian(mesh: Mesh) -> Laplacian:
     """Return Δx_i = mean of the 1-ring of i - x_i: the mass is the number of neighbours, eigenvalues lie in 0 … 2."""
     edges = mesh.topology.edges
-    return _from_edges(mesh, np.ones(len(edges)), mesh.topology.vertex_neighbors.counts.astype(np.float64))
+    return assemble(mesh, np.ones(len(edges)), mesh.topology.vertex_neighbors.counts.astype(np.float64))
 
 
 def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> Laplacian:
@@ -81,13 +83,13 @@ def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> 
     lengths = intrinsic_lengths(mesh, mollification=mollification)
     cotangents, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
     over(len(mesh.faces), _cotangents, lengths, cotangents, areas)
-    edge_weights = _sums(mesh.topology.face_edges, 0.5 * cotangents, len(mesh.topology.edges))
-    return _from_edges(mesh, edge_weights, vertex_masses(mesh, areas))
+    edge_weights = sums(mesh.topology.face_edges, 0.5 * cotangents, len(mesh.topology.edges))
+    return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
 
 
 def vertex_masses(mesh: Mesh, areas: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n,) a third of the areas of the faces around each vertex."""
-    return _sums(mesh.faces, np.repeat(areas / 3, 3), len(mesh.vertices))
+    return sums(mesh.faces, np.repeat(areas / 3, 3), len(mesh.vertices))
 
 
 def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> NDArray[np.float64]:
@@ -99,21 +101,27 @@ def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> ND
     return lengths + max(float(missing), 0.0)
 
 
-def _sums(places: NDArray[np.int32], values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def volume_gradient(mesh: Mesh) -> Vectors:
+    """Return (n, 3) a third of the area vectors of the faces around each vertex: a normal times the mass."""
+    thirds = np.repeat(mesh.area_vectors / 3, 3, axis=0)
+    return np.stack([sums(mesh.faces, column, len(mesh.vertices)) for column in thirds.T], axis=1)
+
+
+def sums(places: NDArray[np.int32], values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Add each value to its place; (count,)."""
     return np.asarray(np.bincount(places.ravel(), values.ravel(), count), np.float64)
 
 
-def _from_edges(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]) -> Laplacian:
-    """Assemble a stiffness from the weight of each edge."""
+def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]) -> Laplacian:
+    """Return the Laplacian with the given weight of each edge, e.g. (cot α + cot β)/2, and mass of each vertex."""
     proper = mesh.topology.edges[:, 0] != mesh.topology.edges[:, 1]
     (i, j), w = mesh.topology.edges[proper].T, weights[proper]
     n = len(mesh.vertices)
-    diagonal = _sums(i, w, n) + _sums(j, w, n)
+    diagonal = sums(i, w, n) + sums(j, w, n)
     everyone = np.arange(n, dtype=np.int32)
     rows, columns = np.concatenate([i, j, everyone]), np.concatenate([j, i, everyone])
     stiffness = sparse.csr_array(sparse.coo_array((np.concatenate([-w, -w, diagonal]), (rows, columns)), (n, n)))
-    return Laplacian(stiffness, mass)
+    return Laplacian(stiffness, mass, mesh.vertices)
 
 
 @kernel

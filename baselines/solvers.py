@@ -34,6 +34,7 @@ class Factorisation:
     """
 
     def __init__(self, matrix: Any, positions: Vector) -> None:
+        assert positions.shape == (matrix.shape[0], 3)
         matrix = sparse.csr_array(matrix)
         self.order = np.empty(len(positions), np.int64)
         _nested_dissection(matrix.indptr, matrix.indices, np.ascontiguousarray(positions), LEAF, self.order)

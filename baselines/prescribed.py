@@ -1,0 +1,84 @@
+"""Flow to a surface of prescribed mean curvature: the input's own, smoothed (Hildebrandt & Polthier 2004)."""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
+from cascadenorm.baselines.diffusion import Moving, diffuse
+from cascadenorm.baselines.operators import cotangent_laplacian, sums
+from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.registry import Parameter, method
+
+SMOOTHINGS = 5  # implicit steps that the diffusion of the curvature is made of
+SHARPNESS = 10.0  # r of the paper's edge weight: how fast it falls past the crease threshold
+
+
+@method("prescribed-mean-curvature", source="Hildebrandt, Polthier 2004")
+def prescribed_mean_curvature(
+    mesh: Mesh,
+    *,
+    smoothing: Annotated[
+        float, Parameter("time of the diffusion of the mean curvature", "squared mean edge lengths", minimum=0)
+    ] = 2.0,
+    threshold: Annotated[
+        float,
+        Parameter(
+            "turn of the smoothed normals past which a place is a crease", "radians per mean edge length", above=0
+        ),
+    ] = 0.15,
+    presmoothing: Presmoothing = 1.0,
+    step: Annotated[float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0)] = 0.5,
+    iterations: Annotated[int, Parameter("semi-implicit steps", minimum=0)] = 5,
+    region: Moving = None,
+) -> Vectors:
+    """Move the vertices until the mean curvature is the smoothed one of the input: a cylinder keeps its radius.
+
+    The flow is M x_t = M f n - A: A is the gradient of the area, in which the input's creases weigh less and a rim does
+    not pull inward; f is the input's own A along the normals, smoothed by `anisotropic_laplacian`. Steps are
+    preconditioned by (M + tS)⁻¹. Vertices outside the region, and those without a face, stay.
+    """
+    unit_time = mesh.mean_edge_length**2
+    time = step * unit_time
+    normals = smoothed_normals(mesh, presmoothing)
+    weights = crease_weights(mesh, normals, threshold=threshold)
+    smoother = anisotropic_laplacian(mesh, normals, threshold=threshold)
+    curvature = smoother.inverse_mass * (area_gradient(mesh, weights) * normals).sum(axis=1)
+    target = diffuse(smoother, curvature[:, None], time=smoothing / SMOOTHINGS * unit_time, iterations=SMOOTHINGS)
+    for _ in range(iterations):
+        laplacian = cotangent_laplacian(mesh)
+        normals = smoothed_normals(mesh, presmoothing)
+        velocity = target * normals - laplacian.inverse_mass[:, None] * area_gradient(mesh, weights)
+        if region is not None:
+            velocity[~region] = 0
+        velocity = diffuse(laplacian, velocity, time=time, iterations=1, region=region)
+        mesh = mesh.moved(mesh.vertices + time * velocity)
+    return mesh.vertices.copy()
+
+
+def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray[np.float64]:
+    """Return (e,) weight of each edge: 1 where the surface turns little, less at a crease, 0 but at interior edges.
+
+    The turn c is that of the given vertex normals from the middle of one face of the edge to that of the other; past
+    the threshold the weight is threshold² / (10 (c - threshold)² + threshold²).
+    """
+    inner, around = mesh.topology.interior_edges, mesh.topology.edge_faces
+    first, second = around.indices[around.indptr[inner][:, None] + (0, 1)].T
+    middle = unit(normals[mesh.faces].sum(axis=1))
+    past = np.maximum(np.linalg.norm(middle[second] - middle[first], axis=1) / threshold - 1, 0)
+    weights = np.zeros(len(mesh.topology.edges))
+    weights[inner] = 1 / (SHARPNESS * past**2 + 1)
+    return weights
+
+
+def area_gradient(mesh: Mesh, weights: NDArray[np.float64]) -> Vectors:
+    """Return (n, 3) ½ Σ w_e H_e N_e over the edges e of each vertex, with H_e N_e = (n_2 - n_1) × e.
+
+    With weights 1 it is the gradient of the area of a closed mesh.
+    """
+    edges, face_edges = mesh.topology.edges, mesh.topology.face_edges
+    sides = np.roll(mesh.corners, -1, axis=1) - mesh.corners
+    inward = np.cross(mesh.normals[:, None], sides).reshape(-1, 3)  # in the face, as long as the side
+    pulls = -0.5 * np.stack([weights * sums(face_edges, column, len(edges)) for column in inward.T])
+    return np.stack([sums(edges, np.repeat(column, 2), len(mesh.vertices)) for column in pulls], axis=1)
