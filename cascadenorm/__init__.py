@@ -12,14 +12,18 @@ if TYPE_CHECKING:
     from cascadenorm.controls import DenoiseError
     from cascadenorm.evaluation import evaluate
     from cascadenorm.io import OutputError, ReadError, from_arrays, read, write
+    from cascadenorm.learned.config import ConfigError, TrainConfig, read_config
     from cascadenorm.mesh import Mesh, MeshError
     from cascadenorm.metrics import Measures
+    from cascadenorm.models import Denoiser, train
     from cascadenorm.registry import ParameterError
 
 __version__ = "0.1.0"
 
 _HOMES = {  # loaded when first used: the command line starts without numpy and numba
+    "ConfigError": "learned.config",
     "DenoiseError": "controls",
+    "Denoiser": "models",
     "Measures": "metrics",
     "Mesh": "mesh",
     "MeshError": "mesh",
@@ -27,6 +31,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "ParameterError": "registry",
     "ReadError": "io",
     "Report": "api",
+    "TrainConfig": "learned.config",
     "compare": "api",
     "denoise": "api",
     "denoise_file": "api",
@@ -34,11 +39,15 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "from_arrays": "io",
     "methods": "api",
     "read": "io",
+    "read_config": "learned.config",
+    "train": "models",
     "write": "io",
 }
 
 __all__ = [
+    "ConfigError",
     "DenoiseError",
+    "Denoiser",
     "Measures",
     "Mesh",
     "MeshError",
@@ -46,6 +55,7 @@ __all__ = [
     "ParameterError",
     "ReadError",
     "Report",
+    "TrainConfig",
     "compare",
     "denoise",
     "denoise_file",
@@ -53,6 +63,8 @@ __all__ = [
     "from_arrays",
     "methods",
     "read",
+    "read_config",
+    "train",
     "write",
 ]
 

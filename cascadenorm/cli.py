@@ -184,6 +184,47 @@ def generate(
 
 
 @app.command()
+def train(
+    *,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The weights file to write.")] = Path(
+        "cascade.safetensors"
+    ),
+    config: Annotated[Path | None, typer.Option(help="Settings as TOML; what it leaves out keeps its default.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A minute's training, to see that it works.")] = False,
+    seed: Annotated[int | None, typer.Option(min=0, help="The same seed makes the same file.")] = None,
+    threads: Threads = None,
+    force: Force = False,
+) -> None:
+    """Train a cascade on generated shapes; interrupted and started again, it goes on where it was."""
+    from dataclasses import replace
+
+    from cascadenorm import models, report
+    from cascadenorm.learned.config import QUICK, TrainConfig, read_config
+
+    if config is not None and quick:
+        raise typer.BadParameter("--quick has settings of its own: give it or --config, not both")
+    settings = QUICK if quick else TrainConfig() if config is None else read_config(config)
+    if seed is not None:
+        settings = replace(settings, seed=seed, data=replace(settings.data, seed=seed))
+    with report.progress_tasks() as progress:
+        models.train(settings, output, force=force, threads=threads, progress=progress)
+    print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
+
+
+@app.command("models")
+def show_model(
+    model: Annotated[
+        Path | None, typer.Argument(help="A weights file; none: the one that comes with the package.")
+    ] = None,
+) -> None:
+    """Print the card of a model: what it was made of, how, and how well it fits, as JSON."""
+    from cascadenorm import models, report
+
+    denoiser = models.Denoiser.shipped() if model is None else models.Denoiser.load(model)
+    report.print_json("models", {"model": str(model or "shipped"), "card": denoiser.card})
+
+
+@app.command()
 def demo(
     folder: Annotated[Path, typer.Argument(help="Where to leave meshes and pictures; it is made.")] = Path(
         "cascadenorm-demo"
@@ -250,11 +291,13 @@ def _judged(error: Exception) -> tuple[int, str]:
     """Exit code and message of an error."""
     from cascadenorm.controls import DenoiseError
     from cascadenorm.io import OutputError, ReadError
+    from cascadenorm.learned.config import ConfigError
     from cascadenorm.mesh import MeshError
     from cascadenorm.registry import ParameterError
 
     codes = {
         ParameterError: USAGE,
+        ConfigError: USAGE,
         ReadError: UNREADABLE,
         MeshError: INVALID,
         OutputError: OUTPUT,

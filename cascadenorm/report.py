@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from cascadenorm.api import Report
@@ -184,6 +184,24 @@ def progress_steps() -> Iterator[Callable[[str, int, int], object]]:
     with _progress() as bar:
         task = bar.add_task("", total=None)
         yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
+
+
+@contextmanager
+def progress_tasks() -> Iterator[Callable[[str, int, int, str], object]]:
+    """Show tasks as they begin and end, several at once: bars on a terminal, else a line for each that is finished."""
+    with _progress() as bar:
+        started: dict[str, TaskID] = {}
+
+        def show(task: str, done: int, total: int, note: str) -> None:
+            if task not in started:
+                started[task] = bar.add_task(task, total=total)
+            text = f"{task}  {note}" if note else task
+            bar.update(started[task], completed=done, description=text)
+            if done == total:
+                bar.remove_task(started[task])
+                bar.console.print(f"{text}: done", highlight=False)
+
+        yield show
 
 
 def _progress() -> Progress:

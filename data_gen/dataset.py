@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen.families import FAMILIES
 from cascadenorm.data_gen.noise import NoiseKind, displacements
@@ -143,7 +144,7 @@ def pairs(config: DatasetConfig, *, workers: int = 1) -> Iterator[Pair]:
     if workers == 1:
         yield from (pair(config, index) for index in range(config.count))
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), threadpool_limits, (1,)) as pool:  # BLAS: one thread each
         yield from pool.map(partial(pair, config), range(config.count))
 
 

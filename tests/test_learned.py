@@ -5,19 +5,25 @@ from safetensors.numpy import save_file
 from scipy.spatial.transform import Rotation
 from shapes import cube, icosphere, noisy
 
+from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.descriptors import (
+    CONTEXT_STEPS,
     DESCRIPTORS,
     FLOOR,
+    REACH_PASSES,
+    REACH_SIGMA_R,
     RING,
     SIGMA_R,
     SIGMA_S,
     bilateral_stack,
     guided_stack,
     pose_free,
+    reaching_stack,
+    ring_means,
 )
 from cascadenorm.learned.networks import Network
-from cascadenorm.learned.regression import Regression
+from cascadenorm.learned.regression import Regression, Standard, stage_stack
 from cascadenorm.mesh import Mesh, limit_threads, unit
 from cascadenorm.registry import ParameterError
 
@@ -46,16 +52,24 @@ def twin_stack(mesh: Mesh) -> np.ndarray:
     return np.stack([n, *plain, *guided], axis=1)
 
 
-def random_regression(descriptor: str, *, seed: int = 0, hidden: int = 7, clusters: int = 3) -> Regression:
+def random_regression(descriptor: str, *, later: bool = False, seed: int = 0) -> Regression:
+    """A stage with random weights; a later one sees the noisy normals too."""
     rng = np.random.default_rng(seed)
-    k = DESCRIPTORS[descriptor](MESH).shape[1]
-    d = k * (k - 1) // 2
-    shapes = {
-        "mean": (d,), "centers": (clusters, d), "weight1": (clusters, d, hidden), "bias1": (clusters, hidden),
-        "weight2": (clusters, hidden, k), "bias2": (clusters, k),
-    }  # fmt: skip
-    arrays = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
-    return Regression(descriptor=descriptor, scale=np.full(d, 0.3, np.float32), **arrays)
+    k, hidden, clusters, p = DESCRIPTORS[descriptor](MESH).shape[1] + later, 7, 3, 5
+    d, context = k * (k - 1) // 2, p * len(CONTEXT_STEPS)
+
+    def random(*shape: int) -> np.ndarray:
+        return rng.normal(size=shape).astype(np.float32)
+
+    return Regression(
+        descriptor=descriptor,
+        standard=Standard(
+            mean=random(d), scale=np.full(d, 0.3, np.float32), projection=random(d, p) / d,
+            context_mean=random(context), context_scale=np.ones(context, np.float32),
+        ),
+        centers=random(clusters, d + context), weight1=random(clusters, d + context, hidden) / 20,
+        bias1=random(clusters, hidden), weight2=random(clusters, hidden, k), bias2=random(clusters, k),
+    )  # fmt: skip
 
 
 def test_descriptors_equal_their_formula():
@@ -85,10 +99,25 @@ def test_pose_free_is_in_order_of_pairs():
     np.testing.assert_allclose(np.exp(pose_free(stack))[0] - FLOOR, 1 - np.cos([0.3, 1.0, 0.7]), atol=1e-6)
 
 
+def test_reaching_stack_holds_the_bilateral_filter_after_its_passes():
+    stack = reaching_stack(MESH)
+    at = 1 + REACH_SIGMA_R.index(0.35) * len(REACH_PASSES) + REACH_PASSES.index(8)
+    expected = bilateral_normals(MESH, sigma_s=1.0, sigma_r=0.35, iterations=8, center="count")
+    np.testing.assert_allclose(stack[:, at], expected, atol=1e-6)
+
+
+def test_ring_means_average_a_face_and_those_it_touches():
+    values = np.random.default_rng(0).normal(size=(len(MESH.faces), 3)).astype(np.float32)
+    once = np.array([values[[f, *MESH.topology.face_rings(1).row(f)]].mean(axis=0) for f in range(len(values))])
+    np.testing.assert_allclose(ring_means(values, MESH)[:, :3], once, atol=1e-6)
+    twice = ring_means(once.astype(np.float32), MESH)[:, :3]
+    np.testing.assert_allclose(ring_means(values, MESH)[:, 3:6], twice, atol=1e-6)
+
+
 def test_array_path_equals_torch():
     stage = random_regression("B+G")
-    stack = stage.stack(MESH)
-    x = stage.standardised(stack)
+    stack = stage_stack("B+G", MESH, MESH)
+    x = stage.standard.numbers(stack, MESH)
     distances = np.linalg.norm(x[:, None] - stage.centers, axis=2)
     expected = np.empty((len(x), 3))
     for c in range(len(stage.centers)):
@@ -101,20 +130,20 @@ def test_array_path_equals_torch():
             mine = distances.argmin(axis=1) == c
             expected[mine] = network(torch.from_numpy(x[mine]), torch.from_numpy(stack[mine])).numpy()
     assert len(np.unique(distances.argmin(axis=1))) > 1
-    np.testing.assert_allclose(stage.normals(stack), expected, atol=1e-5)
+    np.testing.assert_allclose(stage.normals(MESH, MESH), expected, atol=1e-5)
 
 
 def test_regression_turns_with_the_mesh():
-    stage = random_regression("B")
-    stage = Regression(descriptor="B", **{**stage.arrays(), "weight1": 0.05 * stage.weight1})
-    turned = Mesh(MESH.vertices @ TURN.T, MESH.faces)
-    expected = stage.normals(stage.stack(MESH)) @ TURN.T
-    np.testing.assert_allclose(stage.normals(stage.stack(turned)), expected, atol=1e-3)
+    stage = random_regression("B", later=True)
+    before = MESH.moved(0.9 * MESH.vertices + 0.1 * icosphere(2).vertices)
+    turned, turned_before = (Mesh(m.vertices @ TURN.T, m.faces) for m in (MESH, before))
+    expected = stage.normals(before, MESH) @ TURN.T
+    np.testing.assert_allclose(stage.normals(turned_before, turned), expected, atol=1e-3)
 
 
 def test_same_bytes_for_any_number_of_threads():
     mesh = noisy(icosphere(5), 0.2)
-    cascade = Cascade((random_regression("B+G"), random_regression("B", seed=1)), {})
+    cascade = Cascade((random_regression("B+G"), random_regression("B", later=True)), {})
     with limit_threads(1):
         one = cascade.vertices(mesh)
     with limit_threads(5):
@@ -122,7 +151,7 @@ def test_same_bytes_for_any_number_of_threads():
 
 
 def test_weights_file_gives_the_same_cascade_back(tmp_path):
-    cascade = Cascade((random_regression("B+G"), random_regression("B", seed=1)), {"seed": 3, "note": "für Täler"})
+    cascade = Cascade((random_regression("B+G"), random_regression("B", later=True)), {"seed": 3, "note": "für Täler"})
     path = tmp_path / "model.safetensors"
     path.write_bytes(cascade.to_bytes())
     again = Cascade.load(path)

@@ -5,7 +5,7 @@ import pytest
 import torch
 from shapes import cube, icosphere, noisy
 
-from cascadenorm.data_gen import DatasetConfig, pair
+from cascadenorm.data_gen import DatasetConfig
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_stack, pose_free
 from cascadenorm.learned.networks import Faces, chord, train_network
@@ -60,7 +60,7 @@ def test_training_lowers_the_loss():
     clean = cube(10)
     stack = bilateral_stack(noisy(clean, 0.25))
     faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
-    losses = []
+    losses: list[float] = []
     train_network(faces, Fit(epochs=8, batch=64), seed=0, log=lambda epoch, loss, validation: losses.append(validation))
     assert losses[-1] < 0.95 * losses[0]
 

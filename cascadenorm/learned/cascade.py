@@ -36,8 +36,9 @@ class Cascade:
 
     def steps(self, mesh: Mesh, *, sweeps: int = 20) -> Iterator[Mesh]:
         """Yield the mesh after each stage."""
+        noisy = mesh
         for stage in self.stages:
-            mesh = mesh.moved(recover_vertices(mesh, stage.normals(stage.stack(mesh)), sweeps=sweeps))
+            mesh = mesh.moved(recover_vertices(mesh, stage.normals(mesh, noisy), sweeps=sweeps))
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:
@@ -75,7 +76,7 @@ class Cascade:
             if descriptor not in DESCRIPTORS:
                 raise ParameterError(f"{fspath(path)} needs the descriptor {descriptor!r}, which this version lacks")
             mine = {name.split(".", 1)[1]: a for name, a in tensors.items() if name.startswith(f"stage{s}.")}
-            stages.append(Regression(descriptor=descriptor, **mine))
+            stages.append(Regression.from_arrays(descriptor, mine))
         return cls(tuple(stages), header["card"])
 
 
@@ -90,8 +91,10 @@ def shipped() -> Cascade:
 def cascade(
     mesh: Mesh,
     *,
-    model: Annotated[Path | None, Parameter("weights file made by `cascadenorm train`; none: the shipped ones")] = None,
+    model: Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm train` made; none: ours")] = None,
     sweeps: Sweeps = 20,
 ) -> Vectors:
     """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages."""
-    return (shipped() if model is None else Cascade.load(model)).vertices(mesh, sweeps=sweeps)
+    if not isinstance(model, Cascade):
+        model = shipped() if model is None else Cascade.load(model)
+    return model.vertices(mesh, sweeps=sweeps)

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -34,10 +34,10 @@ class Fit:
     learning_rate, weight_decay, clip : of AdamW, with a cosine schedule and gradients clipped to this norm
     """
 
-    hidden: int = 128
-    epochs: int = 40
-    patience: int = 10
-    batch: int = 2048
+    hidden: int = 160
+    epochs: int = 20
+    patience: int = 5
+    batch: int = 1024
     learning_rate: float = 2e-3
     weight_decay: float = 1e-3
     clip: float = 1.0
@@ -46,6 +46,20 @@ class Fit:
         for name in ("hidden", "epochs", "patience", "batch", "learning_rate", "clip"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"fit.{name} is {getattr(self, name)}; it must be above 0")
+
+
+DATA = DatasetConfig(
+    count=600,
+    min_faces=2000,
+    max_faces=20000,
+    noise_kinds=(
+        "normal", "normal", "normal", "gaussian", "gaussian", "uniform", "impulsive", "impulsive", "varying", "mixed",
+        "sensor",
+    ),
+    min_level=0.03,
+    max_level=0.7,
+)  # fmt: skip
+"""What the shipped weights are trained on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,26 +71,32 @@ class TrainConfig:
     seed : of the drawn faces, the clusters and the networks; that of the shapes and noise is data.seed
     faces_per_mesh : drawn from each mesh, without repetition
     clusters : networks in each stage
-    descriptors : what each stage reads, "B+G" or "B"; as many stages as entries
+    descriptors : what each stage reads, "B+G", "B" or "reach"; as many stages as entries
+    context : main directions of the descriptor that are averaged over the surroundings of a face
     sweeps : of the vertex update between the stages
     fit : settings of each network
     data : the noisy/clean pairs
     """
 
     seed: int = 0
-    faces_per_mesh: int = 3000
+    faces_per_mesh: int = 2500
     clusters: int = 4
     descriptors: tuple[str, ...] = ("B+G", "B", "B")
+    context: int = 24
     sweeps: int = 20
     fit: Fit = field(default_factory=Fit)
-    data: DatasetConfig = field(default_factory=DatasetConfig)
+    data: DatasetConfig = field(default_factory=lambda: DATA)
 
     def __post_init__(self) -> None:
-        for name in ("faces_per_mesh", "clusters"):
+        for name in ("faces_per_mesh", "clusters", "context"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least 1")
         if not self.descriptors or not set(self.descriptors) <= set(DESCRIPTORS):
             raise ConfigError(f"descriptors are {list(self.descriptors)}; each must be one of {', '.join(DESCRIPTORS)}")
+
+
+QUICK = TrainConfig(fit=Fit(epochs=10), data=replace(DATA, count=40))
+"""A training of about a minute, to see that everything works; far from the best result."""
 
 
 def read_config(path: Path) -> TrainConfig:

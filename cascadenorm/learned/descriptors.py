@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass, spatial_weights
 from cascadenorm.mesh import Mesh, Vectors, kernel, over
 
 SIGMA_S = (1.0, 2.0)
@@ -12,6 +13,9 @@ SIGMA_S = (1.0, 2.0)
 SIGMA_R = (0.1, 0.2, 0.35, 0.5, np.inf)
 """Range spreads of the filters, chords between unit normals."""
 RING = 2
+REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
+REACH_PASSES = (1, 3, 8, 20)
+CONTEXT_STEPS = (1, 2, 4, 8)
 FLOOR = 1e-4
 """Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
 
@@ -45,7 +49,30 @@ def guided_stack(mesh: Mesh) -> Stack:
     return np.concatenate([plain, _filtered(mesh, guides, SIGMA_R[:-1])], axis=1)
 
 
-DESCRIPTORS: dict[str, Callable[[Mesh], Stack]] = {"B": bilateral_stack, "B+G": guided_stack}
+def reaching_stack(mesh: Mesh) -> Stack:
+    """Normals after each of REACH_PASSES bilateral passes over one ring, for each of REACH_SIGMA_R.
+
+    Returns
+    -------
+    (m, 1 + 16, 3) : the face normal first, then passes ascending within σ_r ascending
+    """
+    rings = mesh.topology.face_rings(1)
+    weights = spatial_weights(mesh, rings, 1.0)
+    kept = [mesh.normals]
+    for sigma_r in REACH_SIGMA_R:
+        normals = mesh.normals
+        for done in range(1, REACH_PASSES[-1] + 1):
+            normals = joint_bilateral_pass(normals, normals, mesh.areas, rings, weights, sigma_r)
+            if done in REACH_PASSES:
+                kept.append(normals)
+    return np.stack(kept, axis=1).astype(np.float32)
+
+
+DESCRIPTORS: dict[str, Callable[[Mesh], Stack]] = {
+    "B": bilateral_stack,
+    "B+G": guided_stack,
+    "reach": reaching_stack,
+}
 """What a stage may read, by the name that configurations and weights use."""
 
 
@@ -61,8 +88,32 @@ def pose_free(stack: Stack) -> NDArray[np.float32]:
     (m, k (k - 1) / 2), pairs i < j in row order
     """
     first, second = np.triu_indices(stack.shape[1], 1)
-    cosines = np.matmul(stack, stack.transpose(0, 2, 1))[:, first, second]
-    return np.log(np.maximum(1 - cosines, 0) + np.float32(FLOOR))
+
+    def pairs(start: int, stop: int) -> NDArray[np.float32]:
+        cosines = np.matmul(stack[start:stop], stack[start:stop].transpose(0, 2, 1))[:, first, second]
+        return np.log(np.maximum(1 - cosines, 0) + np.float32(FLOOR))
+
+    return np.concatenate(over(len(stack), pairs))
+
+
+def ring_means(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]:
+    """Average numbers over CONTEXT_STEPS rounds of one ring: what the surroundings are like, at several scales.
+
+    Parameters
+    ----------
+    values : (m, p), one row a face
+
+    Returns
+    -------
+    (m, 4 p) : after 1, 2, 4 and 8 rounds; in a round each face takes the mean of itself and the faces it touches
+    """
+    rings, kept = mesh.topology.face_rings(1), []
+    for done in range(1, CONTEXT_STEPS[-1] + 1):
+        before, values = np.ascontiguousarray(values), np.empty_like(values)
+        over(len(values), _mean_range, before, rings.indptr, rings.indices, values)
+        if done in CONTEXT_STEPS:
+            kept.append(values)
+    return np.concatenate(kept, axis=1)
 
 
 def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...]) -> Stack:
@@ -110,3 +161,17 @@ def _filter_range(start, stop, normals, guides, centroids, areas, indptr, indice
                 length = np.sqrt(x * x + y * y + z * z)
                 for d in range(3):
                     out[f, s * count_r + r, d] = total[s, r, d] / length if length > 0 else normals[f, d]
+
+
+@kernel
+def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        count = np.float32(1 + indptr[f + 1] - indptr[f])
+        for p in range(values.shape[1]):
+            out[f, p] = values[f, p]
+        for k in range(indptr[f], indptr[f + 1]):
+            g = indices[k]
+            for p in range(values.shape[1]):
+                out[f, p] += values[g, p]
+        for p in range(values.shape[1]):
+            out[f, p] /= count

@@ -14,9 +14,9 @@ Array = NDArray[np.float32]
 
 
 class Faces(NamedTuple):
-    """Faces to learn from: standardised descriptors (m, d), filtered normals (m, k, 3), true normals (m, 3)."""
+    """Faces to learn from: numbers that describe them (m, d), filtered normals (m, k, 3), true normals (m, 3)."""
 
-    descriptors: Array
+    numbers: Array
     stack: Stack
     truth: Array
 
@@ -26,7 +26,7 @@ class Faces(NamedTuple):
 
 
 class Network(torch.nn.Module):
-    """One hidden layer of tanh, from a descriptor to one coefficient a filtered normal."""
+    """One hidden layer of tanh, from the numbers of a face to one coefficient a filtered normal."""
 
     def __init__(self, inputs: int, hidden: int, outputs: int, generator: torch.Generator) -> None:
         super().__init__()
@@ -38,9 +38,9 @@ class Network(torch.nn.Module):
             torch.nn.init.zeros_(layer.bias)
         torch.nn.init.constant_(self.layer2.bias, 1 / outputs)  # begins as the mean of the normals
 
-    def forward(self, descriptors: torch.Tensor, stack: torch.Tensor) -> torch.Tensor:
+    def forward(self, numbers: torch.Tensor, stack: torch.Tensor) -> torch.Tensor:
         """Return unit normals, (m, 3)."""
-        coefficients = self.layer2(torch.tanh(self.layer1(descriptors)))
+        coefficients = self.layer2(torch.tanh(self.layer1(numbers)))
         return torch.nn.functional.normalize((coefficients[:, :, None] * stack).sum(dim=1), dim=1)
 
 
@@ -63,14 +63,14 @@ def train_network(
 
     Returns
     -------
-    weight1 (d, h), bias1 (h,), weight2 (h, k), bias2 (k,)
+    weight1 (d, h), bias1 (h,), weight2 (h, k), bias2 (k,), and validation (), their loss on the 15 %
     """
     generator = torch.Generator().manual_seed(seed)
     tensors = [torch.from_numpy(array) for array in faces]
     order = torch.randperm(len(tensors[0]), generator=generator)
     cut = max(1, int(0.85 * len(order)))
     training, validation = order[:cut], order[cut:] if cut < len(order) else order
-    network = Network(faces.descriptors.shape[1], fit.hidden, faces.stack.shape[1], generator)
+    network = Network(faces.numbers.shape[1], fit.hidden, faces.stack.shape[1], generator)
     optimiser = torch.optim.AdamW(network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay)
     batches = -(-len(training) // fit.batch)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * batches)
@@ -78,8 +78,8 @@ def train_network(
     for epoch in range(1, fit.epochs + 1):
         total = 0.0
         for rows in training[torch.randperm(len(training), generator=generator)].split(fit.batch):
-            descriptors, stack, truth = (t[rows] for t in tensors)
-            loss = chord(network(descriptors, stack), truth)
+            numbers, stack, truth = (t[rows] for t in tensors)
+            loss = chord(network(numbers, stack), truth)
             optimiser.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
@@ -98,6 +98,7 @@ def train_network(
         "bias1": best["layer1.bias"].numpy(),
         "weight2": best["layer2.weight"].T.contiguous().numpy(),
         "bias2": best["layer2.bias"].numpy(),
+        "validation": np.array(best_loss, np.float32),
     }
 
 

@@ -1,0 +1,87 @@
+"""Models as files: train one, load one and denoise with it."""
+
+import shutil
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from cascadenorm.api import denoise
+from cascadenorm.controls import DenoiseError
+from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.learned.cascade import Cascade, shipped
+from cascadenorm.learned.config import TrainConfig
+from cascadenorm.mesh import limit_threads
+
+
+class Denoiser:
+    """A trained model, read once and used for many meshes.
+
+    Parameters
+    ----------
+    cascade : the model; `load` reads one from a file, `shipped` gives the one that comes with the package
+    """
+
+    def __init__(self, cascade: Cascade) -> None:
+        self.cascade = cascade
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> "Denoiser":
+        """Read a weights file made by `train`.
+
+        Raises
+        ------
+        ParameterError : the file is missing, or holds no model
+        """
+        return cls(Cascade.load(path))
+
+    @classmethod
+    def shipped(cls) -> "Denoiser":
+        """Return the model that comes with the package."""
+        return cls(shipped())
+
+    @property
+    def card(self) -> dict[str, Any]:
+        """What the model was made of and how."""
+        return dict(self.cascade.card)
+
+    def denoise(self, mesh: Any, faces: Any = None, **settings: Any) -> Any:
+        """Denoise a mesh of any kind, as `cascadenorm.denoise` does, with this model."""
+        return denoise(mesh, faces, method="cascade", model=self.cascade, **settings)
+
+
+def train(
+    config: TrainConfig,
+    output: Path,
+    *,
+    force: bool = False,
+    threads: int | None = None,
+    progress: Callable[[str, int, int, str], object] = lambda *_: None,
+) -> Denoiser:
+    """Train a cascade and write it to a weights file; interrupted and called again, it goes on where it was.
+
+    Parameters
+    ----------
+    config : what to train; `read_config` reads one from TOML
+    output : the `.safetensors` file; beside it, in `<output>.training`, lies what is finished while it runs
+    force : replace an existing file
+    threads : at most this many; the result is the same
+    progress : called with (task, parts done, parts in all, note)
+
+    Raises
+    ------
+    OutputError : the file exists and force is not given, or it cannot be written
+    ConfigError : an interrupted training of other settings lies beside the output
+    DenoiseError : torch or scikit-learn are not installed
+    """
+    try:
+        from cascadenorm.learned import training
+    except ImportError as error:
+        raise DenoiseError(f"training needs {error.name}: pip install 'cascadenorm[train]'") from None
+    check_output(output, force=force)
+    checkpoint = output.with_name(output.name + ".training")
+    with limit_threads(threads):
+        cascade = training.train(config, checkpoint, progress=progress)
+    write_atomically(output, [cascade.to_bytes()], force=force)
+    shutil.rmtree(checkpoint)
+    return Denoiser(cascade)
