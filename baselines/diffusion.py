@@ -4,14 +4,14 @@ import logging
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from cascadenorm.baselines.operators import Laplacian, Weights, laplacian_of
-from cascadenorm.baselines.solvers import Factorisation, conjugate_gradients, solve_once, solver
+from cascadenorm.baselines.solvers import solve_once, solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
@@ -20,7 +20,6 @@ Scheme = Literal["explicit", "implicit"]
 Region = NDArray[np.bool_]
 Moving = Annotated[Region | None, Parameter("(n,) bool, the vertices that move; the others hold the surface there")]
 
-DENSE_LIMIT = 4_000_000  # entries of a matrix of two or three rings that is still factorised
 MILD = 1e4  # condition up to which one solution by conjugate gradients is cheaper than a factorisation
 MOST_STEPS = 10_000  # explicit steps that a call may be cut into
 
@@ -106,36 +105,12 @@ def diffuse(
     elif order == 1:
         solve = solver(matrix, laplacian.positions[inside])
     else:
-        solve = _solver_of_rings(laplacian, matrix, time=time, order=order, inside=inside)
+        root = mass + time ** (1 / order) * laplacian.stiffness[inside][:, inside]  # (1 + sk)^p is near 1 + tk^p
+        solve = solver_of_rings(matrix, root, laplacian.mass[inside], laplacian.positions[inside], order=order)
     values = values.copy()
     for _ in range(iterations):
         values[inside] += solve(-time * (power @ values)[inside])
     return values
-
-
-def _solver_of_rings(
-    laplacian: Laplacian, matrix: Any, *, time: float, order: Order, inside: NDArray[np.int64]
-) -> Callable[[Vectors], Vectors]:
-    """Return a function that solves with M + tM(-Δ)^order, order 2 or 3, on the vertices `inside`.
-
-    Middling matrices are factorised. Above, their two or three rings fill too much memory; then conjugate gradients
-    are preconditioned by (M + sS) M⁻¹ (M + sS) …, s = t^(1/order), whose spectrum (1 + sk)^order lies within a
-    factor of 4 of 1 + tk^order.
-    """
-    positions = laplacian.positions[inside]
-    if matrix.nnz <= DENSE_LIMIT:
-        return Factorisation(matrix, positions).solve
-    mass = laplacian.mass[inside]
-    stiffness = laplacian.stiffness[inside][:, inside]
-    factor = solver(sparse.diags_array(mass) + time ** (1 / order) * stiffness, positions)
-
-    def precondition(residual: NDArray[np.float64]) -> NDArray[np.float64]:
-        residual = factor(residual)
-        for _ in range(order - 1):
-            residual = factor(mass * residual)
-        return residual
-
-    return lambda right: conjugate_gradients(matrix, right, precondition)
 
 
 def _stable_cuts(laplacian: Laplacian, time: float, iterations: int, order: Order) -> int:

@@ -18,6 +18,7 @@ from threadpoolctl import ThreadpoolController
 from cascadenorm.mesh import kernel
 
 DIRECT_LIMIT = 1_000_000  # unknowns of a matrix with about 7 entries a row: some 2 GB of factors
+DENSE_LIMIT = 4_000_000  # entries of a matrix of two or three rings that is still factorised
 LEAF = 8  # unknowns that are not split further
 TOLERANCE = 1e-11  # relative residual of the iterative solutions
 
@@ -55,6 +56,27 @@ def solver(matrix: Any, positions: Vector) -> Callable[[Vector], Vector]:
     if len(positions) <= DIRECT_LIMIT:
         return Factorisation(matrix, positions).solve
     return lambda right: solve_once(matrix, right)
+
+
+def solver_of_rings(
+    matrix: Any, root: Any, mass: Vector, positions: Vector, *, order: int
+) -> Callable[[Vector], Vector]:
+    """Return a function that solves with a matrix of two or three rings, which is about root (M⁻¹ root)^(order - 1).
+
+    Middling matrices are factorised. The factors of larger ones would fill too much memory: there only the root, of
+    one ring, is factorised, and preconditions conjugate gradients.
+    """
+    if matrix.nnz <= DENSE_LIMIT:
+        return Factorisation(matrix, positions).solve
+    solve_root = solver(root, positions)
+
+    def precondition(residual: Vector) -> Vector:
+        residual = solve_root(residual)
+        for _ in range(order - 1):
+            residual = solve_root(mass * residual)
+        return residual
+
+    return lambda right: conjugate_gradients(matrix, right, precondition)
 
 
 def solve_once(matrix: Any, right: Vector) -> Vector:
