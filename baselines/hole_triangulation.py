@@ -1,0 +1,101 @@
+"""Triangles over a closed loop of vertices in space, without new vertices (Liepa 2003; Barequet & Sharir 1995)."""
+
+import heapq
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Vectors, kernel
+
+LARGEST_OPTIMAL = 300  # vertices of a loop; the best triangulation takes cubic time
+
+
+def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return (n - 2, 3) triangles over a loop: the least bend, and with the same bend the least area.
+
+    Beyond 300 vertices ears are cut, shortest new edge first.
+
+    Parameters
+    ----------
+    points : (n, 3), in the order in which the triangles are to run along the loop
+    outside : (n, 3) unit normal of the face on the other side of the edge from point k to k + 1
+    taken : (n, n) symmetric; pairs that must not become an edge if there is another way, for they are one elsewhere
+    """
+    n = len(points)
+    if n > LARGEST_OPTIMAL:
+        return _cut_ears(points, taken)
+    choice = np.zeros((n, n), np.int32)
+    _least_bend(np.ascontiguousarray(points), outside, taken, choice)
+    triangles, spans = [], [(0, n - 1)]
+    while spans:
+        i, k = spans.pop()
+        if k - i > 1:
+            m = int(choice[i, k])
+            triangles.append((i, m, k))
+            spans += [(i, m), (m, k)]
+    return np.array(triangles, np.int32)
+
+
+def _cut_ears(points: Vectors, taken: NDArray[np.bool_]) -> NDArray[np.int32]:
+    n = len(points)
+    before, after = np.roll(np.arange(n), 1), np.roll(np.arange(n), -1)
+
+    def cost(i: int) -> tuple[bool, float, int, int, int]:
+        a, b = int(before[i]), int(after[i])
+        return bool(taken[a, b]), float(np.linalg.norm(points[b] - points[a])), a, i, b
+
+    queue = [cost(i) for i in range(n)]
+    heapq.heapify(queue)
+    triangles: list[tuple[int, int, int]] = []
+    while len(triangles) < n - 2:
+        _, _, a, i, b = heapq.heappop(queue)
+        if before[i] != a or after[i] != b:
+            continue  # an ear beside it was cut since
+        triangles.append((a, i, b))
+        after[a], before[b] = b, a
+        before[i] = after[i] = -1
+        heapq.heappush(queue, cost(a))
+        heapq.heappush(queue, cost(b))
+    return np.array(triangles, np.int32)
+
+
+@kernel
+def _normal(points, i, m, k, normal):  # type: ignore[no-untyped-def]
+    """Write the unit normal of a triangle, zero if it has none; return its area."""
+    ux, uy, uz = points[m, 0] - points[i, 0], points[m, 1] - points[i, 1], points[m, 2] - points[i, 2]
+    vx, vy, vz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
+    normal[0], normal[1], normal[2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    length = np.sqrt((normal * normal).sum())
+    if length > 0:
+        normal /= length
+    return 0.5 * length
+
+
+@kernel
+def _least_bend(points, outside, taken, choice):  # type: ignore[no-untyped-def]
+    """Fill choice[i, k]: the third corner over the chord i k of the best triangulation of the points i … k.
+
+    Bend is the largest 1 - cos of the angle across an edge; a chord that is taken counts as worse than any bend.
+    """
+    n = len(points)
+    bend, area = np.zeros((n, n)), np.zeros((n, n))
+    normal, beside = np.empty(3), np.empty(3)
+    for gap in range(2, n):
+        for i in range(n - gap):
+            k = i + gap
+            bend[i, k], area[i, k] = np.inf, np.inf
+            for m in range(i + 1, k):
+                total = area[i, m] + area[m, k] + _normal(points, i, m, k, normal)
+                worst = max(bend[i, m], bend[m, k])
+                for a, b in ((i, m), (m, k)):
+                    if b == a + 1:
+                        beside[:] = outside[a]
+                    else:
+                        _normal(points, a, choice[a, b], b, beside)
+                    worst = max(worst, 1.0 - (normal * beside).sum())
+                if gap == n - 1:
+                    worst = max(worst, 1.0 - (normal * outside[k]).sum())
+                elif taken[i, k]:
+                    worst = max(worst, 3.0)
+                if worst < bend[i, k] or (worst == bend[i, k] and total < area[i, k]):
+                    bend[i, k], area[i, k], choice[i, k] = worst, total, m
