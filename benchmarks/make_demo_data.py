@@ -9,9 +9,9 @@ from cascadenorm import io
 from cascadenorm.data_gen import DatasetConfig, pair
 
 CHOSEN = {  # example: family, index in it, noise, level in mean edge lengths
-    "part": ("wheel", 2, "normal", 0.2),
+    "part": ("bracket", 4, "normal", 0.25),
     "head": ("bust", 3, "gaussian", 0.15),
-    "scan": ("view", 5, "varying", 0.3),
+    "scan": ("view", 10, "sensor", 0.3),
 }
 
 

@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--method", action="append", help="may be given several times")
     parser.add_argument("--output", type=Path, default=Path(__file__).with_name("speed.md"))
     chosen = parser.parse_args(arguments)
-    methods = chosen.method or ["cascade", "bilateral-normal"]
+    methods = chosen.method or ["auto", "cascade", "bilateral-normal"]
     rows = [("`cascadenorm --help`", timed(["--help"]))]
     with tempfile.TemporaryDirectory() as folder:
         warm = Path(folder) / "warm.ply"

@@ -15,10 +15,10 @@ from cascadenorm.io import OutputError
 from cascadenorm.mesh import Mesh
 from cascadenorm.render import Camera, Image, error_colors, error_legend, render, save_png, side_by_side
 
-EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.6, 0.45, 0.75), "head": (0.35, 0.2, 0.8), "scan": None}
+EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.45, 0.4, 0.8), "head": (0.15, 0.15, 1), "scan": None}
 """Name of each example and the direction that it is seen from."""
 
-METHODS = ("bilateral-normal", "cascade")
+METHODS = ("bilateral-normal", "cascade", "auto")
 FOLDER = Path("cascadenorm-demo")
 BEFORE_AFTER, ERRORS = "before-after.png", "errors.png"
 

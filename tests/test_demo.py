@@ -1,4 +1,6 @@
 import io
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -79,3 +81,16 @@ def test_a_file_in_the_place_of_the_folder_is_left_alone(tmp_path, capsys):
     assert run(["demo", str(tmp_path / "taken")]) == 5
     assert "taken" in capsys.readouterr().err
     assert (tmp_path / "taken").read_text() == "mine"
+
+
+@pytest.mark.slow  # shapes are drawn and meshed anew
+def test_the_script_makes_the_examples_byte_for_byte(tmp_path):
+    root = Path(__file__).parents[1]
+    script = root / "benchmarks" / "make_demo_data.py"
+    subprocess.run([sys.executable, script, tmp_path], check=True, stdout=subprocess.DEVNULL)
+    kept = root / "cascadenorm" / "demo_data"
+    made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*.ply"))
+    assert made == sorted(path.relative_to(kept) for path in kept.rglob("*.ply"))
+    for path in made:
+        assert (tmp_path / path).read_bytes() == (kept / path).read_bytes(), path
+        assert (kept / path).stat().st_size < 250_000

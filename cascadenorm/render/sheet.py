@@ -43,7 +43,8 @@ def side_by_side(images: Sequence[Image], captions: Sequence[str] = (), *, gap: 
     if not images or (captions and len(captions) != len(images)):
         raise ValueError(f"{len(images)} pictures and {len(captions)} captions; there must be as many")
     tallest = max(len(image) for image in images)
-    letter = max(10, tallest // 36)
+    widest = max(image.shape[1] for image in images)
+    letter = max(10, min(tallest, widest) // 36)
     foot = 3 * letter if captions else 0
     width = sum(image.shape[1] for image in images) + gap * (len(images) - 1)
     sheet = np.broadcast_to(encoded(linear(PAPER)), (tallest + foot, width, 3)).copy()
