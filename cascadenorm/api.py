@@ -20,7 +20,7 @@ from cascadenorm.mesh import Mesh, MeshError
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, find, registered
 
-DEFAULT_METHOD = "cascade"
+DEFAULT_METHOD = "auto"
 
 AnyMesh = TypeVar("AnyMesh")
 

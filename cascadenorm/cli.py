@@ -49,8 +49,8 @@ def denoise(
         str | None,
         typer.Option("-o", "--output", help="File, whose extension decides on the format, or - for stdout."),
     ] = None,
-    method: Method = "cascade",
-    model: Annotated[Path | None, typer.Option(help="Your own weights, for the cascade.")] = None,
+    method: Method = "auto",
+    model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
     strength: Strength = 1.0,
     max_displacement: Annotated[
         str | None, typer.Option(metavar="LENGTH", help='In the unit of the mesh, or "0.5 edges" (mean edge lengths).')
@@ -213,15 +213,13 @@ def train(
 
 @app.command("models")
 def show_model(
-    model: Annotated[
-        Path | None, typer.Argument(help="A weights file; none: the one that comes with the package.")
-    ] = None,
+    model: Annotated[str, typer.Argument(help="auto or cascade, which come with the package, or a file.")] = "auto",
 ) -> None:
     """Print the card of a model: what it was made of, how, and how well it fits, as JSON."""
     from cascadenorm import models, report
 
-    denoiser = models.Denoiser.shipped() if model is None else models.Denoiser.load(model)
-    report.print_json("models", {"model": str(model or "shipped"), "card": denoiser.card})
+    denoiser = models.Denoiser.shipped(model) if model in models.SHIPPED else models.Denoiser.load(model)
+    report.print_json("models", {"model": model, "card": denoiser.card})
 
 
 @app.command()

@@ -74,7 +74,7 @@ def demo(
         folder.mkdir(parents=True, exist_ok=True)
         report("compiling, the first time", 0, total)
         _warm_up(methods)
-        examples = []
+        examples: list[Example] = []
         for name in EXAMPLES:
             report(name, len(examples) + 1, total)
             examples.append(_example(name, methods))

@@ -13,7 +13,7 @@ from cascadenorm.metrics import Measures, measure
 from cascadenorm.pairs import find_pairs
 from cascadenorm.registry import find
 
-DEFAULT_METHODS = ("cascade", "bilateral-normal", "guided-normal", "l0")
+DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
 NOISY = "noisy"
 """Name under which the input itself is measured."""
 

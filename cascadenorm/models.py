@@ -1,7 +1,6 @@
 """Models as files: train one, load one and denoise with it."""
 
 import shutil
-from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,10 @@ from cascadenorm.controls import DenoiseError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
+from cascadenorm.learned.progress import Progress, silent
 from cascadenorm.mesh import limit_threads
+
+SHIPPED = ("auto", "cascade")
 
 
 class Denoiser:
@@ -19,7 +21,7 @@ class Denoiser:
 
     Parameters
     ----------
-    cascade : the model; `load` reads one from a file, `shipped` gives the one that comes with the package
+    cascade : the model; `load` reads one from a file, `shipped` gives one that comes with the package
     """
 
     def __init__(self, cascade: Cascade) -> None:
@@ -36,9 +38,9 @@ class Denoiser:
         return cls(Cascade.load(path))
 
     @classmethod
-    def shipped(cls) -> "Denoiser":
-        """Return the model that comes with the package."""
-        return cls(shipped())
+    def shipped(cls, name: str = "auto") -> "Denoiser":
+        """Return a model that comes with the package, one of SHIPPED."""
+        return cls(shipped(name))
 
     @property
     def card(self) -> dict[str, Any]:
@@ -56,7 +58,7 @@ def train(
     *,
     force: bool = False,
     threads: int | None = None,
-    progress: Callable[[str, int, int, str], object] = lambda *_: None,
+    progress: Progress = silent,
 ) -> Denoiser:
     """Train a cascade and write it to a weights file; interrupted and called again, it goes on where it was.
 

@@ -18,6 +18,7 @@ from cascadenorm.api import Report
 from cascadenorm.controls import REGION
 from cascadenorm.evaluation import Evaluation, Result
 from cascadenorm.io.atomic import write_atomically
+from cascadenorm.learned import progress
 from cascadenorm.metrics import Measures
 from cascadenorm.registry import Method, Setting
 
@@ -187,12 +188,12 @@ def progress_steps() -> Iterator[Callable[[str, int, int], object]]:
 
 
 @contextmanager
-def progress_tasks() -> Iterator[Callable[[str, int, int, str], object]]:
+def progress_tasks() -> Iterator[progress.Progress]:
     """Show tasks as they begin and end, several at once: bars on a terminal, else a line for each that is finished."""
     with _progress() as bar:
         started: dict[str, TaskID] = {}
 
-        def show(task: str, done: int, total: int, note: str) -> None:
+        def show(task: str, done: int, total: int, note: str = "") -> None:
             if task not in started:
                 started[task] = bar.add_task(task, total=total)
             text = f"{task}  {note}" if note else task

@@ -81,20 +81,28 @@ class Cascade:
 
 
 @cache
-def shipped() -> Cascade:
-    """Return the cascade that comes with the package."""
-    with resources.as_file(resources.files("cascadenorm") / "weights" / "cascade.safetensors") as path:
+def shipped(name: str) -> Cascade:
+    """Return a cascade that comes with the package, "auto" or "cascade"."""
+    with resources.as_file(resources.files("cascadenorm") / "weights" / f"{name}.safetensors") as path:
         return Cascade.load(path)
 
 
+Model = Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm train` made; none: ours")]
+
+
+@method("auto", source="after Wang, Liu, Tong 2016")
+def auto(mesh: Mesh, *, model: Model = None) -> Vectors:
+    """Regress true normals from filters of near and far reach, in three stages, for any mesh and any noise."""
+    return _loaded(model, "auto").vertices(mesh)
+
+
 @method("cascade", source="Wang, Liu, Tong 2016")
-def cascade(
-    mesh: Mesh,
-    *,
-    model: Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm train` made; none: ours")] = None,
-    sweeps: Sweeps = 20,
-) -> Vectors:
+def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
     """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages."""
-    if not isinstance(model, Cascade):
-        model = shipped() if model is None else Cascade.load(model)
-    return model.vertices(mesh, sweeps=sweeps)
+    return _loaded(model, "cascade").vertices(mesh, sweeps=sweeps)
+
+
+def _loaded(model: Cascade | Path | None, name: str) -> Cascade:
+    if isinstance(model, Cascade):
+        return model
+    return shipped(name) if model is None else Cascade.load(model)

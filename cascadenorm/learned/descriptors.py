@@ -91,7 +91,7 @@ def pose_free(stack: Stack) -> NDArray[np.float32]:
 
     def pairs(start: int, stop: int) -> NDArray[np.float32]:
         cosines = np.matmul(stack[start:stop], stack[start:stop].transpose(0, 2, 1))[:, first, second]
-        return np.log(np.maximum(1 - cosines, 0) + np.float32(FLOOR))
+        return np.asarray(np.log(np.maximum(1 - cosines, 0) + np.float32(FLOOR)))
 
     return np.concatenate(over(len(stack), pairs))
 

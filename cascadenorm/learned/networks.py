@@ -77,7 +77,7 @@ def train_network(
     best, best_loss, best_epoch = network.state_dict(), np.inf, 0
     for epoch in range(1, fit.epochs + 1):
         total = 0.0
-        for rows in training[torch.randperm(len(training), generator=generator)].split(fit.batch):
+        for rows in training[torch.randperm(len(training), generator=generator)].split(fit.batch):  # type: ignore[no-untyped-call]
             numbers, stack, truth = (t[rows] for t in tensors)
             loss = chord(network(numbers, stack), truth)
             optimiser.zero_grad()
@@ -106,6 +106,6 @@ def _loss(network: Network, tensors: list[torch.Tensor], rows: torch.Tensor) -> 
     with torch.no_grad():
         parts = [
             chord(network(*(t[part] for t in tensors[:2])), tensors[2][part]).item() * len(part)
-            for part in rows.split(65536)
+            for part in rows.split(65536)  # type: ignore[no-untyped-call]
         ]
     return sum(parts) / len(rows)

@@ -40,8 +40,9 @@ class Standard:
         -------
         (m, d + 4 p)
         """
-        own = (pose_free(stack) - self.mean) * self.scale
-        context = (ring_means(own @ self.projection, mesh) - self.context_mean) * self.context_scale
+        own: Array = (pose_free(stack) - self.mean) * self.scale
+        main: Array = own @ self.projection
+        context = (ring_means(main, mesh) - self.context_mean) * self.context_scale
         return np.concatenate([own, context], axis=1)
 
 
@@ -116,4 +117,4 @@ def stage_stack(descriptor: str, mesh: Mesh, noisy: Mesh) -> Stack:
 
 def nearest(x: Array, centers: Array) -> NDArray[np.intp]:
     """Return the number of the nearest centre of each row."""
-    return np.argmin((centers**2).sum(axis=1) - 2 * x @ centers.T, axis=1)
+    return np.asarray(np.argmin((centers**2).sum(axis=1) - 2 * x @ centers.T, axis=1))

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,22 +22,12 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.descriptors import CONTEXT_STEPS, pose_free
 from cascadenorm.learned.networks import Array, Faces, train_network
+from cascadenorm.learned.progress import Progress, silent
 from cascadenorm.learned.regression import Regression, Standard, nearest, stage_stack
 from cascadenorm.mesh import Mesh, thread_count
 from cascadenorm.recover import recover_vertices
 
 KMEANS_FACES = 50_000
-
-
-class Progress(Protocol):
-    """What a training tells while it runs."""
-
-    def __call__(self, task: str, done: int, total: int, note: str = "") -> None:
-        """Say that `done` of `total` parts of a task are done."""
-
-
-def silent(task: str, done: int, total: int, note: str = "") -> None:
-    """Tell nothing."""
 
 
 @dataclass

@@ -50,18 +50,18 @@ class Mesh:
     @cached_property
     def centroids(self) -> Vectors:
         """(m, 3) mean of the corners of each face."""
-        return self.corners.mean(axis=1)
+        return np.asarray(self.corners.mean(axis=1))
 
     @cached_property
     def area_vectors(self) -> Vectors:
         """(m, 3) normal of each face times its area."""
         a, b, c = np.moveaxis(self.corners, 1, 0)
-        return 0.5 * np.cross(b - a, c - a)
+        return np.asarray(0.5 * np.cross(b - a, c - a))
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:
         """(m,) area of each face."""
-        return np.linalg.norm(self.area_vectors, axis=1)
+        return np.asarray(np.linalg.norm(self.area_vectors, axis=1))
 
     @cached_property
     def normals(self) -> Vectors:
@@ -125,7 +125,7 @@ def _checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
         raise MeshError("the mesh has no faces: points alone cannot be denoised here")
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
         raise MeshError(f"faces have shape {array.shape} and type {array.dtype}; they must be (m, 3) integers")
-    bad = ((array < 0) | (array >= vertex_count)).any(axis=1)
+    bad = np.asarray(((array < 0) | (array >= vertex_count)).any(axis=1))
     if bad.any():
         raise MeshError(
             f"{bad.sum()} faces use vertices that do not exist (faces {first_places(bad)}; there are {vertex_count} "
