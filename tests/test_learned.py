@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 import torch
@@ -6,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from shapes import cube, icosphere, noisy
 
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
-from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.cascade import FORMAT, Cascade
 from cascadenorm.learned.descriptors import (
     CONTEXT_STEPS,
     DESCRIPTORS,
@@ -171,6 +173,12 @@ def test_files_that_hold_no_cascade_are_refused(tmp_path):
     save_file({"a": np.zeros(2)}, other, {"format": "pt"})
     with pytest.raises(ParameterError, match="format None"):
         Cascade.load(other)
+    partial = tmp_path / "partial.safetensors"
+    arrays = {f"stage0.{name}": a for name, a in random_regression("B").arrays().items() if name != "projection"}
+    header = {"format": FORMAT, "descriptors": ["B"], "card": {}}
+    save_file(arrays, partial, {"cascadenorm": json.dumps(header)})
+    with pytest.raises(ParameterError, match="lacks 'projection' of stage 1"):
+        Cascade.load(partial)
     truncated = tmp_path / "truncated.safetensors"
     truncated.write_bytes(Cascade((random_regression("B"),), {}).to_bytes()[:-5])
     with pytest.raises(ParameterError, match="is not a weights file"):

@@ -76,7 +76,10 @@ class Cascade:
             if descriptor not in DESCRIPTORS:
                 raise ParameterError(f"{fspath(path)} needs the descriptor {descriptor!r}, which this version lacks")
             mine = {name.split(".", 1)[1]: a for name, a in tensors.items() if name.startswith(f"stage{s}.")}
-            stages.append(Regression.from_arrays(descriptor, mine))
+            try:
+                stages.append(Regression.from_arrays(descriptor, mine))
+            except KeyError as error:
+                raise ParameterError(f"{fspath(path)} lacks {error} of stage {s + 1}: train it again") from None
         return cls(tuple(stages), header["card"])
 
 
