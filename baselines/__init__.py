@@ -13,6 +13,7 @@ from cascadenorm.baselines import (
     mean_normal,
     median_normal,
     prescribed,
+    spectral,
     taubin,
     tv_normal,
 )
@@ -30,6 +31,7 @@ __all__ = [
     "mean_normal",
     "median_normal",
     "prescribed",
+    "spectral",
     "taubin",
     "tv_normal",
 ]

@@ -1,0 +1,75 @@
+"""Filters on the manifold harmonics of a mesh: low pass, enhancement, exaggeration, any transfer function."""
+
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.baselines.fast_spectral import fast_harmonics
+from cascadenorm.baselines.harmonics import Harmonics, check_count, manifold_harmonics
+from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.registry import Parameter, ParameterError, method
+
+EXACT_LIMIT = 200_000  # vertices above which "auto" approximates the harmonics
+DEFAULT_COUNT = 300
+
+Transfer = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""From the (k,) eigenvalues to their (k,) weights."""
+
+
+@method("spectral", source="Vallet, Lévy 2008; Nasikun, Brandt, Hildebrandt 2018")
+def spectral(
+    mesh: Mesh,
+    *,
+    harmonics: Annotated[int | None, Parameter("eigenpairs k; none: 300, or all of a smaller mesh", minimum=1)] = None,
+    transfer: Annotated[
+        Literal["low-pass", "enhance", "exaggerate"],
+        Parameter(
+            "drop what is above the band, or multiply all that is above its start, or the band alone, by the gain"
+        ),
+    ] = "low-pass",
+    band_start: Annotated[int, Parameter("first harmonic of the band, counted from 0", minimum=0)] = 1,
+    band_end: Annotated[int | None, Parameter("harmonic after the band; none: after the last", minimum=1)] = None,
+    gain: Annotated[float, Parameter("factor of amplitudes; energies are multiplied by its square", minimum=0)] = 1.5,
+    eigenpairs: Annotated[
+        Literal["auto", "exact", "approximate"], Parameter("auto approximates those of more than 200,000 vertices")
+    ] = "auto",
+) -> Vectors:
+    """Filter the vertices by their harmonics: keep the lowest ones, or strengthen a band of them."""
+    available = int((mesh.topology.vertex_faces.counts > 0).sum())
+    count = min(DEFAULT_COUNT, available) if harmonics is None else harmonics
+    check_count(count, available)
+    end = count if band_end is None else band_end
+    if not (band_start < end <= count):
+        raise ParameterError(f"the band from {band_start} to {end} must be within the {count} harmonics, and not empty")
+    approximate = eigenpairs == "approximate" or (eigenpairs == "auto" and available > EXACT_LIMIT)
+    basis = fast_harmonics(mesh, count) if approximate else manifold_harmonics(mesh, count)
+    weights = np.ones(count)
+    if transfer == "low-pass":
+        weights[end:] = 0
+        rest = 0.0
+    else:
+        weights[band_start : end if transfer == "exaggerate" else count] = gain
+        rest = gain if transfer == "enhance" else 1.0
+    return filtered(mesh, basis, lambda _: weights, rest=rest)
+
+
+def filtered(mesh: Mesh, harmonics: Harmonics, transfer: Transfer, *, rest: float = 1.0) -> Vectors:
+    """Return x' = Σ w(λ_i) <x, φ_i> φ_i + rest (x - Σ <x, φ_i> φ_i).
+
+    Parameters
+    ----------
+    mesh : n vertices
+    harmonics : its k lowest eigenpairs
+    transfer : w, from the (k,) eigenvalues to their weights: 1 keeps, 0 drops, more than 1 strengthens
+    rest : weight of what is above the k harmonics
+
+    Returns
+    -------
+    (n, 3); vertices without a face stay
+    """
+    coefficients = harmonics.coefficients(mesh.vertices)
+    weights = transfer(harmonics.values)[:, None] - rest
+    vertices = rest * mesh.vertices + harmonics.combined(weights * coefficients)
+    return np.where(harmonics.mass[:, None] > 0, vertices, mesh.vertices)
