@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import eigh
 
-from cascadenorm.baselines.harmonics import Harmonics, check_count
+from cascadenorm.baselines.harmonics import Harmonics, check_count, manifold_harmonics
 from cascadenorm.baselines.operators import cotangent_laplacian
 from cascadenorm.baselines.solvers import one_blas_thread
 from cascadenorm.mesh import Csr, Mesh, kernel, over
@@ -28,7 +28,8 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     ----------
     mesh : n vertices
     count : k, at most the number of samples
-    samples : how many, spread by farthest points; None: 3 k, at least 1,000. Every connected part gets one
+    samples : how many, spread by farthest points; None: 3 k, at least 1,000. Every connected part gets one; no fewer
+        than there are vertices make the pairs exact
 
     Raises
     ------
@@ -40,8 +41,11 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     neighbors = mesh.topology.vertex_neighbors
     lengths = np.linalg.norm(mesh.vertices[neighbors.indices] - mesh.vertices[neighbors.rows], axis=1)
     check_count(count, min(wanted, available))
+    if wanted >= available:
+        return manifold_harmonics(mesh, count)
     used = np.flatnonzero(laplacian.mass > 0)
-    centers, distances = farthest_points(neighbors, lengths, used, min(wanted, available))
+    centers, distances = farthest_points(neighbors, lengths, used, wanted)
+    check_count(count, len(centers))
     reach = np.sqrt(OVERLAP * laplacian.mass.sum() / (np.pi * len(centers)))
     reach = max(reach, 1.1 * distances[np.isfinite(distances)].max())  # so that every vertex is reached
     basis = _local_functions(mesh, centers, reach)
@@ -66,14 +70,15 @@ def farthest_points(
 
     Returns
     -------
-    samples : (count,) vertices, in the order in which they were chosen
+    samples : (count,) vertices, in the order in which they were chosen; fewer if the rest lies in the same places
     distances : (n,) from each vertex to the nearest sample, inf where there is no way
     """
     choosable = np.zeros(len(neighbors.indptr) - 1, bool)
     choosable[allowed] = True
     samples, distances = np.empty(count, np.int64), np.full(len(choosable), np.inf)
-    _farthest_points(neighbors.indptr, neighbors.indices.astype(np.int64), lengths, choosable, samples, distances)
-    return samples, distances
+    indices = neighbors.indices.astype(np.int64)
+    found = _farthest_points(neighbors.indptr, indices, lengths, choosable, samples, distances)
+    return samples[:found], distances
 
 
 def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> sparse.csr_array:
@@ -99,6 +104,8 @@ def _farthest_points(indptr, indices, lengths, choosable, samples, distances):  
         for i in range(len(distances)):
             if choosable[i] and distances[i] > farthest:
                 farthest, center = distances[i], i
+        if not farthest > 0:
+            return s
         samples[s] = center
         distances[center] = 0.0
         queue = [(0.0, center)]
@@ -111,6 +118,7 @@ def _farthest_points(indptr, indices, lengths, choosable, samples, distances):  
                 if further < distances[j]:
                     distances[j] = further
                     heapq.heappush(queue, (further, j))
+    return len(samples)
 
 
 @kernel

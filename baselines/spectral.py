@@ -41,7 +41,7 @@ def spectral(
     count = min(DEFAULT_COUNT, available) if harmonics is None else harmonics
     check_count(count, available)
     end = count if band_end is None else band_end
-    if not (band_start < end <= count):
+    if end > count or (band_start >= end and transfer != "low-pass"):
         raise ParameterError(f"the band from {band_start} to {end} must be within the {count} harmonics, and not empty")
     approximate = eigenpairs == "approximate" or (eigenpairs == "auto" and available > EXACT_LIMIT)
     basis = fast_harmonics(mesh, count) if approximate else manifold_harmonics(mesh, count)

@@ -57,6 +57,19 @@ def test_every_connected_part_gets_a_sample_and_lone_vertices_none():
     assert values[:2] == pytest.approx(0, abs=1e-9) and values[2] > 0.1
 
 
+def test_no_two_samples_lie_in_one_place():
+    faces = np.concatenate([MESH.faces, MESH.faces + len(MESH.vertices)])
+    twice = Mesh(np.concatenate([MESH.vertices, MESH.vertices]), np.concatenate([faces, [(0, len(MESH.vertices), 1)]]))
+    neighbors, _ = edge_lengths(twice)
+    samples, _ = farthest_points(neighbors, np.zeros(len(neighbors.indices)), np.arange(5124), 50)
+    assert list(samples) == [0]
+
+
+def test_with_as_many_samples_as_vertices_the_pairs_are_exact():
+    small = noisy(icosphere(2), 0.2)
+    np.testing.assert_array_equal(fast_harmonics(small, 20).values, manifold_harmonics(small, 20).values)
+
+
 def test_more_harmonics_than_samples_are_refused():
     with pytest.raises(ParameterError, match="ask for 1 to 50"):
         fast_harmonics(MESH, 51, samples=50)

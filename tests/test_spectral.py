@@ -67,7 +67,7 @@ def test_lone_vertices_stay():
     "settings, words",
     [
         ({"harmonics": 163}, "this mesh has 162"),
-        ({"harmonics": 20, "band_start": 20}, "the band from 20 to 20"),
+        ({"harmonics": 20, "band_start": 20, "transfer": "enhance"}, "the band from 20 to 20"),
         ({"harmonics": 20, "band_end": 21}, "within the 20 harmonics"),
     ],
 )
