@@ -118,6 +118,7 @@ def test_settings_are_read_from_toml(tmp_path):
     config = read_config(path)
     assert (config.clusters, config.descriptors, config.fit.learning_rate) == (3, ("B",), 1.0)
     assert (config.data.count, config.data.families, config.seed) == (5, ("rock",), TrainConfig().seed)
+    assert config.data.max_level == TrainConfig().data.max_level
 
 
 @pytest.mark.parametrize(

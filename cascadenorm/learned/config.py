@@ -88,9 +88,11 @@ class TrainConfig:
     data: DatasetConfig = field(default_factory=lambda: DATA)
 
     def __post_init__(self) -> None:
-        for name in ("faces_per_mesh", "clusters", "context"):
+        for name in ("faces_per_mesh", "clusters"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        if self.context < 0:
+            raise ConfigError(f"context is {self.context}; it must be at least 0")
         if not self.descriptors or not set(self.descriptors) <= set(DESCRIPTORS):
             raise ConfigError(f"descriptors are {list(self.descriptors)}; each must be one of {', '.join(DESCRIPTORS)}")
 
@@ -114,40 +116,38 @@ def read_config(path: Path) -> TrainConfig:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} is not TOML: {error}") from None
     try:
-        return settings_from(TrainConfig, table)
+        return settings_from(TrainConfig(), table)
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def settings_from(kind: type[Settings], table: Mapping[str, Any], *, prefix: str = "") -> Settings:
-    """Build a dataclass of settings from nested tables.
+def settings_from(base: Settings, table: Mapping[str, Any], *, prefix: str = "") -> Settings:
+    """Change settings, a dataclass, by nested tables.
 
     Raises
     ------
     ConfigError : an unknown key, or a value of the wrong type
     """
-    hints = get_type_hints(kind)
-    known = [f.name for f in fields(kind)]  # type: ignore[arg-type]  # always a dataclass
+    hints = get_type_hints(type(base))
+    known = [f.name for f in fields(base)]  # type: ignore[arg-type]  # always a dataclass
     unknown = [key for key in table if key not in known]
     if unknown:
         raise ConfigError(
             f"there is no setting {prefix}{unknown[0]}; {prefix or 'the'} settings are {', '.join(known)}"
         )
-    return kind(**{key: _value(hints[key], value, prefix + key) for key, value in table.items()})
+    changes = {key: _value(hints[key], getattr(base, key), value, prefix + key) for key, value in table.items()}
+    return replace(base, **changes)  # type: ignore[type-var]
 
 
-def _value(kind: Any, value: Any, name: str) -> Any:
-    if is_dataclass(kind) and isinstance(kind, type):
+def _value(kind: Any, default: Any, value: Any, name: str) -> Any:
+    if is_dataclass(default) and not isinstance(default, type):
         if not isinstance(value, Mapping):
             raise ConfigError(f"{name} is {value!r}; it must be a table: [{name}]")
-        return settings_from(kind, value, prefix=f"{name}.")
+        return settings_from(default, value, prefix=f"{name}.")
     if get_origin(kind) is tuple:
-        inner = get_args(kind)
-        if not isinstance(value, list) or (inner[-1] is not ... and len(value) != len(inner)):
-            raise ConfigError(
-                f"{name} is {value!r}; it must be a list" + (f" of {len(inner)}" if ... not in inner else "")
-            )
-        return tuple(_value(inner[0], item, name) for item in value)
+        if not isinstance(value, list):
+            raise ConfigError(f"{name} is {value!r}; it must be a list")
+        return tuple(_value(get_args(kind)[0], None, item, name) for item in value)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if kind in (int, float, str, bool) and type(value) is not kind:
