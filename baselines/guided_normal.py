@@ -10,11 +10,10 @@ from typing import Annotated, Literal
 import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import (
-    SpatialSpread,
     joint_bilateral_pass,
     spatial_weights,
 )
-from cascadenorm.baselines.interior import faces_across
+from cascadenorm.baselines.interior import face_pairs, faces_across
 from cascadenorm.baselines.reach import each_alone, within
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
 from cascadenorm.recover import Sweeps, recover_vertices
@@ -30,7 +29,18 @@ GuideSpread = Annotated[
     ),
 ]
 GuidedPasses = Annotated[int | None, Parameter("passes; none: 10, or 20 for the mean", minimum=0)]
-Radius = Annotated[float, Parameter("how far the centroids of neighbours may be", "mean edge lengths", above=0)]
+Radius = Annotated[
+    float | None,
+    Parameter(
+        "how far centroids of neighbours may be; none: twice as far as of faces at an edge",
+        "mean edge lengths",
+        above=0,
+    ),
+]
+GuidedDistance = Annotated[
+    float | None,
+    Parameter("spread over distance; none: as far as centroids of faces at an edge", "mean edge lengths", minimum=1e-6),
+]
 
 
 @method("guided-normal", source="Zhang, Deng, Zhang, Bouaziz, Liu 2015")
@@ -38,8 +48,8 @@ def guided_normal(
     mesh: Mesh,
     *,
     guidance: Guidance = "patch",
-    radius: Radius = 1.15,
-    sigma_s: SpatialSpread = 0.6,
+    radius: Radius = None,
+    sigma_s: GuidedDistance = None,
     sigma_r: GuideSpread = None,
     iterations: GuidedPasses = None,
     sweeps: Sweeps = 10,
@@ -49,13 +59,21 @@ def guided_normal(
         sigma_r = 0.45 if guidance == "patch" else 0.15
     if iterations is None:
         iterations = 10 if guidance == "patch" else 20
-    neighbors = faces_within(mesh, radius)
+    neighbors = faces_within(mesh, 2 * centroid_distance(mesh) if radius is None else radius)
     for _ in range(iterations):
-        guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)
-        weights = spatial_weights(mesh, neighbors, sigma_s)
+        spread = centroid_distance(mesh) if sigma_s is None else sigma_s
+        guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, spread)
+        weights = spatial_weights(mesh, neighbors, spread)
         normals = joint_bilateral_pass(mesh.normals, guide, mesh.areas, neighbors, weights, sigma_r)
         mesh = mesh.moved(recover_vertices(mesh, normals, sweeps=sweeps))
     return mesh.vertices.copy()
+
+
+def centroid_distance(mesh: Mesh) -> float:
+    """Mean distance of the centroids of faces at an edge, in mean edge lengths: 0.58 for equilateral triangles."""
+    ours, theirs = np.moveaxis(mesh.centroids[face_pairs(mesh.topology)], 1, 0)
+    distances = np.linalg.norm(ours - theirs, axis=1)
+    return float(distances.mean() / mesh.mean_edge_length) if distances.any() else 1.0
 
 
 def faces_within(mesh: Mesh, radius: float) -> Csr:

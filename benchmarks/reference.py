@@ -23,8 +23,7 @@ import numpy as np
 from cascadenorm.api import as_mesh
 from cascadenorm.baselines.bilateral_normal import bilateral_normals, joint_bilateral_pass, spatial_weights
 from cascadenorm.baselines.edge_operators import mean_dihedral
-from cascadenorm.baselines.guided_normal import faces_within, patch_guidance
-from cascadenorm.baselines.interior import face_pairs
+from cascadenorm.baselines.guided_normal import centroid_distance, faces_within, patch_guidance
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.metrics import measure
 from cascadenorm.pairs import find_pairs
@@ -65,12 +64,6 @@ def main() -> None:
             sys.stdout.flush()
 
 
-def centroid_distance(mesh: Mesh) -> float:
-    """Mean distance of the centroids of faces that share an edge, in mean edge lengths."""
-    ours, theirs = np.moveaxis(mesh.centroids[face_pairs(mesh.topology)], 1, 0)
-    return float(np.linalg.norm(ours - theirs, axis=1).mean() / mesh.mean_edge_length)
-
-
 def _bilateral_normal(mesh: Mesh, parameters: Parameters) -> dict[str, Any]:
     return {
         "sigma_s": parameters["Multiple(* sigma_c)"] * centroid_distance(mesh),
@@ -89,7 +82,7 @@ def _bilateral_normal_same_update(mesh: Mesh, parameters: Parameters) -> Vectors
 def _guided_normal(mesh: Mesh, parameters: Parameters) -> dict[str, Any]:
     return {
         "radius": parameters["Multiple(* avg face dis.)"] * centroid_distance(mesh),
-        "sigma_s": parameters["Multiple(* sigma_s)"] * centroid_distance(mesh),
+        # their σ_s is one mean distance of centroids, of the mesh as it is at each pass: our default
         "sigma_r": parameters["sigma_r"],
         "iterations": parameters["(Local)Normal Iteration Num."],
         "sweeps": parameters["Vertex Iteration Num."],
