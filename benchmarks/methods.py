@@ -80,8 +80,8 @@ def main() -> None:
         print(json.dumps(run(options.run, options.faces[0])))
         return
     lines = [
-        "Time (in brackets: of all threads) and peak memory of the process, at the defaults, on a torus with noise of "
-        f"{NOISE} mean edge lengths; {thread_count()} threads, {platform.machine()}, Python {platform.python_version()}. "
+        "Time (in brackets: of all threads) and peak memory of the process, at the defaults, on a torus with noise "
+        f"of {NOISE} mean edges; {thread_count()} threads, {platform.machine()}, Python {platform.python_version()}. "
         "Made by `python benchmarks/methods.py`.",
         "",
         "| method | " + " | ".join(f"{faces:,} faces" for faces in options.faces) + " |",
