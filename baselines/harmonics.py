@@ -14,6 +14,7 @@ from cascadenorm.mesh import Mesh
 from cascadenorm.registry import ParameterError
 
 BAND = 60  # eigenpairs around one shift
+TOLERANCE = 1e-10  # relative residual of an eigenvalue of the inverse; its own error is of the order of the square
 RESTARTS = 60  # of Lanczos in one band; 2 to 5 are usual
 DENSE = 1200  # vertices up to which all eigenpairs at once are faster
 
@@ -63,19 +64,31 @@ def manifold_harmonics(mesh: Mesh, count: int, *, rim: Rim = "free") -> Harmonic
     free = laplacian.mass > 0
     if rim == "fixed":
         free &= ~mesh.topology.boundary_vertices
-    inside = np.flatnonzero(free)
-    check_count(count, len(inside))
-    stiffness, mass = laplacian.stiffness[inside][:, inside], laplacian.mass[inside]
-    if len(inside) <= DENSE or 3 * count > len(inside):
-        root = 1 / np.sqrt(mass)
-        with one_blas_thread():
-            values, parts = eigh(root[:, None] * stiffness.toarray() * root, subset_by_index=(0, count - 1))
-        parts *= root[:, None]
-    else:
-        values, parts = _in_bands(Laplacian(stiffness, mass, laplacian.positions[inside]), count)
+    check_count(count, int(free.sum()))
+    # connected parts one by one: together, equal ones would have each eigenvalue many times
+    component = np.where(free, mesh.topology.components, -1)
+    order = np.argsort(component, kind="stable")[(~free).sum() :]
+    parts = np.split(order, np.flatnonzero(np.diff(component[order])) + 1)
+    pairs = [_lowest(laplacian, part, min(count, len(part))) for part in parts]
+    all_values = np.concatenate([found for found, _ in pairs])
+    owners = np.concatenate([[(i, k) for k in range(len(found))] for i, (found, _) in enumerate(pairs)])
+    lowest = np.argsort(all_values, kind="stable")[:count]
     vectors = np.zeros((len(mesh.vertices), count))
-    vectors[inside] = parts * np.where(parts[abs(parts).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
-    return Harmonics(np.maximum(values, 0.0), vectors, laplacian.mass)
+    for column, (i, k) in enumerate(owners[lowest]):
+        vectors[parts[i], column] = pairs[i][1][:, k]
+    vectors *= np.where(vectors[abs(vectors).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
+    return Harmonics(np.maximum(all_values[lowest], 0.0), vectors, laplacian.mass)
+
+
+def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pairs:
+    """Return the lowest eigenpairs of functions on some vertices, zero elsewhere; vectors for these vertices alone."""
+    stiffness, mass = laplacian.stiffness[inside][:, inside], laplacian.mass[inside]
+    if len(inside) > DENSE and 3 * count <= len(inside):
+        return _in_bands(Laplacian(stiffness, mass, laplacian.positions[inside]), count)
+    root = 1 / np.sqrt(mass)
+    with one_blas_thread():
+        values, vectors = eigh(root[:, None] * stiffness.toarray() * root, subset_by_index=(0, count - 1))
+    return values, root[:, None] * vectors
 
 
 def shape_dna(mesh: Mesh, count: int, *, scale: Literal["keep", "area"] = "keep") -> NDArray[np.float64]:
@@ -148,7 +161,8 @@ def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.floa
     start = np.cos((1 + others.shape[1]) * np.arange(n))
     try:
         with one_blas_thread():
-            inverse, vectors = eigsh(LinearOperator((n, n), apply, dtype=np.float64), count, v0=start, maxiter=RESTARTS)
+            operator = LinearOperator((n, n), apply, dtype=np.float64)
+            inverse, vectors = eigsh(operator, count, v0=start, maxiter=RESTARTS, tol=TOLERANCE)
     except ArpackError as error:
         raise _too_alike() from error
     values = shift + 1 / inverse
@@ -174,6 +188,5 @@ def _count_below(laplacian: Laplacian, value: float) -> int:
 
 def _too_alike() -> ParameterError:
     return ParameterError(
-        "too many eigenvalues are equal to tell the harmonics apart: ask for those of the connected parts of the mesh "
-        "one by one"
+        "too many eigenvalues of this mesh are equal to tell its harmonics apart: ask for fewer, or approximate them"
     )

@@ -18,7 +18,7 @@ from threadpoolctl import ThreadpoolController
 from cascadenorm.mesh import kernel
 
 DIRECT_LIMIT = 1_000_000  # unknowns of a matrix with about 7 entries a row: some 2 GB of factors
-DENSE_LIMIT = 4_000_000  # entries of a matrix of two or three rings that is still factorised
+DENSE_LIMIT = 10_000_000  # entries of a matrix of two or three rings that is still factorised: some 3 GB of factors
 LEAF = 8  # unknowns that are not split further
 TOLERANCE = 1e-11  # relative residual of the iterative solutions
 
