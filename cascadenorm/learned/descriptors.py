@@ -87,13 +87,10 @@ def pose_free(stack: Stack) -> NDArray[np.float32]:
     -------
     (m, k (k - 1) / 2), pairs i < j in row order
     """
-    first, second = np.triu_indices(stack.shape[1], 1)
-
-    def pairs(start: int, stop: int) -> NDArray[np.float32]:
-        cosines = np.matmul(stack[start:stop], stack[start:stop].transpose(0, 2, 1))[:, first, second]
-        return np.asarray(np.log(np.maximum(1 - cosines, 0) + np.float32(FLOOR)))
-
-    return np.concatenate(over(len(stack), pairs))
+    count = stack.shape[1]
+    out = np.empty((len(stack), count * (count - 1) // 2), np.float32)
+    over(len(stack), _pair_range, np.ascontiguousarray(stack), out)
+    return out
 
 
 def ring_means(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]:
@@ -175,3 +172,17 @@ def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-u
                 out[f, p] += values[g, p]
         for p in range(values.shape[1]):
             out[f, p] /= count
+
+
+@kernel
+def _pair_range(start, stop, stack, out):  # type: ignore[no-untyped-def]
+    """1 - cos as half the squared chord, which keeps its digits where two normals nearly agree."""
+    for f in range(start, stop):
+        p = 0
+        for i in range(stack.shape[1]):
+            for j in range(i + 1, stack.shape[1]):
+                x = stack[f, i, 0] - stack[f, j, 0]
+                y = stack[f, i, 1] - stack[f, j, 1]
+                z = stack[f, i, 2] - stack[f, j, 2]
+                out[f, p] = np.log(np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR))
+                p += 1
