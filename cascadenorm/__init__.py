@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cascadenorm.api import Report, compare, denoise, denoise_file, methods
+    from cascadenorm.baselines.fast_spectral import fast_harmonics
+    from cascadenorm.baselines.harmonics import manifold_harmonics, shape_dna
+    from cascadenorm.baselines.holes import fill_holes
     from cascadenorm.controls import DenoiseError
     from cascadenorm.evaluation import evaluate
     from cascadenorm.io import OutputError, ReadError, from_arrays, read, write
@@ -36,10 +39,14 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "denoise": "api",
     "denoise_file": "api",
     "evaluate": "evaluation",
+    "fast_harmonics": "baselines.fast_spectral",
+    "fill_holes": "baselines.holes",
     "from_arrays": "io",
+    "manifold_harmonics": "baselines.harmonics",
     "methods": "api",
     "read": "io",
     "read_config": "learned.config",
+    "shape_dna": "baselines.harmonics",
     "train": "models",
     "write": "io",
 }
@@ -60,10 +67,14 @@ __all__ = [
     "denoise",
     "denoise_file",
     "evaluate",
+    "fast_harmonics",
+    "fill_holes",
     "from_arrays",
+    "manifold_harmonics",
     "methods",
     "read",
     "read_config",
+    "shape_dna",
     "train",
     "write",
 ]

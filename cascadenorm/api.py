@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 import cascadenorm.baselines
 import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
+from cascadenorm.baselines.holes import fill_holes
 from cascadenorm.controls import Controls, controlled
 from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output
@@ -180,6 +181,22 @@ def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
     """Write triangles to a new file in the format of its extension."""
     check_output(path, force=force)
     io.write(io.from_arrays(mesh.vertices, mesh.faces), path, force=force)
+
+
+def fill_holes_file(
+    source: Path, output: Path, *, order: int = 2, max_edges: int | None = None, force: bool = False
+) -> tuple[int, int]:
+    """Fill the holes of a mesh file, as `fill_holes` does; the numbers of faces before and after.
+
+    Raises
+    ------
+    ReadError, MeshError, ParameterError, OutputError : nothing is written then
+    """
+    check_output(output, force=force)
+    mesh = as_mesh(source)
+    filled = fill_holes(mesh, order=order, max_edges=max_edges)
+    save_mesh(output, filled, force=force)
+    return len(mesh.faces), len(filled.faces)
 
 
 def _denoised(

@@ -238,6 +238,27 @@ def demo(
     print(f"meshes and pictures are in {folder}; look at {folder / demonstration.BEFORE_AFTER} first")
 
 
+@app.command("fill-holes")
+def fill_holes(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="Mesh file.")],
+    *,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File; by default <stem>_filled<suffix> beside the source.")
+    ] = None,
+    order: Annotated[int, typer.Option(min=1, max=3, help="1 membrane, 2 goes on smoothly, 3 in curvature too.")] = 2,
+    max_edges: Annotated[
+        int | None, typer.Option(min=3, help="Leave longer holes open, an outer rim say.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Close the holes of a mesh by patches as dense as what is around them; writes triangles without attributes."""
+    from cascadenorm import api
+
+    target = output or source.with_name(f"{source.stem}_filled{source.suffix}")
+    before, after = api.fill_holes_file(source, target, order=order, max_edges=max_edges, force=force)
+    print(f"{target}: {after - before} faces added to {before}")
+
+
 @app.command()
 def render(
     meshes: Annotated[list[str], typer.Argument(metavar="MESH...", help="Drawn side by side, seen from one place.")],
