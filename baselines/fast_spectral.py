@@ -14,6 +14,8 @@ from cascadenorm.mesh import Csr, Mesh, kernel, over
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # how many local functions reach a point, on average
+RELAXATIONS = 4  # Jacobi steps that fit the local functions to the roughness of a noisy surface
+RELAXATION = 2 / 3  # their size
 
 
 def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Harmonics:
@@ -21,8 +23,9 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
 
     Functions around samples fall from 1 to 0 as 1 - 3r² + 2r³, over the patch that is connected within their reach;
     they are divided by their sum, and the eigenproblem is solved among their combinations. r is the distance in
-    space: that along edges has kinks, which alone raise the eigenvalues by a tenth. All eigenvalues are overestimated,
-    the lower half by less than 2 %; eigenvectors are M-orthonormal.
+    space: that along edges has kinks, which alone raise the eigenvalues by a tenth. A few Jacobi steps on the functions
+    fit them to the roughness of a noisy mesh, which else costs as much. All eigenvalues are overestimated, the lower
+    half by less than 2 %; eigenvectors are M-orthonormal.
 
     Parameters
     ----------
@@ -49,6 +52,10 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     reach = np.sqrt(OVERLAP * laplacian.mass.sum() / (np.pi * len(centers)))
     reach = max(reach, 1.1 * distances[np.isfinite(distances)].max())  # so that every vertex is reached
     basis = _local_functions(mesh, centers, reach)
+    diagonal = laplacian.stiffness.diagonal()
+    weights = np.divide(RELAXATION, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
+    for _ in range(RELAXATIONS):
+        basis = sparse.csr_array(basis - sparse.diags_array(weights) @ (laplacian.stiffness @ basis))
     stiffness = (basis.T @ (laplacian.stiffness @ basis)).toarray()
     mass = (basis.T @ (sparse.diags_array(laplacian.mass) @ basis)).toarray()
     with one_blas_thread():
