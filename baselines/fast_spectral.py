@@ -14,6 +14,7 @@ from cascadenorm.mesh import Csr, Mesh, kernel, over
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # how many local functions reach a point, on average
+CROWDED = 3  # vertices a sample up to which local functions are too alike, and the exact problem is small enough
 RELAXATIONS = 4  # Jacobi steps that fit the local functions to the roughness of a noisy surface
 RELAXATION = 2 / 3  # their size
 
@@ -31,8 +32,8 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     ----------
     mesh : n vertices
     count : k, at most the number of samples
-    samples : how many, spread by farthest points; None: 3 k, at least 1,000. Every connected part gets one; no fewer
-        than there are vertices make the pairs exact
+    samples : how many, spread by farthest points; None: 3 k, at least 1,000. Every connected part gets one; with a
+        third of the vertices or more the pairs are exact instead
 
     Raises
     ------
@@ -44,7 +45,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     neighbors = mesh.topology.vertex_neighbors
     lengths = np.linalg.norm(mesh.vertices[neighbors.indices] - mesh.vertices[neighbors.rows], axis=1)
     check_count(count, min(wanted, available))
-    if wanted >= available:
+    if CROWDED * wanted >= available:
         return manifold_harmonics(mesh, count)
     used = np.flatnonzero(laplacian.mass > 0)
     centers, distances = farthest_points(neighbors, lengths, used, wanted)

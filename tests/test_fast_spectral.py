@@ -17,7 +17,7 @@ def edge_lengths(mesh):
     return neighbors, np.linalg.norm(mesh.vertices[neighbors.indices] - mesh.vertices[neighbors.rows], axis=1)
 
 
-@pytest.mark.parametrize("samples, noise", [(None, 0.1), (200, 0.0), (300, 0.2)])
+@pytest.mark.parametrize("samples, noise", [(800, 0.1), (200, 0.0), (300, 0.2)])
 def test_lower_half_of_the_eigenvalues_is_within_two_percent_and_none_is_below(samples, noise):
     mesh = noisy(icosphere(4), noise)
     exact, fast = manifold_harmonics(mesh, 100).values, fast_harmonics(mesh, 100, samples=samples).values
@@ -28,7 +28,7 @@ def test_lower_half_of_the_eigenvalues_is_within_two_percent_and_none_is_below(s
 
 
 def test_eigenvectors_are_orthonormal_and_near_the_exact_ones():
-    fast, exact = fast_harmonics(MESH, 30), manifold_harmonics(MESH, 30)
+    fast, exact = fast_harmonics(MESH, 30, samples=500), manifold_harmonics(MESH, 30)
     np.testing.assert_allclose(fast.coefficients(fast.vectors), np.eye(30), atol=1e-9)
     overlap = exact.coefficients(fast.vectors)
     assert (overlap[:25, :16] ** 2).sum(axis=0).min() > 0.995  # of three whole clusters of the sphere
@@ -54,7 +54,7 @@ def test_every_connected_part_gets_a_sample_and_lone_vertices_none():
     neighbors, lengths = edge_lengths(mesh)
     samples, _ = farthest_points(neighbors, lengths, np.delete(np.arange(85), 42), 5)
     assert {s < 42 for s in samples} == {True, False} and 42 not in samples
-    values = fast_harmonics(mesh, 3, samples=20).values
+    values = fast_harmonics(mesh, 3, samples=12).values
     assert values[:2] == pytest.approx(0, abs=1e-9) and values[2] > 0.1
 
 
@@ -66,7 +66,7 @@ def test_no_two_samples_lie_in_one_place():
     assert list(samples) == [0]
 
 
-def test_with_as_many_samples_as_vertices_the_pairs_are_exact():
+def test_with_nearly_as_many_samples_as_vertices_the_pairs_are_exact():
     small = noisy(icosphere(2), 0.2)
     np.testing.assert_array_equal(fast_harmonics(small, 20).values, manifold_harmonics(small, 20).values)
 

@@ -51,10 +51,10 @@ def test_any_transfer_function_gets_the_eigenvalues():
 
 
 def test_approximate_harmonics_filter_much_like_exact_ones():
-    rough = noisy(icosphere(4), 0.1)
+    rough = noisy(icosphere(5), 0.1)
     exact = spectral(rough, harmonics=49, eigenpairs="exact")
     fast = spectral(rough, harmonics=49, eigenpairs="approximate")
-    assert np.linalg.norm(exact - fast, axis=1).mean() < 0.05 * rough.mean_edge_length
+    assert 0 < np.linalg.norm(exact - fast, axis=1).mean() < 0.05 * rough.mean_edge_length
     assert np.linalg.norm(rough.vertices - exact, axis=1).mean() > 0.05 * rough.mean_edge_length
 
 
