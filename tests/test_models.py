@@ -1,0 +1,96 @@
+import json
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.data_gen import DatasetConfig, pair
+from cascadenorm.learned.cascade import shipped
+from cascadenorm.learned.config import TrainConfig, read_config
+from cascadenorm.metrics import measure
+
+ROOT = Path(__file__).parents[1]
+HELD_OUT = DatasetConfig(seed=1_000_003, min_faces=3000, max_faces=5000, noise_kinds=("normal",), min_level=0.2)
+TINY = """
+faces_per_mesh = 300
+clusters = 2
+[fit]
+hidden = 8
+epochs = 3
+[data]
+count = 2
+families = ["polyhedron"]
+min_faces = 900
+max_faces = 1200
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "config"), [("cascade", TrainConfig()), ("auto", read_config(ROOT / "configs" / "auto.toml"))]
+)
+def test_the_shipped_weights_are_what_the_settings_here_make(name, config):
+    assert shipped(name).card["config"] == json.loads(json.dumps(asdict(config)))
+
+
+@pytest.mark.parametrize("name", ["auto", "cascade"])
+def test_each_stage_comes_closer_to_shapes_that_no_training_saw(name):
+    made = [pair(HELD_OUT, index) for index in (0, 1, 2, 3)]
+    errors = np.array(
+        [[measure(m, p.clean).normal_error_deg for m in (p.noisy, *shipped(name).steps(p.noisy))] for p in made]
+    ).mean(axis=0)
+    assert (np.diff(errors) < 0).all(), errors
+    bilateral = [measure(cn.denoise(p.noisy, method="bilateral-normal"), p.clean).normal_error_deg for p in made]
+    assert errors[-1] < np.mean(bilateral)
+
+
+def test_a_denoiser_is_the_method_with_its_weights():
+    mesh = noisy(icosphere(3), 0.2)
+    expected = cn.denoise(mesh, method="cascade").vertices
+    assert (cn.Denoiser.shipped("cascade").denoise(mesh).vertices == expected).all()
+
+
+def test_train_writes_a_model_that_denoises(tmp_path, capsys):
+    settings, weights = tmp_path / "tiny.toml", tmp_path / "tiny.safetensors"
+    settings.write_text(TINY)
+    arguments = ["train", "--config", str(settings), "-o", str(weights), "--threads", "1"]
+    assert run(arguments) == 0
+    assert "cascadenorm denoise scan.ply --model" in capsys.readouterr().out
+    assert not Path(f"{weights}.training").exists()
+    mesh = noisy(icosphere(3), 0.2)
+    out = cn.Denoiser.load(weights).denoise(mesh.vertices, mesh.faces)
+    assert measure(mesh.moved(out), icosphere(3)).normal_error_deg < measure(mesh, icosphere(3)).normal_error_deg
+    before = weights.read_bytes()
+    assert run(arguments) == 5
+    assert weights.read_bytes() == before
+    assert run(["models", str(weights)]) == 0
+    assert json.loads(capsys.readouterr().out)["card"]["config"]["clusters"] == 2
+    assert run([*arguments, "--force", "--seed", "1"]) == 0
+    assert weights.read_bytes() != before
+
+
+def test_wrong_settings_are_a_usage_error(tmp_path, capsys):
+    settings = tmp_path / "wrong.toml"
+    settings.write_text("cluster = 3")
+    assert run(["train", "--config", str(settings), "-o", str(tmp_path / "w.safetensors")]) == 2
+    assert "there is no setting cluster" in capsys.readouterr().err
+    assert run(["train", "--config", str(settings), "--quick"]) == 2
+
+
+def test_train_py_is_the_same_command():
+    done = subprocess.run([sys.executable, ROOT / "train.py", "--help"], capture_output=True, text=True, check=True)
+    assert "--quick" in done.stdout and "cascadenorm train" in done.stdout
+
+
+@pytest.mark.slow
+def test_quick_training_beats_the_noisy_input(tmp_path):
+    weights = tmp_path / "quick.safetensors"
+    assert run(["train", "--quick", "-o", str(weights)]) == 0
+    made = pair(HELD_OUT, 0)
+    out = cn.Denoiser.load(weights).denoise(made.noisy)
+    assert measure(out, made.clean).normal_error_deg < 0.5 * measure(made.noisy, made.clean).normal_error_deg
