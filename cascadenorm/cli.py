@@ -246,9 +246,7 @@ def fill_holes(
         Path | None, typer.Option("-o", "--output", help="File; by default <stem>_filled<suffix> beside the source.")
     ] = None,
     order: Annotated[int, typer.Option(min=1, max=3, help="1 membrane, 2 goes on smoothly, 3 in curvature too.")] = 2,
-    max_edges: Annotated[
-        int | None, typer.Option(min=3, help="Leave longer holes open, an outer rim say.")
-    ] = None,
+    max_edges: Annotated[int | None, typer.Option(min=3, help="Leave longer holes open, an outer rim say.")] = None,
     force: Force = False,
 ) -> None:
     """Close the holes of a mesh by patches as dense as what is around them; writes triangles without attributes."""
