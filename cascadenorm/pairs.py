@@ -1,13 +1,15 @@
 """Folders of noisy/clean pairs: found on disk, or generated."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
 from cascadenorm.api import save_mesh
-from cascadenorm.data_gen import DatasetConfig, write_dataset
+from cascadenorm.data_gen import write_dataset
 from cascadenorm.io import OutputError, ReadError
+from cascadenorm.learned.config import DATA
 from cascadenorm.mesh import Mesh
 
 
@@ -48,7 +50,7 @@ def write_pairs(
     force: bool = False,
     progress: Callable[[str, int, int], object] | None = None,
 ) -> None:
-    """Generate pairs of shapes, clean and with noise, each in a folder of its own, and `dataset.json` beside them.
+    """Generate pairs as trainings do, each in a folder of its own, and `dataset.json` beside them.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ def write_pairs(
         raise OutputError(f"{folder} is a file: give the name of a folder")
     if folder.is_dir() and any(folder.iterdir()) and not force:
         raise OutputError(f"{folder} is not empty: give another folder, or write into it with force (--force)")
-    config = DatasetConfig(count=count, seed=seed)
+    config = replace(DATA, count=count, seed=seed)
 
     def report(done: int, total: int) -> None:
         if progress is not None:
