@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 import cascadenorm.baselines
 import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
+from cascadenorm.baselines.diffusion import Order
 from cascadenorm.baselines.holes import fill_holes
 from cascadenorm.controls import Controls, controlled
 from cascadenorm.interop import adapter
@@ -184,7 +185,7 @@ def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
 
 
 def fill_holes_file(
-    source: Path, output: Path, *, order: int = 2, max_edges: int | None = None, force: bool = False
+    source: Path, output: Path, *, order: Order = 2, max_edges: int | None = None, force: bool = False
 ) -> tuple[int, int]:
     """Fill the holes of a mesh file, as `fill_holes` does; the numbers of faces before and after.
 

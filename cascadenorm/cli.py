@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, cast
+from typing import Annotated, Any, Literal, NoReturn, cast
 
 import typer
 
@@ -253,7 +253,8 @@ def fill_holes(
     from cascadenorm import api
 
     target = output or source.with_name(f"{source.stem}_filled{source.suffix}")
-    before, after = api.fill_holes_file(source, target, order=order, max_edges=max_edges, force=force)
+    kind = cast(Literal[1, 2, 3], order)  # typer holds the range
+    before, after = api.fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
     print(f"{target}: {after - before} faces added to {before}")
 
 
