@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, joint_bilateral_pass, spatial_weights
+from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, method
@@ -25,11 +25,7 @@ WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002")
 def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10) -> Vectors:
     """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges."""
-    rings = mesh.topology.face_rings(1)
-    weights = spatial_weights(mesh, rings, np.inf)
-    normals = mesh.normals
-    for _ in range(iterations):
-        normals = joint_bilateral_pass(normals, normals, mesh.areas, rings, weights, np.inf)
+    normals = bilateral_normals(mesh, sigma_s=np.inf, sigma_r=np.inf, iterations=iterations, center="count")
     return recover_vertices(mesh, normals, sweeps=sweeps)
 
 

@@ -38,7 +38,7 @@ class Cascade:
         """Yield the mesh after each stage."""
         noisy = mesh
         for stage in self.stages:
-            mesh = mesh.moved(recover_vertices(mesh, stage.normals(mesh, noisy), sweeps=sweeps))
+            mesh = advanced(stage, mesh, noisy, sweeps=sweeps)
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:
@@ -81,6 +81,11 @@ class Cascade:
             except KeyError as error:
                 raise ParameterError(f"{fspath(path)} lacks {error} of stage {s + 1}: train it again") from None
         return cls(tuple(stages), header["card"])
+
+
+def advanced(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int) -> Mesh:
+    """Return a mesh after one more stage: its normals regressed, its vertices moved to them."""
+    return mesh.moved(recover_vertices(mesh, stage.normals(mesh, noisy), sweeps=sweeps))
 
 
 @cache

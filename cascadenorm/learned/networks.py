@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import Stack
-
-Array = NDArray[np.float32]
+from cascadenorm.learned.regression import Array
 
 
 class Faces(NamedTuple):

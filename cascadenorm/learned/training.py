@@ -18,14 +18,13 @@ from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
-from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.cascade import Cascade, advanced
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.descriptors import CONTEXT_STEPS, pose_free
-from cascadenorm.learned.networks import Array, Faces, train_network
+from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.progress import Progress, silent
-from cascadenorm.learned.regression import Regression, Standard, nearest, stage_stack
+from cascadenorm.learned.regression import Array, Regression, Standard, nearest, stage_stack
 from cascadenorm.mesh import Mesh, thread_count
-from cascadenorm.recover import recover_vertices
 
 KMEANS_FACES = 50_000
 
@@ -65,8 +64,7 @@ def train(config: TrainConfig, checkpoint: Path, *, progress: Progress = silent)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
             if number + 1 < len(config.descriptors):
                 for i, sample in enumerate(samples):
-                    normals = stage.normals(sample.mesh, sample.noisy)
-                    sample.mesh = sample.mesh.moved(recover_vertices(sample.mesh, normals, sweeps=config.sweeps))
+                    sample.mesh = advanced(stage, sample.mesh, sample.noisy, sweeps=config.sweeps)
                     progress(f"apply stage {number + 1}", i + 1, len(samples))
     faces = sum(len(sample.rows) for sample in samples)
     return Cascade(tuple(stages), _card(config, faces, losses))
