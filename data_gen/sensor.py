@@ -1,4 +1,4 @@
-"""Error of a depth camera: depths blurred sideways, disturbed by noise with some reach, rounded in disparity."""
+"""Error of a depth camera: noise that reaches over several pixels, and depths rounded in disparity."""
 
 import numpy as np
 from scipy import sparse
@@ -6,14 +6,22 @@ from scipy import sparse
 from cascadenorm.data_gen.fields import Values
 from cascadenorm.mesh import Mesh, Vectors, unit
 
+WIDEST = 60  # passes of neighbour means that spread noise: over about six pixels
+LONGEST = 5.0  # rounding steps are up to so many times as high as for terraces of a pixel
+
 
 def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
     """Displace vertices along the direction of view, which is taken to be the mean normal of the sheet.
 
+    Neighbours err alike, since a camera matches windows of pixels, and where a surface is steep against the view,
+    rounding of the disparity makes terraces (Khoshelham, Elberink 2012; Barron, Malik 2013). So the whole error may be
+    several times larger than it is from one pixel to the next.
+
     Parameters
     ----------
     mesh : a sheet seen from one side
-    deviation : root mean square of the displacements, a length
+    deviation : about that of the error from one vertex to the next, a length; white noise of this standard deviation
+        differs as much between neighbours
 
     Returns
     -------
@@ -23,15 +31,15 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
     depth = -mesh.vertices @ toward
     distance = depth + float(rng.uniform(1.5, 6)) * mesh.diagonal - depth.mean()
     blur = _neighbour_means(mesh)
-    error = _blurred(rng.normal(size=len(depth)), blur, int(rng.integers(0, 4)))
-    error *= deviation / error.std()
-    seen = _blurred(distance, blur, int(rng.integers(0, 3))) + error
-    step = deviation * float(rng.uniform(0.3, 3.5)) / np.mean(distance) ** 2  # of the disparity 1 / distance
+    white, spread, rounding = deviation * np.sqrt(rng.dirichlet((1, 1, 1)))
+    wide = _blurred(rng.normal(size=len(depth)), blur, round(WIDEST ** rng.uniform()))
+    ends = wide[mesh.topology.edges]
+    wide /= np.sqrt(0.5 * np.mean((ends[:, 0] - ends[:, 1]) ** 2))
+    seen = _blurred(distance, blur, int(rng.integers(0, 3))) + white * rng.normal(size=len(depth)) + spread * wide
+    step = np.sqrt(12) * rounding * LONGEST ** rng.uniform() / np.mean(distance) ** 2  # of the disparity 1 / distance
     phase = float(rng.random())
     rounded = 1 / (step * (np.round(1 / (seen * step) + phase) - phase))
-    moved = distance - rounded
-    size = np.sqrt(np.mean(moved**2))
-    return np.asarray((moved * (deviation / size if size > 0 else 0.0))[:, None] * toward)
+    return np.asarray((distance - _blurred(rounded, blur, int(rng.integers(0, 3))))[:, None] * toward)
 
 
 def _blurred(values: Values, means: sparse.csr_matrix, passes: int) -> Values:
