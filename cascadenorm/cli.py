@@ -190,6 +190,12 @@ def train(
         "cascade.safetensors"
     ),
     config: Annotated[Path | None, typer.Option(help="Settings as TOML; what it leaves out keeps its default.")] = None,
+    shapes: Annotated[
+        list[Path] | None, typer.Option(help="Clean meshes of your own, a file or folder; may be given several times.")
+    ] = None,
+    noisy: Annotated[
+        list[Path] | None, typer.Option(help="Pairs of your own, noisy.* and clean.*; may be given several times.")
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A minute's training, to see that it works.")] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="The same seed makes the same file.")] = None,
     threads: Threads = None,
@@ -207,7 +213,15 @@ def train(
     if seed is not None:
         settings = replace(settings, seed=seed, data=replace(settings.data, seed=seed))
     with report.progress_tasks() as progress:
-        models.train(settings, output, force=force, threads=threads, progress=progress)
+        models.train(
+            settings,
+            output,
+            shapes=shapes or (),
+            noisy=noisy or (),
+            force=force,
+            threads=threads,
+            progress=progress,
+        )
     print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
 
 

@@ -1,6 +1,7 @@
 """Models as files: train one, load one and denoise with it."""
 
 import shutil
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.progress import Progress, silent
 from cascadenorm.mesh import limit_threads
+from cascadenorm.pairs import training_pairs
 
 SHIPPED = ("auto", "cascade")
 
@@ -56,6 +58,8 @@ def train(
     config: TrainConfig,
     output: Path,
     *,
+    shapes: Iterable[str | PathLike[str]] = (),
+    noisy: Iterable[str | PathLike[str]] = (),
     force: bool = False,
     threads: int | None = None,
     progress: Progress = silent,
@@ -66,6 +70,8 @@ def train(
     ----------
     config : what to train; `read_config` reads one from TOML
     output : the `.safetensors` file; beside it, in `<output>.training`, lies what is finished while it runs
+    shapes : clean meshes of one's own, files or folders of them, that get simulated noise as the generated shapes do
+    noisy : folders of one's own pairs, `noisy.*` and `clean.*` of equal faces
     force : replace an existing file
     threads : at most this many; the result is the same
     progress : called with (task, parts done, parts in all, note)
@@ -73,6 +79,7 @@ def train(
     Raises
     ------
     OutputError : the file exists and force is not given, or it cannot be written
+    ReadError, MeshError : one of the meshes that are handed in cannot be read or worked on
     ConfigError : an interrupted training of other settings lies beside the output
     DenoiseError : torch or scikit-learn are not installed
     """
@@ -83,7 +90,8 @@ def train(
     check_output(output, force=force)
     checkpoint = output.with_name(output.name + ".training")
     with limit_threads(threads):
-        cascade = training.train(config, checkpoint, progress=progress)
+        own = training_pairs(shapes, noisy, config.data)
+        cascade = training.train(config, checkpoint, own=own, progress=progress)
     write_atomically(output, [cascade.to_bytes()], force=force)
     shutil.rmtree(checkpoint)
     return Denoiser(cascade)

@@ -1,4 +1,4 @@
-"""Folders of noisy/clean pairs: found on disk, or generated."""
+"""Folders of noisy/clean pairs: found on disk, read for a training, or generated."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -6,11 +6,15 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
-from cascadenorm.api import save_mesh
-from cascadenorm.data_gen import write_dataset
+import numpy as np
+
+from cascadenorm import data_gen
+from cascadenorm.api import as_mesh, save_mesh
+from cascadenorm.data_gen import DatasetConfig, write_dataset
+from cascadenorm.data_gen.pieces import piece, pieces
 from cascadenorm.io import OutputError, ReadError
 from cascadenorm.learned.config import DATA
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, MeshError
 
 
 class Pair(NamedTuple):
@@ -39,6 +43,49 @@ def find_pairs(folders: Iterable[str | PathLike[str]]) -> list[Pair]:
     if len({pair.name for pair in pairs}) < len(pairs):
         pairs = [pair._replace(name=str(pair.noisy.parent)) for pair in pairs]
     return pairs
+
+
+def training_pairs(
+    shapes: Iterable[str | PathLike[str]], noisy: Iterable[str | PathLike[str]], config: DatasetConfig
+) -> list[data_gen.Pair]:
+    """Read meshes of one's own to train on, cut into pieces of at most config.max_faces.
+
+    Parameters
+    ----------
+    shapes : clean meshes, or folders of them; they get noise as `config` says, each again and again until they are
+        about a quarter of what is generated, or for the twentieth time
+    noisy : folders of pairs, as `find_pairs` takes them, of equal faces
+    config : of the generated pairs
+
+    Raises
+    ------
+    ReadError, MeshError : a file that is missing or no mesh, a folder without one, a pair of different faces
+    """
+    clean = [part for path in _mesh_files(shapes) for part in _pieces(as_mesh(path), config)]
+    rounds = max(1, min(20, config.count // (4 * len(clean)))) if clean else 0
+    made = [data_gen.own_pair(config, i, part) for i, part in enumerate(clean * rounds)]
+    for files in find_pairs(noisy):
+        first, true = as_mesh(files.noisy), as_mesh(files.clean)
+        if not np.array_equal(first.faces, true.faces):
+            raise MeshError(f"{files.noisy} and {files.clean} have different faces: a training needs the same in both")
+        for chosen in pieces(true, faces=config.max_faces):
+            made.append(data_gen.Pair(piece(first, chosen), piece(true, chosen), data_gen.OWN, "none", 0.0))
+    return made
+
+
+def _pieces(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
+    return [piece(mesh, chosen) for chosen in pieces(mesh, faces=config.max_faces)]
+
+
+def _mesh_files(places: Iterable[str | PathLike[str]]) -> list[Path]:
+    """List files as they are, and what lies in folders by name."""
+    files = []
+    for place in map(Path, places):
+        found = sorted(file for file in place.iterdir() if file.is_file()) if place.is_dir() else [place]
+        if not found:
+            raise ReadError(f"{place} holds no files: put clean meshes into it")
+        files += found
+    return files
 
 
 def write_pairs(

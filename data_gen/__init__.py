@@ -1,11 +1,13 @@
 """Training data: random shapes, their meshes, the noise put on them, and data sets of noisy/clean pairs."""
 
 from cascadenorm.data_gen.dataset import (
+    OWN,
     DatasetConfig,
     Pair,
     clean_mesh,
     family_of,
     noisy_vertices,
+    own_pair,
     pair,
     pairs,
     write_dataset,
@@ -15,6 +17,7 @@ from cascadenorm.data_gen.noise import NoiseKind, displacements
 
 __all__ = [
     "FAMILIES",
+    "OWN",
     "DatasetConfig",
     "Family",
     "NoiseKind",
@@ -23,6 +26,7 @@ __all__ = [
     "displacements",
     "family_of",
     "noisy_vertices",
+    "own_pair",
     "pair",
     "pairs",
     "write_dataset",

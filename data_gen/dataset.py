@@ -22,7 +22,13 @@ from cascadenorm.mesh import Mesh, Vectors
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
 ATTEMPTS = 60  # shapes drawn for one index before giving up
 
-_SHAPE, _NOISE = 0, 1  # separate streams of random numbers, so that noise settings leave the shapes as they are
+OWN = "own"  # in place of a family, where the mesh was not generated
+
+_SHAPE, _NOISE, _OWN = (
+    0,
+    1,
+    2,
+)  # streams of random numbers: noise settings leave the shapes as they are
 
 
 USUAL_KINDS: tuple[NoiseKind, ...] = (
@@ -120,10 +126,17 @@ def noisy_vertices(
     config: DatasetConfig, index: int, clean: Mesh, *, epoch: int = 0
 ) -> tuple[Vectors, NoiseKind, float]:
     """Draw noise for the clean mesh of an index: vertices, kind and level; another draw in each epoch."""
-    rng = _stream(config, index, _NOISE, epoch)
+    seen = FAMILIES[family_of(config, index)].part == "view"
+    return _disturbed(config, clean, seen=seen, rng=_stream(config, index, _NOISE, epoch))
+
+
+def _disturbed(
+    config: DatasetConfig, clean: Mesh, *, seen: bool, rng: np.random.Generator
+) -> tuple[Vectors, NoiseKind, float]:
+    """Draw noise for a mesh, that of depth cameras only where it is seen from one side."""
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
-    seen = FAMILIES[family_of(config, index)].part == "view" and "sensor" in config.noise_kinds
-    kind: NoiseKind = "sensor" if not kinds or (seen and rng.random() < 0.5) else kinds[rng.integers(len(kinds))]
+    sensed = not kinds or (seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
+    kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
     level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))
     if kind == "none":
         level = 0.0
@@ -135,6 +148,12 @@ def pair(config: DatasetConfig, index: int) -> Pair:
     clean = clean_mesh(config, index)
     vertices, kind, level = noisy_vertices(config, index, clean)
     return Pair(clean.moved(vertices), clean, family_of(config, index), kind, level)
+
+
+def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:
+    """Put noise of the config on a clean mesh of one's own; another draw for each index."""
+    vertices, kind, level = _disturbed(config, clean, seen=False, rng=_stream(config, index, _OWN))
+    return Pair(clean.moved(vertices), clean, OWN, kind, level)
 
 
 def pairs(config: DatasetConfig, *, workers: int = 1) -> Iterator[Pair]:

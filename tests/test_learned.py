@@ -22,7 +22,7 @@ from cascadenorm.learned.descriptors import (
     guided_stack,
     pose_free,
     reaching_stack,
-    ring_means,
+    surroundings,
 )
 from cascadenorm.learned.networks import Network
 from cascadenorm.learned.regression import Regression, Standard, stage_stack
@@ -58,7 +58,7 @@ def random_regression(descriptor: str, *, later: bool = False, seed: int = 0) ->
     """A stage with random weights; a later one sees the noisy normals too."""
     rng = np.random.default_rng(seed)
     k, hidden, clusters, p = DESCRIPTORS[descriptor](MESH).shape[1] + later, 7, 3, 5
-    d, context = k * (k - 1) // 2, p * len(CONTEXT_STEPS)
+    d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1)
 
     def random(*shape: int) -> np.ndarray:
         return rng.normal(size=shape).astype(np.float32)
@@ -69,8 +69,12 @@ def random_regression(descriptor: str, *, later: bool = False, seed: int = 0) ->
             mean=random(d), scale=np.full(d, 0.3, np.float32), projection=random(d, p) / d,
             context_mean=random(context), context_scale=np.ones(context, np.float32),
         ),
-        centers=random(clusters, d + context), weight1=random(clusters, d + context, hidden) / 20,
-        bias1=random(clusters, hidden), weight2=random(clusters, hidden, k), bias2=random(clusters, k),
+        centers=random(clusters, d + context),
+        layers=(
+            (random(clusters, d + context, hidden) / 20, random(clusters, hidden)),
+            (random(clusters, hidden, 5), random(clusters, 5)),
+            (random(clusters, 5, k), random(clusters, k)),
+        ),
     )  # fmt: skip
 
 
@@ -103,17 +107,38 @@ def test_pose_free_is_in_order_of_pairs():
 
 def test_reaching_stack_holds_the_bilateral_filter_after_its_passes():
     stack = reaching_stack(MESH)
-    at = 1 + REACH_SIGMA_R.index(0.35) * len(REACH_PASSES) + REACH_PASSES.index(8)
-    expected = bilateral_normals(MESH, sigma_s=1.0, sigma_r=0.35, iterations=8, center="count")
-    np.testing.assert_allclose(stack[:, at], expected, atol=1e-6)
+    assert stack.shape == (len(MESH.faces), 1 + len(REACH_PASSES) * len(REACH_SIGMA_R), 3)
+    for p, passes in enumerate(REACH_PASSES):
+        got = stack[:, (p + 1) * len(REACH_SIGMA_R)]
+        expected = bilateral_normals(MESH, sigma_s=1.0, sigma_r=np.inf, iterations=passes, center="count")
+        np.testing.assert_allclose(got, expected, atol=5e-6)
+    twin = MESH.normals
+    weights = MESH.areas[:, None].T * np.exp(
+        -0.5 * (np.linalg.norm(MESH.centroids[:, None] - MESH.centroids, axis=2) / MESH.mean_edge_length) ** 2
+    )
+    near = np.eye(len(twin), dtype=bool)
+    near[MESH.topology.face_rings(1).rows, MESH.topology.face_rings(1).indices] = True
+    for _ in range(4):
+        u = 0.5 * ((twin[:, None] - twin) ** 2).sum(axis=2) / 0.35**2
+        twin = unit((weights * near * np.maximum(1 - u / 8, 0) ** 8) @ twin)
+    at = 1 + REACH_PASSES.index(4) * len(REACH_SIGMA_R) + REACH_SIGMA_R.index(0.35)
+    np.testing.assert_allclose(stack[:, at], twin, atol=1e-5)
 
 
-def test_ring_means_average_a_face_and_those_it_touches():
-    values = np.random.default_rng(0).normal(size=(len(MESH.faces), 3)).astype(np.float32)
-    once = np.array([values[[f, *MESH.topology.face_rings(1).row(f)]].mean(axis=0) for f in range(len(values))])
-    np.testing.assert_allclose(ring_means(values, MESH)[:, :3], once, atol=1e-6)
-    twice = ring_means(once.astype(np.float32), MESH)[:, :3]
-    np.testing.assert_allclose(ring_means(values, MESH)[:, 3:6], twice, atol=1e-6)
+def test_surroundings_average_a_face_with_those_it_touches_and_with_all_that_is_connected():
+    two = Mesh(
+        np.concatenate([MESH.vertices, MESH.vertices + 5]),
+        np.concatenate([MESH.faces, MESH.faces[:200] + len(MESH.vertices)]),
+    )
+    values = np.random.default_rng(0).normal(size=(len(two.faces), 3)).astype(np.float32)
+    once = np.array([values[[f, *two.topology.face_rings(1).row(f)]].mean(axis=0) for f in range(len(values))])
+    found = surroundings(values, two)
+    np.testing.assert_allclose(found[:, :3], once, atol=1e-6)
+    twice = surroundings(once.astype(np.float32), two)[:, :3]
+    np.testing.assert_allclose(found[:, 3:6], twice, atol=1e-6)
+    cut = len(MESH.faces)
+    parts = [np.broadcast_to(part.mean(axis=0), part.shape) for part in (values[:cut], values[cut:])]
+    np.testing.assert_allclose(found[:, 3 * len(CONTEXT_STEPS) :], np.concatenate(parts), atol=1e-6)
 
 
 def test_array_path_equals_torch():
@@ -123,24 +148,24 @@ def test_array_path_equals_torch():
     distances = np.linalg.norm(x[:, None] - stage.centers, axis=2)
     expected = np.empty((len(x), 3))
     for c in range(len(stage.centers)):
-        network = Network(x.shape[1], stage.weight1.shape[2], stack.shape[1], torch.Generator())
+        network = Network(x.shape[1], (7, 5), stack.shape[1], torch.Generator())
         with torch.no_grad():
-            network.layer1.weight.copy_(torch.from_numpy(stage.weight1[c].T))
-            network.layer1.bias.copy_(torch.from_numpy(stage.bias1[c]))
-            network.layer2.weight.copy_(torch.from_numpy(stage.weight2[c].T))
-            network.layer2.bias.copy_(torch.from_numpy(stage.bias2[c]))
+            for layer, (weight, bias) in zip(network.layers, stage.layers, strict=True):
+                layer.weight.copy_(torch.from_numpy(weight[c].T))
+                layer.bias.copy_(torch.from_numpy(bias[c]))
             mine = distances.argmin(axis=1) == c
             expected[mine] = network(torch.from_numpy(x[mine]), torch.from_numpy(stack[mine])).numpy()
     assert len(np.unique(distances.argmin(axis=1))) > 1
-    np.testing.assert_allclose(stage.normals(MESH, MESH), expected, atol=1e-5)
+    np.testing.assert_allclose(stage.normals(MESH, stack), expected, atol=1e-5)
 
 
 def test_regression_turns_with_the_mesh():
     stage = random_regression("B", later=True)
     before = MESH.moved(0.9 * MESH.vertices + 0.1 * icosphere(2).vertices)
     turned, turned_before = (Mesh(m.vertices @ TURN.T, m.faces) for m in (MESH, before))
-    expected = stage.normals(before, MESH) @ TURN.T
-    np.testing.assert_allclose(stage.normals(turned_before, turned), expected, atol=1e-3)
+    expected = stage.normals(before, stage_stack("B", before, MESH)) @ TURN.T
+    found = stage.normals(turned_before, stage_stack("B", turned_before, turned))
+    np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
 def test_same_bytes_for_any_number_of_threads():

@@ -14,6 +14,7 @@ from cascadenorm.data_gen import DatasetConfig, pair
 from cascadenorm.learned.cascade import shipped
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.metrics import measure
+from cascadenorm.pairs import training_pairs
 
 ROOT = Path(__file__).parents[1]
 HELD_OUT = DatasetConfig(seed=1_000_003, min_faces=3000, max_faces=5000, noise_kinds=("normal",), min_level=0.2)
@@ -21,7 +22,7 @@ TINY = """
 faces_per_mesh = 300
 clusters = 2
 [fit]
-hidden = 8
+hidden = [8]
 epochs = 3
 [data]
 count = 2
@@ -72,6 +73,48 @@ def test_train_writes_a_model_that_denoises(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["card"]["config"]["clusters"] == 2
     assert run([*arguments, "--force", "--seed", "1"]) == 0
     assert weights.read_bytes() != before
+
+
+def save(mesh: cn.Mesh, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cn.write(cn.from_arrays(mesh.vertices, mesh.faces), path)
+
+
+def test_own_shapes_get_noise_again_and_again_and_own_pairs_are_taken_as_they_are(tmp_path):
+    ball, rough = icosphere(3), noisy(icosphere(4), 0.2)
+    save(ball, tmp_path / "shapes" / "ball.ply")
+    save(rough, tmp_path / "pairs" / "ball" / "noisy.ply")
+    save(icosphere(4), tmp_path / "pairs" / "ball" / "clean.ply")
+    config = DatasetConfig(count=12, min_faces=900, max_faces=1280, noise_kinds=("normal",), min_level=0.1)
+    made = training_pairs([tmp_path / "shapes"], [tmp_path / "pairs"], config)
+    shapes, pieces = made[:3], made[3:]
+    assert len(pieces) == 4 and sum(len(p.clean.faces) for p in pieces) == len(rough.faces)
+    for p in shapes:
+        np.testing.assert_array_equal(p.clean.vertices, ball.vertices)
+        spread = np.linalg.norm(p.noisy.vertices - p.clean.vertices, axis=1).std() / ball.mean_edge_length
+        assert spread > 0.03 and p.family == "own"
+    assert (shapes[0].noisy.vertices != shapes[1].noisy.vertices).any()
+    corners = np.concatenate([p.noisy.corners for p in pieces]).reshape(-1, 9)
+    expected = rough.corners.reshape(-1, 9)
+    np.testing.assert_array_equal(np.unique(corners, axis=0), np.unique(expected, axis=0))
+    cn.write(cn.from_arrays(ball.vertices, ball.faces), tmp_path / "pairs" / "ball" / "noisy.ply", force=True)
+    with pytest.raises(cn.MeshError, match="different faces"):
+        training_pairs([], [tmp_path / "pairs"], config)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(cn.ReadError, match="holds no files"):
+        training_pairs([tmp_path / "empty"], [], config)
+
+
+def test_own_meshes_change_the_model_and_stand_in_its_card(tmp_path):
+    settings, plain, other = (tmp_path / name for name in ("tiny.toml", "plain.safetensors", "other.safetensors"))
+    settings.write_text(TINY)
+    save(icosphere(3), tmp_path / "ball.ply")
+    arguments = ["train", "--config", str(settings), "--threads", "1"]
+    assert run([*arguments, "-o", str(plain)]) == 0
+    assert run([*arguments, "-o", str(other), "--shapes", str(tmp_path / "ball.ply")]) == 0
+    assert "and 2 meshes that were handed in" in cn.Denoiser.load(other).card["data"]
+    assert cn.Denoiser.load(other).cascade.to_bytes() != cn.Denoiser.load(plain).cascade.to_bytes()
+    assert run([*arguments, "-o", str(tmp_path / "no.safetensors"), "--shapes", str(tmp_path / "no.ply")]) == 3
 
 
 def test_wrong_settings_are_a_usage_error(tmp_path, capsys):

@@ -15,7 +15,7 @@ from cascadenorm.mesh import limit_threads
 TINY = TrainConfig(
     faces_per_mesh=500,
     clusters=2,
-    fit=Fit(hidden=16, epochs=15, batch=128),
+    fit=Fit(hidden=(16, 8), epochs=15, batch=128),
     data=DatasetConfig(
         count=4,
         families=("polyhedron", "smooth"),
@@ -78,7 +78,7 @@ def test_early_stopping_returns_the_best_pass():
     stack = bilateral_stack(noisy(clean, 0.3))
     faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
     seen = []
-    fit = Fit(epochs=200, batch=16, hidden=64, patience=3)
+    fit = Fit(epochs=200, batch=16, hidden=(64,), patience=3)
     train_network(faces, fit, seed=0, log=lambda epoch, loss, validation: seen.append(validation))
     assert len(seen) < 200
     assert np.argmin(seen) == len(seen) - 1 - fit.patience
@@ -131,6 +131,7 @@ def test_settings_are_read_from_toml(tmp_path):
         ("clusters = 0", "clusters is 0"),
         ('descriptors = ["C"]', "descriptors are"),
         ("[fit]\nepochs = 0", "epochs is 0"),
+        ("[fit]\nhidden = []", r"fit\.hidden is \[\]"),
         ('[data]\nfamilies = ["teapot"]', "teapot"),
         ("clusters = = 3", "is not TOML"),
     ],

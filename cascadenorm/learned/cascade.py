@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from cascadenorm.learned.descriptors import DESCRIPTORS
-from cascadenorm.learned.regression import Regression
+from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, ParameterError, method
@@ -85,7 +85,8 @@ class Cascade:
 
 def advanced(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int) -> Mesh:
     """Return a mesh after one more stage: its normals regressed, its vertices moved to them."""
-    return mesh.moved(recover_vertices(mesh, stage.normals(mesh, noisy), sweeps=sweeps))
+    normals = stage.normals(mesh, stage_stack(stage.descriptor, mesh, noisy))
+    return mesh.moved(recover_vertices(mesh, normals, sweeps=sweeps))
 
 
 @cache

@@ -27,14 +27,14 @@ class Fit:
 
     Parameters
     ----------
-    hidden : width of the hidden layer
+    hidden : widths of the hidden layers
     epochs : passes over the training part at most
     patience : passes without a better validation loss before it stops
     batch : faces to a step
     learning_rate, weight_decay, clip : of AdamW, with a cosine schedule and gradients clipped to this norm
     """
 
-    hidden: int = 160
+    hidden: tuple[int, ...] = (160,)
     epochs: int = 20
     patience: int = 5
     batch: int = 1024
@@ -43,7 +43,9 @@ class Fit:
     clip: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("hidden", "epochs", "patience", "batch", "learning_rate", "clip"):
+        if not self.hidden or min(self.hidden) < 1:
+            raise ConfigError(f"fit.hidden is {list(self.hidden)}; it must be the width of one layer or more")
+        for name in ("epochs", "patience", "batch", "learning_rate", "clip"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"fit.{name} is {getattr(self, name)}; it must be above 0")
 

@@ -1,6 +1,7 @@
 """Training of one cluster's network in torch; nothing at run time imports this."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,21 +26,22 @@ class Faces(NamedTuple):
 
 
 class Network(torch.nn.Module):
-    """One hidden layer of tanh, from the numbers of a face to one coefficient a filtered normal."""
+    """Hidden layers of tanh, from the numbers of a face to one coefficient a filtered normal."""
 
-    def __init__(self, inputs: int, hidden: int, outputs: int, generator: torch.Generator) -> None:
+    def __init__(self, inputs: int, hidden: Sequence[int], outputs: int, generator: torch.Generator) -> None:
         super().__init__()
-        self.layer1 = torch.nn.Linear(inputs, hidden)
-        self.layer2 = torch.nn.Linear(hidden, outputs)
-        for layer in (self.layer1, self.layer2):
+        self.layers = torch.nn.ModuleList(torch.nn.Linear(i, o) for i, o in pairwise([inputs, *hidden, outputs]))
+        for layer in self.layers:
             bound = layer.in_features**-0.5
             torch.nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
             torch.nn.init.zeros_(layer.bias)
-        torch.nn.init.constant_(self.layer2.bias, 1 / outputs)  # begins as the mean of the normals
+        torch.nn.init.constant_(self.layers[-1].bias, 1 / outputs)  # begins as the mean of the normals
 
     def forward(self, numbers: torch.Tensor, stack: torch.Tensor) -> torch.Tensor:
         """Return unit normals, (m, 3)."""
-        coefficients = self.layer2(torch.tanh(self.layer1(numbers)))
+        for layer in self.layers[:-1]:
+            numbers = torch.tanh(layer(numbers))
+        coefficients = self.layers[-1](numbers)
         return torch.nn.functional.normalize((coefficients[:, :, None] * stack).sum(dim=1), dim=1)
 
 
@@ -62,7 +64,7 @@ def train_network(
 
     Returns
     -------
-    weight1 (d, h), bias1 (h,), weight2 (h, k), bias2 (k,), and validation (), their loss on the 15 %
+    weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation (), their loss on the 15 %
     """
     generator = torch.Generator().manual_seed(seed)
     tensors = [torch.from_numpy(array) for array in faces]
@@ -92,13 +94,11 @@ def train_network(
             best_loss, best_epoch = validation_loss, epoch
         elif epoch - best_epoch >= fit.patience:
             break
-    return {
-        "weight1": best["layer1.weight"].T.contiguous().numpy(),
-        "bias1": best["layer1.bias"].numpy(),
-        "weight2": best["layer2.weight"].T.contiguous().numpy(),
-        "bias2": best["layer2.bias"].numpy(),
-        "validation": np.array(best_loss, np.float32),
-    }
+    arrays = {"validation": np.array(best_loss, np.float32)}
+    for n in range(len(network.layers)):
+        arrays[f"weight{n + 1}"] = best[f"layers.{n}.weight"].T.contiguous().numpy()
+        arrays[f"bias{n + 1}"] = best[f"layers.{n}.bias"].numpy()
+    return arrays
 
 
 def _loss(network: Network, tensors: list[torch.Tensor], rows: torch.Tensor) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cascadenorm.learned.descriptors import DESCRIPTORS, Stack, pose_free, ring_means
+from cascadenorm.learned.descriptors import DESCRIPTORS, Stack, pose_free, surroundings
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 Array = NDArray[np.float32]
@@ -19,8 +19,8 @@ class Standard:
     Parameters
     ----------
     mean, scale : (d,) of the pose-free descriptor x: (x - mean) * scale
-    projection : (d, p) main directions of these numbers; their ring means are the context of the face
-    context_mean, context_scale : (4 p,) of the context
+    projection : (d, p) main directions of these numbers; their means around the face are its context
+    context_mean, context_scale : (5 p,) of the context
     """
 
     mean: Array
@@ -38,17 +38,17 @@ class Standard:
 
         Returns
         -------
-        (m, d + 4 p)
+        (m, d + 5 p)
         """
         own: Array = (pose_free(stack) - self.mean) * self.scale
         main: Array = own @ self.projection
-        context = (ring_means(main, mesh) - self.context_mean) * self.context_scale
+        context = (surroundings(main, mesh) - self.context_mean) * self.context_scale
         return np.concatenate([own, context], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Regression:
-    """Per-cluster networks with one hidden layer, from the descriptor of a face to its normal.
+    """Per-cluster networks, from the descriptor of a face to its normal.
 
     A network puts out one coefficient for each filtered normal of the face; their weighted sum, at unit length, is
     the answer, which therefore turns with the mesh.
@@ -58,53 +58,63 @@ class Regression:
     descriptor : which filtered normals it reads, a name in DESCRIPTORS
     standard : what brings them to the numbers that centres and networks take
     centers : (c, d) cluster centres
-    weight1, bias1 : (c, d, h) and (c, h), hidden layer, tanh
-    weight2, bias2 : (c, h, k) and (c, k), coefficients of the k normals
+    layers : weights (c, i, o) and biases (c, o) of each layer; the first takes d numbers, the last gives the
+        coefficients of the k normals, and tanh is in between
     """
 
     descriptor: str
     standard: Standard
     centers: Array
-    weight1: Array
-    bias1: Array
-    weight2: Array
-    bias2: Array
+    layers: tuple[tuple[Array, Array], ...]
 
     def arrays(self) -> dict[str, Array]:
         """Return all arrays by name, as `from_arrays` takes them."""
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("descriptor", "standard")}
-        return own | {f.name: getattr(self.standard, f.name) for f in fields(self.standard)}
+        layers = {
+            f"{name}{number}": array
+            for number, layer in enumerate(self.layers, 1)
+            for name, array in zip(("weight", "bias"), layer, strict=True)
+        }
+        standard = {f.name: getattr(self.standard, f.name) for f in fields(Standard)}
+        return {"centers": self.centers, **layers, **standard}
 
     @classmethod
     def from_arrays(cls, descriptor: str, arrays: dict[str, Array]) -> "Regression":
-        """Rebuild a regression from what `arrays` returned."""
-        standard = Standard(**{f.name: arrays[f.name] for f in fields(Standard)})
-        own = {f.name: arrays[f.name] for f in fields(cls) if f.name not in ("descriptor", "standard")}
-        return cls(descriptor=descriptor, standard=standard, **own)
+        """Rebuild a regression from what `arrays` returned; raises KeyError where one is missing."""
+        count = max(1, sum(name.startswith("weight") for name in arrays))
+        return cls(
+            descriptor=descriptor,
+            standard=Standard(**{f.name: arrays[f.name] for f in fields(Standard)}),
+            centers=arrays["centers"],
+            layers=tuple((arrays[f"weight{n}"], arrays[f"bias{n}"]) for n in range(1, count + 1)),
+        )
 
-    def normals(self, mesh: Mesh, noisy: Mesh) -> Vectors:
+    def normals(self, mesh: Mesh, stack: Stack) -> Vectors:
         """Regress the true normal of each face.
 
         Parameters
         ----------
         mesh : m faces, as the stage before left them
-        noisy : the same faces as they came; for the first stage the same mesh
+        stack : (m, k, 3) what `stage_stack` makes of them
 
         Returns
         -------
         (m, 3) float64, unit; where the weighted sum vanishes, the normal of the face in `mesh`
         """
-        stack = stage_stack(self.descriptor, mesh, noisy)
         total = np.empty((len(stack), 3))
         with threadpool_limits(1):  # so that the bytes of a product do not depend on the number of threads
             x = self.standard.numbers(stack, mesh)
             cluster = nearest(x, self.centers)
             for c in range(len(self.centers)):
                 mine = cluster == c
-                hidden = np.tanh(x[mine] @ self.weight1[c] + self.bias1[c])
-                coefficients = hidden @ self.weight2[c] + self.bias2[c]
-                total[mine] = np.einsum("mk,mkd->md", coefficients, stack[mine])
+                total[mine] = np.einsum("mk,mkd->md", self._coefficients(c, x[mine]), stack[mine])
         return unit(total, otherwise=stack[:, 0])
+
+    def _coefficients(self, cluster: int, x: Array) -> Array:
+        """Apply the network of a cluster."""
+        for weight, bias in self.layers[:-1]:
+            x = np.tanh(x @ weight[cluster] + bias[cluster])
+        weight, bias = self.layers[-1]
+        return np.asarray(x @ weight[cluster] + bias[cluster])
 
 
 def stage_stack(descriptor: str, mesh: Mesh, noisy: Mesh) -> Stack:

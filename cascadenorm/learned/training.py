@@ -2,13 +2,16 @@
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from hashlib import sha256
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -18,42 +21,63 @@ from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
-from cascadenorm.learned.cascade import Cascade, advanced
+from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
-from cascadenorm.learned.descriptors import CONTEXT_STEPS, pose_free
+from cascadenorm.learned.descriptors import CONTEXT_STEPS, Stack, pose_free
 from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.progress import Progress, silent
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest, stage_stack
-from cascadenorm.mesh import Mesh, thread_count
+from cascadenorm.mesh import Mesh, limit_threads, thread_count
+from cascadenorm.recover import recover_vertices
 
 KMEANS_FACES = 50_000
+
+Result = TypeVar("Result")
 
 
 @dataclass
 class _Sample:
-    """A training mesh as it came and as it stands before the coming stage, with the faces drawn and their truth."""
+    """A training mesh as it came and as it stands before the coming stage, with the faces drawn and their truth.
+
+    The stack is that of the coming stage, and empty until it is filtered.
+    """
 
     noisy: Mesh
     mesh: Mesh
     truth: Array
     rows: NDArray[np.intp]
+    stack: Stack = field(default_factory=lambda: np.empty((0, 0, 3), np.float32))
+
+    def filtered(self, descriptor: str) -> Stack:
+        """Return the stack, filtered once a stage."""
+        if not len(self.stack):
+            self.stack = stage_stack(descriptor, self.mesh, self.noisy)
+        return self.stack
+
+    def advance(self, stage: Regression, sweeps: int) -> None:
+        """Put the mesh behind a stage."""
+        normals = stage.normals(self.mesh, self.filtered(stage.descriptor))
+        self.mesh = self.mesh.moved(recover_vertices(self.mesh, normals, sweeps=sweeps))
+        self.stack = self.stack[:0]
 
 
-def train(config: TrainConfig, checkpoint: Path, *, progress: Progress = silent) -> Cascade:
+def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), progress: Progress = silent) -> Cascade:
     """Train a cascade; an interrupted training that is started again goes on, and ends with the same bytes.
 
     Parameters
     ----------
     config : what to train
     checkpoint : folder for what is finished; it is made, and may hold an interrupted training of the same config
+    own : pairs to learn from beside those that are generated
     progress : called as parts finish
 
     Raises
     ------
-    ConfigError : the folder holds a training of another config
+    ConfigError : the folder holds a training of another config, or of other pairs
     """
-    _claim(checkpoint, config)
-    samples = [_sample(made, i, config) for i, made in enumerate(_generated(config, progress))]
+    _claim(checkpoint, config, own)
+    every = chain(_generated(config, progress), own)
+    samples = [_sample(made, i, config) for i, made in enumerate(every)]
     stages: list[Regression] = []
     losses: list[list[float]] = []
     with _one_thread_each():
@@ -63,11 +87,11 @@ def train(config: TrainConfig, checkpoint: Path, *, progress: Progress = silent)
             stages.append(stage)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
             if number + 1 < len(config.descriptors):
-                for i, sample in enumerate(samples):
-                    sample.mesh = advanced(stage, sample.mesh, sample.noisy, sweeps=config.sweeps)
-                    progress(f"apply stage {number + 1}", i + 1, len(samples))
+                steps = _each(samples, partial(_Sample.advance, stage=stage, sweeps=config.sweeps))
+                for done, _ in enumerate(steps, 1):
+                    progress(f"apply stage {number + 1}", done, len(samples))
     faces = sum(len(sample.rows) for sample in samples)
-    return Cascade(tuple(stages), _card(config, faces, losses))
+    return Cascade(tuple(stages), _card(config, own, faces, losses))
 
 
 def _train_stage(
@@ -105,12 +129,13 @@ def _train_stage(
     return arrays
 
 
-def _card(config: TrainConfig, faces: int, losses: list[list[float]]) -> dict[str, Any]:
-    """Say what a cascade is, what it was made of, and how well it fits; the same for the same config."""
+def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[list[float]]) -> dict[str, Any]:
+    """Say what a cascade is, what it was made of, and how well it fits; the same for the same config and pairs."""
+    others = f"and {len(own)} meshes that were handed in" if own else "no mesh of anybody else"
     return {
         "model": "cascaded normal regression (Wang, Liu, Tong 2016)",
         "made_with": {name: version(name) for name in ("cascadenorm", "numpy", "scikit-learn", "torch")},
-        "data": "procedural shapes with simulated noise from cascadenorm.data_gen; no mesh of anybody else",
+        "data": f"procedural shapes with simulated noise from cascadenorm.data_gen; {others}",
         "faces_trained_on": faces,
         "validation_chord_by_stage_and_cluster": losses,
         "limits": "triangle meshes whose noise is not correlated over many faces; strong sensor noise is smoothed less",
@@ -126,31 +151,42 @@ def _described(
 
     Two passes over the samples: the context can be averaged only where its main directions are known.
     """
-    stacks, own = [], []
-    for i, sample in enumerate(samples):
-        stack = stage_stack(descriptor, sample.mesh, sample.noisy)
-        stacks.append(stack)
-        own.append(pose_free(stack[sample.rows]))
-        progress(task, i + 1, 2 * len(samples))
+    own = []
+    for described in _each(samples, lambda sample: pose_free(sample.filtered(descriptor)[sample.rows])):
+        own.append(described)
+        progress(task, len(own), 2 * len(samples))
     mean, scale = _mean_and_scale(np.concatenate(own))
     covariance = sum(((x - mean) * scale).T.astype(np.float64) @ ((x - mean) * scale) for x in own)
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(context)])
-    none = np.zeros(len(CONTEXT_STEPS) * context, np.float32)
+    none = np.zeros((len(CONTEXT_STEPS) + 1) * context, np.float32)
     first = Standard(
         mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
         context_mean=none, context_scale=none + 1,
     )  # fmt: skip
+    del own
     numbers = []
-    for i, sample in enumerate(samples):
-        numbers.append(first.numbers(stacks[i], sample.mesh)[sample.rows])
-        stacks[i] = stacks[i][sample.rows]
-        progress(task, len(samples) + i + 1, 2 * len(samples))
+    for described in _each(samples, lambda sample: first.numbers(sample.stack, sample.mesh)[sample.rows]):
+        numbers.append(described)
+        progress(task, len(samples) + len(numbers), 2 * len(samples))
     x = np.concatenate(numbers)
+    del numbers
     context_mean, context_scale = _mean_and_scale(x[:, len(mean) :])
     x[:, len(mean) :] = (x[:, len(mean) :] - context_mean) * context_scale
     standard = replace(first, context_mean=context_mean, context_scale=context_scale)
-    return standard, Faces(x, np.concatenate(stacks), np.concatenate([s.truth for s in samples]))
+    stack = np.concatenate([s.stack[s.rows] for s in samples])
+    return standard, Faces(x, stack, np.concatenate([s.truth for s in samples]))
+
+
+def _each(samples: list[_Sample], work: Callable[[_Sample], Result]) -> Iterator[Result]:
+    """Do the work of each sample, several at a time, each on one thread; the results come in order."""
+
+    def alone(sample: _Sample) -> Result:
+        with limit_threads(1):
+            return work(sample)
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        yield from pool.map(alone, samples)
 
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
@@ -173,10 +209,15 @@ def _sample(made: Pair, index: int, config: TrainConfig) -> _Sample:
     return _Sample(made.noisy, made.noisy, made.clean.normals[rows].astype(np.float32), rows)
 
 
-def _claim(checkpoint: Path, config: TrainConfig) -> None:
-    """Make the folder for this config, or see that it is this config's."""
+def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
+    """Make the folder for this config and these pairs, or see that it is theirs."""
     checkpoint.mkdir(parents=True, exist_ok=True)
-    note, text = checkpoint / "config.json", json.dumps(asdict(config), indent=1, sort_keys=True)
+    digest = sha256()
+    for pair in own:
+        for array in (pair.noisy.vertices, pair.clean.vertices, pair.clean.faces):
+            digest.update(array.tobytes())
+    note = checkpoint / "config.json"
+    text = json.dumps(asdict(config) | {"own": digest.hexdigest()}, indent=1, sort_keys=True)
     if note.exists() and note.read_text() != text:
         raise ConfigError(f"{checkpoint} holds a training with other settings: remove it, or name another folder")
     note.write_text(text)

@@ -1,0 +1,30 @@
+"""Large meshes cut into pieces of a size to train on."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Mesh
+
+Faces = NDArray[np.intp]
+"""(k,) numbers of faces, ascending."""
+
+
+def pieces(mesh: Mesh, *, faces: int) -> list[Faces]:
+    """Halve a mesh across its longest side, and its halves, until none has more than so many faces."""
+    done, waiting = [], [np.arange(len(mesh.faces))]
+    while waiting:
+        chosen = waiting.pop()
+        if len(chosen) <= faces:
+            done.append(chosen)
+            continue
+        centroids = mesh.centroids[chosen]
+        along = np.argsort(centroids[:, np.argmax(np.ptp(centroids, axis=0))], kind="stable")
+        middle = len(chosen) // 2
+        waiting += [np.sort(chosen[along[middle:]]), np.sort(chosen[along[:middle]])]
+    return done
+
+
+def piece(mesh: Mesh, chosen: Faces) -> Mesh:
+    """Return some of the faces of a mesh, over the vertices that they use."""
+    used, corners = np.unique(mesh.faces[chosen], return_inverse=True)
+    return Mesh(mesh.vertices[used], corners.reshape(-1, 3))
