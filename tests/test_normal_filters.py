@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy
 
+from cascadenorm.api import methods
 from cascadenorm.mesh import Mesh
 from cascadenorm.recover import recover_vertices
-from cascadenorm.registry import find
 
 KEEP_EDGES = {  # parameters that tell the sides of a cube apart
     "bilateral-normal": {"sigma_r": 0.1},
@@ -36,13 +36,13 @@ def bent_sheet(steps: int) -> Mesh:
 
 @name
 def test_a_plane_stays(name):
-    np.testing.assert_allclose(find(name)(grid(8, 8)), grid(8, 8).vertices, atol=1e-12)
+    np.testing.assert_allclose(methods()[name](grid(8, 8)), grid(8, 8).vertices, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", KEEP_EDGES)
 def test_an_edge_and_a_noise_free_cube_stay(name):
     for mesh in (bent_sheet(8),) if name in CUT_CORNERS else (bent_sheet(8), cube(5)):
-        out = find(name)(mesh, **KEEP_EDGES[name])
+        out = methods()[name](mesh, **KEEP_EDGES[name])
         np.testing.assert_allclose(out, mesh.vertices, atol=1e-7 * mesh.mean_edge_length)
 
 
@@ -50,7 +50,7 @@ def test_an_edge_and_a_noise_free_cube_stay(name):
 def test_noise_goes(name):
     for clean in (icosphere(3),) if name == "mean-normal" else (cube(10), icosphere(3)):
         rough = noisy(clean, 0.12, seed=4)
-        smooth = rough.moved(find(name)(rough))
+        smooth = rough.moved(methods()[name](rough))
         assert mean_angle(smooth, clean) < 0.55 * mean_angle(rough, clean)
 
 
@@ -58,7 +58,7 @@ def test_noise_goes(name):
 def test_in_plane_noise_of_a_sheet_stays_in_its_plane(name):
     sheet = grid(8, 8)
     jitter = np.random.default_rng(0).uniform(-0.2, 0.2, sheet.vertices.shape) * (1, 1, 0)
-    out = find(name)(sheet.moved(sheet.vertices + jitter))
+    out = methods()[name](sheet.moved(sheet.vertices + jitter))
     np.testing.assert_allclose(out[:, 2], 0, atol=1e-12)
 
 
