@@ -1,0 +1,122 @@
+"""What each part of the model `auto` brings: python benchmarks/ablation.py DIR
+
+    python benchmarks/ablation.py DIR [--count 60] [--seeds 0 1 2] [--keep FOLDER]
+
+Trains the settings of configs/auto.toml on fewer shapes, whole and with one part changed at a time, once a seed, and
+measures on the pairs in DIR and on generated ones from a seed that no training has. Writes docs/ablation.md. Models
+stay in the folder, so that an interrupted run goes on where it was.
+"""
+
+import argparse
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cascadenorm import models
+from cascadenorm.api import as_mesh
+from cascadenorm.data_gen import DatasetConfig, pairs
+from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.config import TrainConfig, read_config
+from cascadenorm.mesh import Mesh, thread_count
+from cascadenorm.metrics import measure
+from cascadenorm.pairs import find_pairs
+
+ROOT = Path(__file__).parents[1]
+UNSEEN = 1_000_003  # seed of the generated pairs that are measured on
+WHOLE = "all of it"
+
+Meshes = list[tuple[Mesh, Mesh]]
+"""Noisy and clean meshes."""
+
+
+def variants(config: TrainConfig) -> dict[str, TrainConfig]:
+    """Return the settings with one part changed at a time, by what is changed."""
+    data, fit = config.data, config.fit
+    shapes = tuple(name for name in data.families if name != "view")
+    return {
+        WHOLE: config,
+        "without what surrounds a face": replace(config, context=0),
+        "one hidden layer": replace(config, fit=replace(fit, hidden=fit.hidden[:1])),
+        "one network for all faces": replace(config, clusters=1),
+        "the filters of the paper": replace(config, descriptors=TrainConfig().descriptors),
+        "half the shapes": replace(config, data=replace(data, count=data.count // 2)),
+        "no depth views": replace(config, data=replace(data, families=shapes)),
+    }
+
+
+def trained(config: TrainConfig, path: Path) -> Cascade:
+    """Train, unless the model lies there already."""
+    return Cascade.load(path) if path.exists() else models.train(config, path).cascade
+
+
+def angles(cascade: Cascade, meshes: Meshes) -> list[float]:
+    """Mean angle of normals over the meshes after each stage, in degrees."""
+    rows = [[measure(m, clean).normal_error_deg for m in cascade.steps(noisy)] for noisy, clean in meshes]
+    return np.mean(rows, axis=0).tolist()
+
+
+def generated(data: DatasetConfig, **changes: object) -> Meshes:
+    """Make pairs that no training has seen."""
+    unseen = replace(data, seed=UNSEEN, count=24, **changes)
+    return [(pair.noisy, pair.clean) for pair in pairs(unseen, workers=thread_count())]
+
+
+def cell(values: Iterable[float]) -> str:
+    """Mean over the seeds, and half of what lies between the least and the greatest."""
+    found = np.array(list(values))
+    return f"{found.mean():.2f} ± {np.ptp(found) / 2:.2f}"
+
+
+def main() -> None:
+    """Train, measure, write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, metavar="DIR", help="pairs: */noisy.* and */clean.*")
+    parser.add_argument("--count", type=int, default=60, help="shapes to train on")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--keep", type=Path, default=ROOT / "runs" / "ablation")
+    options = parser.parse_args()
+    options.keep.mkdir(parents=True, exist_ok=True)
+    config = read_config(ROOT / "configs" / "auto.toml")
+    config = replace(config, data=replace(config.data, count=options.count))
+    shapes = tuple(name for name in config.data.families if name != "view")
+    sets: list[Meshes] = [
+        [(as_mesh(pair.noisy), as_mesh(pair.clean)) for pair in find_pairs([options.folder])],
+        generated(config.data, families=shapes),
+        generated(config.data, families=("view",), noise_kinds=("sensor",)),
+    ]
+    rows: dict[str, list[list[float]]] = {}
+    for name, changed in variants(config).items():
+        for seed in options.seeds:
+            path = options.keep / f"{name.replace(' ', '-')}-{options.count}-{seed}.safetensors"
+            seeded = replace(changed, seed=seed, data=replace(changed.data, seed=seed))
+            after = [angles(trained(seeded, path), meshes) for meshes in sets]
+            if name == WHOLE:
+                for stage in range(len(config.descriptors) - 1):
+                    rows.setdefault(f"stage {stage + 1} alone" if not stage else f"stages 1 to {stage + 1}", []).append(
+                        [by_stage[stage] for by_stage in after]
+                    )
+            rows.setdefault(name, []).append([by_stage[-1] for by_stage in after])
+            print(name, seed, rows[name][-1], flush=True)
+    lines = [
+        "# What each part of `auto` brings",
+        "",
+        "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over "
+        f"{len(options.seeds)} seeds. Each model was trained with `configs/auto.toml` on {options.count} shapes in "
+        f"place of {read_config(ROOT / 'configs' / 'auto.toml').data.count}, with one part changed. Public models are "
+        "those of the validation set of the standard synthetic benchmark; shapes and depth views are generated from "
+        "a seed that no training has. Made by `python benchmarks/ablation.py DIR`.",
+        "",
+        "| | public models | generated shapes | depth views |",
+        "| --- | ---: | ---: | ---: |",
+        *(
+            f"| {name} | {' | '.join(cell(values) for values in zip(*found, strict=True))} |"
+            for name, found in rows.items()
+        ),
+    ]
+    (ROOT / "docs" / "ablation.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
