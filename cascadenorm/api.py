@@ -15,7 +15,7 @@ import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
 from cascadenorm.baselines.diffusion import Order
 from cascadenorm.baselines.holes import fill_holes
-from cascadenorm.controls import Controls, controlled
+from cascadenorm.controls import Boundary, Controls, controlled
 from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output
 from cascadenorm.mesh import Mesh, MeshError
@@ -68,6 +68,7 @@ def denoise(
     strength: float = 1.0,
     mask: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
+    boundary: Boundary = "free",
     max_displacement: float | str | None = None,
     volume: Literal["keep"] | None = None,
     threads: int | None = None,
@@ -85,6 +86,8 @@ def denoise(
     strength : 0 nothing, 1 the method; between them a blend; above 1 the method is applied again to what came out
     mask : (n,) bool, or numbers from 0 to 1 that multiply the strength at each vertex; those with 0 keep their bits
     fixed : (n,) bool, or numbers of vertices, that keep their bits
+    boundary : "free" moves rims by the method; "smooth" only off the surface, while along it the rim is smoothed as a
+        curve with its corners kept; "fixed" keeps their bits
     max_displacement : no vertex moves farther; in the mesh's own unit, or as text in mean edge lengths: "0.5 edges"
     volume : "keep" scales every closed part about its centroid to the volume that it had
     threads : at most this many; None: as many as there are. The result has the same bytes
@@ -106,6 +109,7 @@ def denoise(
         strength=strength,
         mask=mask,
         fixed=fixed,
+        boundary=boundary,
         max_displacement=max_displacement,
         volume=volume,
         threads=threads,
@@ -141,8 +145,8 @@ def denoise_file(
     method : one of `methods()`
     force : replace an existing file
     parameters : of the method
-    controls : strength, mask, fixed, max_displacement, volume, threads, progress as in `denoise`; masks count the
-        vertices of the file with copies at seams joined
+    controls : strength, mask, fixed, boundary, max_displacement, volume, threads, progress as in `denoise`; masks
+        count the vertices of the file with copies at seams joined
 
     Raises
     ------

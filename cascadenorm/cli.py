@@ -52,6 +52,13 @@ def denoise(
     method: Method = "auto",
     model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
     strength: Strength = 1.0,
+    boundary: Annotated[
+        str,
+        typer.Option(
+            metavar="free|smooth|fixed",
+            help="Rims: as the method moves them, smoothed along the surface as curves, or left as they are.",
+        ),
+    ] = "free",
     max_displacement: Annotated[
         str | None, typer.Option(metavar="LENGTH", help='In the unit of the mesh, or "0.5 edges" (mean edge lengths).')
     ] = None,
@@ -78,6 +85,7 @@ def denoise(
             parameters=parameters,
             force=force,
             strength=strength,
+            boundary=boundary,
             max_displacement=max_displacement,
             volume="keep" if keep_volume else None,
             threads=threads,

@@ -1,11 +1,11 @@
-"""What surrounds every method: its frame of coordinates, strength, mask, fixed vertices, limits, volume."""
+"""What surrounds every method: its frame of coordinates, strength, mask, fixed vertices, rims, limits, volume."""
 
 import math
 import numbers
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,10 @@ from threadpoolctl import threadpool_limits
 
 from cascadenorm.mesh import Mesh, Vectors, first_places, limit_threads
 from cascadenorm.registry import Method, ParameterError
+from cascadenorm.rims import along_the_rim, rim_of
 from cascadenorm.volume import with_volume_of
+
+Boundary = Literal["free", "smooth", "fixed"]
 
 REGION = "region"
 """A method with a parameter of this name is told which vertices may move, (n,) bool; callers say it by a mask."""
@@ -33,6 +36,9 @@ class Controls:
         came out: y = f(x), then y + (s - 1)(f(y) - y), and so on
     mask : (n,) bool, or numbers from 0 to 1 by which the strength is multiplied at each vertex; None: everywhere
     fixed : (n,) bool, or numbers of vertices, that stay where they are
+    boundary : of the vertices on an edge with a single face. "free": they go where the method moves them; "smooth": so
+        they do off the surface, and along it the rim is smoothed as a curve with its corners kept (see
+        `along_the_rim`); "fixed": they stay
     max_displacement : no vertex moves farther than this; in the mesh's own unit, or as text in mean edge lengths:
         "0.5 edges"
     volume : "keep" scales every closed part about its centroid to the volume that it had; masked and fixed vertices
@@ -44,6 +50,7 @@ class Controls:
     strength: float = 1.0
     mask: ArrayLike | None = None
     fixed: ArrayLike | None = None
+    boundary: Boundary = "free"
     max_displacement: float | str | None = None
     volume: Literal["keep"] | None = None
     threads: int | None = None
@@ -52,11 +59,18 @@ class Controls:
     def __post_init__(self) -> None:
         if not (isinstance(self.strength, numbers.Real) and 0 <= self.strength < math.inf):
             raise ParameterError(f"strength is {self.strength!r}; it must be a finite number, at least 0")
+        if self.boundary not in get_args(Boundary):
+            raise ParameterError(f"boundary is {self.boundary!r}; it must be one of {', '.join(get_args(Boundary))}")
         if self.volume not in (None, "keep"):
             raise ParameterError(f"volume is {self.volume!r}; it must be 'keep' or None")
         if self.threads is not None and self.threads < 1:
             raise ParameterError(f"threads is {self.threads}; it must be at least 1, or None for all")
         _read_length(self.max_displacement)
+
+    @property
+    def hold_some(self) -> bool:
+        """Whether some vertices may have to stay."""
+        return self.mask is not None or self.fixed is not None or self.boundary == "fixed"
 
 
 def controlled(
@@ -81,11 +95,12 @@ def controlled(
         raise ParameterError(f"{REGION} is not set by itself: give a mask, or fixed vertices")
     checked = method.checked(parameters)
     weights = _weights(mesh, controls)
-    if REGION in method.settings and (controls.mask is not None or controls.fixed is not None):
+    if REGION in method.settings and controls.hold_some:
         checked[REGION] = weights > 0
     framed, exponent = _framed(mesh)
+    application = _application(method, framed, checked, controls)
     with limit_threads(controls.threads), threadpool_limits(1, user_api="blas"):  # BLAS adds in an order by threads
-        displacement = _displacement(method, framed, checked, controls.strength * weights, controls.progress)
+        displacement = _displacement(application, framed, controls.strength * weights, controls.progress)
         if controls.volume == "keep" and displacement.any():
             kept = with_volume_of(framed, framed.vertices + displacement, weights=weights)
             displacement = np.where(weights[:, None] > 0, kept - framed.vertices, 0.0)
@@ -93,7 +108,7 @@ def controlled(
 
 
 def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
-    """Share of the strength at each vertex: the mask, less what is fixed and what no face uses."""
+    """Share of the strength at each vertex: the mask, less what is fixed, a fixed rim, and what no face uses."""
     count = len(mesh.vertices)
     weights = np.zeros(count)
     weights[mesh.faces] = 1.0
@@ -111,6 +126,8 @@ def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
         weights *= mask
     if controls.fixed is not None:
         weights[_fixed(np.asarray(controls.fixed), count)] = 0.0
+    if controls.boundary == "fixed":
+        weights[rim_of(mesh).vertices] = 0.0
     return weights
 
 
@@ -137,10 +154,32 @@ def _framed(mesh: Mesh) -> tuple[Mesh, int]:
     return mesh.moved(np.ldexp(centered, -exponent)), exponent
 
 
+def _application(
+    method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls
+) -> Callable[[Mesh], Vectors]:
+    """Return the method, and what the controls do each time after it, as a function from a mesh to its vertices."""
+    rim = rim_of(mesh) if controls.boundary == "smooth" else None
+
+    def application(mesh: Mesh) -> Vectors:
+        vertices = _finite(method, method.function(mesh, **parameters))
+        return vertices if rim is None else along_the_rim(mesh, rim, vertices)
+
+    return application
+
+
+def _finite(method: Method, vertices: Vectors) -> Vectors:
+    bad = np.asarray(~np.isfinite(vertices).all(axis=1))
+    if bad.any():
+        raise DenoiseError(
+            f"{method.name} gave {bad.sum()} vertices that are not finite (vertices {first_places(bad)}): "
+            "try milder parameters, and report the mesh"
+        )
+    return vertices
+
+
 def _displacement(
-    method: Method,
+    application: Callable[[Mesh], Vectors],
     mesh: Mesh,
-    parameters: Mapping[str, Any],
     strengths: NDArray[np.float64],
     progress: Callable[[float], object] | None,
 ) -> Vectors:
@@ -149,13 +188,7 @@ def _displacement(
     displacement = np.zeros_like(mesh.vertices)
     _report(progress, 0.0)
     for time in range(times):
-        vertices = method.function(mesh, **parameters)
-        bad = np.asarray(~np.isfinite(vertices).all(axis=1))
-        if bad.any():
-            raise DenoiseError(
-                f"{method.name} gave {bad.sum()} vertices that are not finite (vertices {first_places(bad)}): "
-                "try milder parameters, and report the mesh"
-            )
+        vertices = application(mesh)
         displacement += np.clip(strengths - time, 0.0, 1.0)[:, None] * (vertices - mesh.vertices)
         mesh = mesh.moved(vertices)
         _report(progress, (time + 1) / times)

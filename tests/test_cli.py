@@ -66,6 +66,17 @@ def test_options_reach_the_method_and_its_controls(place):
     np.testing.assert_array_equal(cn.read("out.ply").mesh.vertices, expected.vertices)
 
 
+def test_boundary_reaches_the_controls(place, capsys):
+    sheet = noisy(grid(4, 4), 0.1)
+    save_mesh(place / "sheet.ply", sheet)
+    assert run(["denoise", "sheet.ply", "-o", "out.ply", *FAST, "--boundary", "smooth"]) == 0
+    expected = cn.denoise(sheet, method="laplacian", boundary="smooth").vertices
+    np.testing.assert_array_equal(cn.read("out.ply").mesh.vertices, expected)
+    capsys.readouterr()
+    code, message = refused(capsys, "denoise", "sheet.ply", *FAST, "--boundary", "open")
+    assert code == 2 and "must be one of free, smooth, fixed" in message
+
+
 def test_json_says_what_was_done(place, capsys):
     assert run(["denoise", "ball.ply", "-o", "out.obj", *FAST, "--set", "iterations=2", "--json"]) == 0
     out, _ = capsys.readouterr()

@@ -15,6 +15,7 @@ MESH = ROUGH.moved(
 )  # edges of about 9, few enough bits to be shifted exactly
 EDGE = MESH.mean_edge_length
 HALF = MESH.vertices[:, 0] > 0
+OPEN = noisy(grid(8, 8), 0.15, seed=2)
 
 
 POINTS = np.random.default_rng(0).normal(size=(30, 3))
@@ -114,6 +115,19 @@ def test_only_masked_and_free_vertices_move(name):
     still[fixed] = True
     assert out[still].tobytes() == MESH.vertices[still].tobytes()
     assert (out[~still] != MESH.vertices[~still]).any()
+
+
+@pytest.mark.parametrize("boundary", ["smooth", "fixed"])
+def test_rims_are_smoothed_or_stay(name, boundary):
+    rim = OPEN.topology.boundary_vertices
+    one, two = (
+        cn.denoise(OPEN, method=name, boundary=boundary, max_displacement=0.1, threads=threads).vertices
+        for threads in (1, 2)
+    )
+    assert one.tobytes() == two.tobytes()
+    moves = np.linalg.norm(one - OPEN.vertices, axis=1)
+    assert moves.max() <= 0.1 and moves[~rim].max() > 0
+    assert (moves[rim] > 0).any() == (boundary == "smooth")
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
