@@ -69,6 +69,7 @@ def denoise(
     mask: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
     boundary: Boundary = "free",
+    creases: float | ArrayLike | None = None,
     max_displacement: float | str | None = None,
     volume: Literal["keep"] | None = None,
     threads: int | None = None,
@@ -88,6 +89,8 @@ def denoise(
     fixed : (n,) bool, or numbers of vertices, that keep their bits
     boundary : "free" moves rims by the method; "smooth" only off the surface, while along it the rim is smoothed as a
         curve with its corners kept; "fixed" keeps their bits
+    creases : edges across which nothing is mixed: (k, 2) pairs of vertices; or an angle in degrees, and edges sharper
+        than that are creases, of which noise makes some
     max_displacement : no vertex moves farther; in the mesh's own unit, or as text in mean edge lengths: "0.5 edges"
     volume : "keep" scales every closed part about its centroid to the volume that it had
     threads : at most this many; None: as many as there are. The result has the same bytes
@@ -110,6 +113,7 @@ def denoise(
         mask=mask,
         fixed=fixed,
         boundary=boundary,
+        creases=creases,
         max_displacement=max_displacement,
         volume=volume,
         threads=threads,
@@ -145,8 +149,8 @@ def denoise_file(
     method : one of `methods()`
     force : replace an existing file
     parameters : of the method
-    controls : strength, mask, fixed, boundary, max_displacement, volume, threads, progress as in `denoise`; masks
-        count the vertices of the file with copies at seams joined
+    controls : strength, mask, fixed, boundary, creases, max_displacement, volume, threads, progress as in `denoise`;
+        masks count the vertices of the file with copies at seams joined
 
     Raises
     ------

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
+from cascadenorm.creases import crease_edges, cut
 from cascadenorm.mesh import Mesh, Vectors, first_places, limit_threads
 from cascadenorm.registry import Method, ParameterError
 from cascadenorm.rims import along_the_rim, rim_of
@@ -39,6 +40,9 @@ class Controls:
     boundary : of the vertices on an edge with a single face. "free": they go where the method moves them; "smooth": so
         they do off the surface, and along it the rim is smoothed as a curve with its corners kept (see
         `along_the_rim`); "fixed": they stay
+    creases : edges across which the method must not mix: (k, 2) pairs of vertices, or an angle in degrees, and edges
+        whose faces include a larger one are creases; the method sees the mesh cut along them, and its sides are
+        joined again (see `cut`, `Sides.joined`)
     max_displacement : no vertex moves farther than this; in the mesh's own unit, or as text in mean edge lengths:
         "0.5 edges"
     volume : "keep" scales every closed part about its centroid to the volume that it had; masked and fixed vertices
@@ -51,6 +55,7 @@ class Controls:
     mask: ArrayLike | None = None
     fixed: ArrayLike | None = None
     boundary: Boundary = "free"
+    creases: float | ArrayLike | None = None
     max_displacement: float | str | None = None
     volume: Literal["keep"] | None = None
     threads: int | None = None
@@ -158,11 +163,17 @@ def _application(
     method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls
 ) -> Callable[[Mesh], Vectors]:
     """Return the method, and what the controls do each time after it, as a function from a mesh to its vertices."""
-    rim = rim_of(mesh) if controls.boundary == "smooth" else None
+    sides = None if controls.creases is None else cut(mesh, crease_edges(mesh, controls.creases))
+    if sides is not None and REGION in parameters:
+        parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
+    rim = rim_of(mesh, mesh.faces if sides is None else sides.mesh.faces) if controls.boundary == "smooth" else None
 
     def application(mesh: Mesh) -> Vectors:
-        vertices = _finite(method, method.function(mesh, **parameters))
-        return vertices if rim is None else along_the_rim(mesh, rim, vertices)
+        seen = mesh if sides is None else sides.of(mesh)
+        vertices = _finite(method, method.function(seen, **parameters))
+        if rim is not None:
+            vertices = along_the_rim(seen, rim, vertices)
+        return vertices if sides is None else sides.joined(mesh, vertices)
 
     return application
 

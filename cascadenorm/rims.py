@@ -33,11 +33,15 @@ class Rim(NamedTuple):
         return np.unique(self.edges)
 
 
-def rim_of(mesh: Mesh) -> Rim:
-    """Find the rim of a mesh; a side of a face that begins and ends at one vertex is no edge."""
+def rim_of(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> Rim:
+    """Find the rim of a mesh, in the vertices that `faces` name where these are copies of its own.
+
+    A side of a face that begins and ends at one vertex is no edge.
+    """
     single = mesh.topology.edge_faces.counts[mesh.topology.face_edges] == 1
-    ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2)
-    edges = ends[single & (ends[:, :, 0] != ends[:, :, 1])]
+    proper = mesh.faces != np.roll(mesh.faces, -1, axis=1)
+    named = mesh.faces if faces is None else faces
+    edges = np.stack([named, np.roll(named, -1, axis=1)], axis=2)[single & proper]
     return Rim(edges, *_followers(edges))
 
 

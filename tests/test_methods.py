@@ -4,9 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from shapes import grid, icosphere, noisy
+from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.creases import crease_edges
 from cascadenorm.mesh import Mesh
 
 ROUGH = noisy(icosphere(3), 0.15, seed=1)
@@ -15,6 +16,7 @@ MESH = ROUGH.moved(
 )  # edges of about 9, few enough bits to be shifted exactly
 EDGE = MESH.mean_edge_length
 HALF = MESH.vertices[:, 0] > 0
+BOX = noisy(cube(5), 0.1, seed=3)
 OPEN = noisy(grid(8, 8), 0.15, seed=2)
 
 
@@ -128,6 +130,19 @@ def test_rims_are_smoothed_or_stay(name, boundary):
     moves = np.linalg.norm(one - OPEN.vertices, axis=1)
     assert moves.max() <= 0.1 and moves[~rim].max() > 0
     assert (moves[rim] > 0).any() == (boundary == "smooth")
+
+
+def test_creases_keep_every_other_control(name):
+    sharp = BOX.topology.edges[crease_edges(cube(5), 45)]
+    far, fixed = BOX.vertices[:, 0] > -0.5, [3, 50]
+    one, two = (
+        cn.denoise(BOX, method=name, creases=sharp, mask=far, fixed=fixed, max_displacement=0.02, threads=t).vertices
+        for t in (1, 2)
+    )
+    assert one.tobytes() == two.tobytes()
+    moves = np.linalg.norm(one - BOX.vertices, axis=1)
+    assert 0 < moves.max() <= 0.02 and np.isfinite(moves).all()
+    assert one[~far].tobytes() == BOX.vertices[~far].tobytes() and not moves[fixed].any()
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])

@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.creases import crease_edges, cut
+from cascadenorm.mesh import Mesh
+
+BOX = cube(6)
+EDGES = BOX.topology.edges
+SHARP = crease_edges(BOX, 45)
+METHODS = ["laplacian", "bilateral-normal", "auto"]
+
+
+def roof(rows: int, angle: float) -> Mesh:
+    """Two planes that meet along x = 0 at an angle in degrees between their normals."""
+    sheet = grid(rows, 2 * rows)
+    x, y = sheet.vertices[:, 0] - rows, sheet.vertices[:, 1]
+    half = np.radians(angle) / 2
+    return sheet.moved(np.stack([x * np.cos(half), y, -np.abs(x) * np.sin(half)], axis=1))
+
+
+def test_an_angle_finds_the_sharper_edges():
+    assert SHARP.sum() == 12 * 6
+    ends = np.abs(BOX.vertices[EDGES[SHARP]])
+    assert ((ends == 1).sum(axis=2) >= 2).all()
+    assert not crease_edges(BOX, 91).any() and not crease_edges(grid(3, 3), 0).any()
+    for angle in (20, 70, 130):
+        mesh = roof(4, angle)
+        assert crease_edges(mesh, angle - 0.1).sum() == 4 and not crease_edges(mesh, angle + 0.1).any()
+
+
+def test_angles_do_not_depend_on_how_faces_run_and_faces_without_area_have_none():
+    flip = np.random.default_rng(0).random(len(BOX.faces)) < 0.5
+    mixed = Mesh(BOX.vertices, np.where(flip[:, None], BOX.faces[:, ::-1], BOX.faces))
+    np.testing.assert_array_equal(crease_edges(mixed, 45), SHARP)
+    flat = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    assert not crease_edges(flat, 0).any()
+
+
+def test_pairs_of_vertices_are_edges_in_either_order():
+    rng = np.random.default_rng(1)
+    pairs = rng.permuted(rng.permutation(EDGES[SHARP]), axis=1)
+    np.testing.assert_array_equal(crease_edges(BOX, pairs), SHARP)
+    assert not crease_edges(BOX, np.zeros((0, 2), int)).any()
+
+
+def test_cutting_a_box_along_its_edges_leaves_six_sheets():
+    sides = cut(BOX, SHARP)
+    assert len(np.unique(sides.mesh.topology.components)) == 6
+    assert len(sides.owners) == 6 * 7 * 7
+    np.testing.assert_array_equal(sides.owners[sides.mesh.faces], BOX.faces)
+    np.testing.assert_array_equal(sides.owners[: len(BOX.vertices)], np.arange(len(BOX.vertices)))
+    np.testing.assert_array_equal(sides.mesh.corners, BOX.corners)
+    single = sides.mesh.topology.edge_faces.counts == 1
+    assert single.sum() == 2 * SHARP.sum()
+
+
+def test_a_crease_that_ends_leaves_its_ends_whole():
+    sheet = grid(4, 4)
+    slit = sheet.topology.edges[np.isin(sheet.topology.edges, [7, 12, 17]).all(axis=1)]
+    assert len(slit) == 2
+    sides = cut(sheet, crease_edges(sheet, slit))
+    np.testing.assert_array_equal(sides.owners[25:], [12])
+    one = cut(sheet, crease_edges(sheet, slit[:1]))
+    assert one.mesh is sheet and len(one.owners) == 25
+
+
+def test_edges_of_three_faces_can_be_cut():
+    fan = Mesh([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
+    assert not crease_edges(fan, 0).any()
+    sides = cut(fan, crease_edges(fan, [[1, 0]]))
+    assert len(sides.owners) == 9 and len(np.unique(sides.mesh.topology.components)) == 3
+
+
+def test_copies_that_move_alike_keep_their_move():
+    sides = cut(BOX, SHARP)
+    moves = np.random.default_rng(2).normal(size=BOX.vertices.shape)
+    out = sides.joined(BOX, (BOX.vertices + moves)[sides.owners])
+    np.testing.assert_allclose(out, BOX.vertices + moves, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("angle", [60, 90, 120])
+def test_sides_meet_where_their_planes_do(angle):
+    """Either plane moves along its own normal; what a copy moves within its plane says nothing about the edge."""
+    mesh = roof(4, angle)
+    sides = cut(mesh, crease_edges(mesh, angle - 1))
+    half = np.radians(angle) / 2
+    left = sides.mesh.centroids[:, 0] < 0
+    on_left = np.zeros(len(sides.owners), bool)
+    on_left[sides.mesh.faces[left]] = True
+    normals = np.where(on_left[:, None], [-np.sin(half), 0, np.cos(half)], [np.sin(half), 0, np.cos(half)])
+    offsets = np.where(on_left, 0.1, 0.05)[:, None]
+    out = sides.joined(mesh, sides.mesh.vertices + offsets * normals)
+    ridge = np.flatnonzero(mesh.vertices[:, 0] == 0)
+    for offset, sign in ((0.1, -1), (0.05, 1)):
+        reached = out[ridge] @ [sign * np.sin(half), 0, np.cos(half)]
+        np.testing.assert_allclose(reached, offset, atol=0.003)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_off_the_creases_the_method_gives_what_it_gives_for_the_sides_alone(method):
+    rough = noisy(BOX, 0.1, seed=3)
+    sides = cut(rough, SHARP)
+    whole = np.bincount(sides.owners) == 1
+    out = cn.denoise(rough, method=method, creases=EDGES[SHARP]).vertices
+    alone = cn.denoise(sides.mesh, method=method).vertices[: len(whole)]
+    np.testing.assert_allclose(out[whole], alone[whole], rtol=0, atol=1e-9)
+    assert np.abs(out - cn.denoise(rough, method=method).vertices)[whole].max() > 1e-3
+
+
+def test_a_region_goes_with_the_copies():
+    rough, inside = noisy(BOX, 0.1, seed=3), BOX.vertices[:, 0] > 0.5
+    out = cn.denoise(rough, method="laplacian", iterations=50, mask=inside, creases=45).vertices
+    sides = cut(rough, crease_edges(rough, 45))
+    moved = cn.methods()["laplacian"].function(sides.mesh, iterations=50, region=inside[sides.owners])
+    whole = np.bincount(sides.owners) == 1
+    np.testing.assert_allclose(out[whole], moved[: len(whole)][whole], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["laplacian", "taubin", "bilateral-normal"])
+def test_sharp_edges_that_are_given_survive(method):
+    rough = noisy(BOX, 0.1, seed=5)
+    on = np.unique(EDGES[SHARP])
+
+    def off_the_edges(mesh: Mesh) -> float:
+        return float(np.sqrt(((np.sort(np.abs(mesh.vertices[on]), axis=1)[:, 1:] - 1) ** 2).sum(axis=1).mean()))
+
+    plain, creased = (cn.denoise(rough, method=method, creases=c) for c in (None, EDGES[SHARP]))
+    assert off_the_edges(creased) < min(off_the_edges(plain), 0.8 * off_the_edges(rough))
+
+
+def test_no_creases_change_nothing():
+    ball = noisy(icosphere(2), 0.1)
+    for none in (180, np.zeros((0, 2), int)):
+        out = cn.denoise(ball, method="laplacian", creases=none).vertices
+        assert out.tobytes() == cn.denoise(ball, method="laplacian").vertices.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("creases", "message"),
+    [
+        (200, r"creases is 200; an angle in degrees must be within 0 … 180"),
+        (float("nan"), "creases is nan"),
+        ([0, 1], r"creases have shape \(2,\)"),
+        ([[0.5, 1]], "creases have shape"),
+        ([[0, 1], [0, 100], [3, 3], [-1, 4]], r"of 4 creases are no edges of the mesh \(rows"),
+    ],
+)
+def test_wrong_creases_are_refused_with_a_reason(creases, message):
+    with pytest.raises(cn.ParameterError, match=message):
+        cn.denoise(BOX, method="laplacian", creases=creases)
