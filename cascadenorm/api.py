@@ -70,6 +70,7 @@ def denoise(
     fixed: ArrayLike | None = None,
     boundary: Boundary = "free",
     creases: float | ArrayLike | None = None,
+    keep_detail: float | str | None = None,
     max_displacement: float | str | None = None,
     volume: Literal["keep"] | None = None,
     threads: int | None = None,
@@ -91,6 +92,8 @@ def denoise(
         curve with its corners kept; "fixed" keeps their bits
     creases : edges across which nothing is mixed: (k, 2) pairs of vertices; or an angle in degrees, and edges sharper
         than that are creases, of which noise makes some
+    keep_detail : the smallest feature to keep, a length in the mesh's own unit, or as text in mean edge lengths:
+        "4 edges"; what is wider stays, what is finer goes as the method says
     max_displacement : no vertex moves farther; in the mesh's own unit, or as text in mean edge lengths: "0.5 edges"
     volume : "keep" scales every closed part about its centroid to the volume that it had
     threads : at most this many; None: as many as there are. The result has the same bytes
@@ -114,6 +117,7 @@ def denoise(
         fixed=fixed,
         boundary=boundary,
         creases=creases,
+        keep_detail=keep_detail,
         max_displacement=max_displacement,
         volume=volume,
         threads=threads,
@@ -149,8 +153,8 @@ def denoise_file(
     method : one of `methods()`
     force : replace an existing file
     parameters : of the method
-    controls : strength, mask, fixed, boundary, creases, max_displacement, volume, threads, progress as in `denoise`;
-        masks count the vertices of the file with copies at seams joined
+    controls : strength, mask, fixed, boundary, creases, keep_detail, max_displacement, volume, threads, progress as in
+        `denoise`; masks count the vertices of the file with copies at seams joined
 
     Raises
     ------

@@ -59,6 +59,10 @@ def denoise(
             help="Rims: as the method moves them, smoothed along the surface as curves, or left as they are.",
         ),
     ] = "free",
+    keep_detail: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH", help='Smallest feature to keep, in the unit of the mesh or like "4 edges".'),
+    ] = None,
     max_displacement: Annotated[
         str | None, typer.Option(metavar="LENGTH", help='In the unit of the mesh, or "0.5 edges" (mean edge lengths).')
     ] = None,
@@ -86,6 +90,7 @@ def denoise(
             force=force,
             strength=strength,
             boundary=boundary,
+            keep_detail=keep_detail,
             max_displacement=max_displacement,
             volume="keep" if keep_volume else None,
             threads=threads,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.creases import crease_edges, cut
+from cascadenorm.detail import finer_than
 from cascadenorm.mesh import Mesh, Vectors, first_places, limit_threads
 from cascadenorm.registry import Method, ParameterError
 from cascadenorm.rims import along_the_rim, rim_of
@@ -43,6 +44,9 @@ class Controls:
     creases : edges across which the method must not mix: (k, 2) pairs of vertices, or an angle in degrees, and edges
         whose faces include a larger one are creases; the method sees the mesh cut along them, and its sides are
         joined again (see `cut`, `Sides.joined`)
+    keep_detail : the smallest feature to keep, a length in the mesh's own unit or as text in mean edge lengths; of what
+        the method moves, only what is finer is applied (see `finer_than`); 0 keeps everything, None leaves it to the
+        method
     max_displacement : no vertex moves farther than this; in the mesh's own unit, or as text in mean edge lengths:
         "0.5 edges"
     volume : "keep" scales every closed part about its centroid to the volume that it had; masked and fixed vertices
@@ -56,6 +60,7 @@ class Controls:
     fixed: ArrayLike | None = None
     boundary: Boundary = "free"
     creases: float | ArrayLike | None = None
+    keep_detail: float | str | None = None
     max_displacement: float | str | None = None
     volume: Literal["keep"] | None = None
     threads: int | None = None
@@ -70,7 +75,8 @@ class Controls:
             raise ParameterError(f"volume is {self.volume!r}; it must be 'keep' or None")
         if self.threads is not None and self.threads < 1:
             raise ParameterError(f"threads is {self.threads}; it must be at least 1, or None for all")
-        _read_length(self.max_displacement)
+        for name in ("keep_detail", "max_displacement"):
+            _read_length(name, getattr(self, name))
 
     @property
     def hold_some(self) -> bool:
@@ -103,13 +109,15 @@ def controlled(
     if REGION in method.settings and controls.hold_some:
         checked[REGION] = weights > 0
     framed, exponent = _framed(mesh)
-    application = _application(method, framed, checked, controls)
+    keep = None if controls.keep_detail is None else _length("keep_detail", controls.keep_detail, framed, exponent)
     with limit_threads(controls.threads), threadpool_limits(1, user_api="blas"):  # BLAS adds in an order by threads
+        application = _application(method, framed, checked, controls, keep)
         displacement = _displacement(application, framed, controls.strength * weights, controls.progress)
         if controls.volume == "keep" and displacement.any():
             kept = with_volume_of(framed, framed.vertices + displacement, weights=weights)
             displacement = np.where(weights[:, None] > 0, kept - framed.vertices, 0.0)
-    return _moved(mesh, displacement, exponent, _limit(controls.max_displacement, framed, exponent), np.dtype(dtype))
+    limit = _length("max_displacement", controls.max_displacement, framed, exponent)
+    return _moved(mesh, displacement, exponent, limit, np.dtype(dtype))
 
 
 def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
@@ -160,19 +168,25 @@ def _framed(mesh: Mesh) -> tuple[Mesh, int]:
 
 
 def _application(
-    method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls
+    method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls, keep: float | None
 ) -> Callable[[Mesh], Vectors]:
-    """Return the method, and what the controls do each time after it, as a function from a mesh to its vertices."""
+    """Return the method, and what the controls do each time after it, as a function from a mesh to its vertices.
+
+    `keep` is the smallest feature to keep, in the unit of the mesh.
+    """
     sides = None if controls.creases is None else cut(mesh, crease_edges(mesh, controls.creases))
     if sides is not None and REGION in parameters:
         parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
     rim = rim_of(mesh, mesh.faces if sides is None else sides.mesh.faces) if controls.boundary == "smooth" else None
+    finer = None if keep is None else finer_than(keep, mesh if sides is None else sides.mesh)
 
     def application(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
         vertices = _finite(method, method.function(seen, **parameters))
         if rim is not None:
             vertices = along_the_rim(seen, rim, vertices)
+        if finer is not None:
+            vertices = seen.vertices + finer(vertices - seen.vertices)
         return vertices if sides is None else sides.joined(mesh, vertices)
 
     return application
@@ -211,7 +225,7 @@ def _report(progress: Callable[[float], object] | None, share: float) -> None:
         progress(share)
 
 
-def _read_length(text: float | str | None) -> tuple[float, bool]:
+def _read_length(name: str, text: float | str | None) -> tuple[float, bool]:
     """Return a length, and whether it counts mean edge lengths; None is without end."""
     if text is None:
         return math.inf, False
@@ -221,14 +235,14 @@ def _read_length(text: float | str | None) -> tuple[float, bool]:
     except ValueError:
         length = math.nan
     if math.isnan(length) or length < 0:
-        raise ParameterError(f'max_displacement is {text!r}; it must be a length, at least 0, or like "0.5 edges"')
+        raise ParameterError(f'{name} is {text!r}; it must be a length, at least 0, or like "0.5 edges"')
     return length, bool(match and match[2])
 
 
-def _limit(text: float | str | None, framed: Mesh, exponent: int) -> float:
-    """Return the largest displacement in the unit of the frame."""
-    length, in_edges = _read_length(text)
-    with np.errstate(over="ignore"):  # far larger than the mesh is no limit
+def _length(name: str, text: float | str | None, framed: Mesh, exponent: int) -> float:
+    """Return a length in the unit of the frame."""
+    length, in_edges = _read_length(name, text)
+    with np.errstate(over="ignore"):  # far larger than the mesh is without end
         return length * framed.mean_edge_length if in_edges else float(np.ldexp(length, -exponent))
 
 

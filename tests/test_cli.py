@@ -66,11 +66,12 @@ def test_options_reach_the_method_and_its_controls(place):
     np.testing.assert_array_equal(cn.read("out.ply").mesh.vertices, expected.vertices)
 
 
-def test_boundary_reaches_the_controls(place, capsys):
+def test_rims_and_detail_reach_the_controls(place, capsys):
     sheet = noisy(grid(4, 4), 0.1)
     save_mesh(place / "sheet.ply", sheet)
-    assert run(["denoise", "sheet.ply", "-o", "out.ply", *FAST, "--boundary", "smooth"]) == 0
-    expected = cn.denoise(sheet, method="laplacian", boundary="smooth").vertices
+    options = ["--boundary", "smooth", "--keep-detail", "2 edges"]
+    assert run(["denoise", "sheet.ply", "-o", "out.ply", *FAST, *options]) == 0
+    expected = cn.denoise(sheet, method="laplacian", boundary="smooth", keep_detail="2 edges").vertices
     np.testing.assert_array_equal(cn.read("out.ply").mesh.vertices, expected)
     capsys.readouterr()
     code, message = refused(capsys, "denoise", "sheet.ply", *FAST, "--boundary", "open")

@@ -16,8 +16,8 @@ MESH = ROUGH.moved(
 )  # edges of about 9, few enough bits to be shifted exactly
 EDGE = MESH.mean_edge_length
 HALF = MESH.vertices[:, 0] > 0
-BOX = noisy(cube(5), 0.1, seed=3)
-OPEN = noisy(grid(8, 8), 0.15, seed=2)
+CLEAN_OPEN = Mesh(cube(4).vertices, cube(4).faces[32:])  # a box without its lid
+OPEN = noisy(CLEAN_OPEN, 0.1, seed=2)
 
 
 POINTS = np.random.default_rng(0).normal(size=(30, 3))
@@ -120,29 +120,28 @@ def test_only_masked_and_free_vertices_move(name):
 
 
 @pytest.mark.parametrize("boundary", ["smooth", "fixed"])
-def test_rims_are_smoothed_or_stay(name, boundary):
+def test_all_controls_work_together(name, boundary):
+    """On an open box with its edges as creases, partly masked."""
     rim = OPEN.topology.boundary_vertices
-    one, two = (
-        cn.denoise(OPEN, method=name, boundary=boundary, max_displacement=0.1, threads=threads).vertices
-        for threads in (1, 2)
-    )
+    weights = np.clip(OPEN.vertices[:, 0] + 0.5, 0, 1)
+    options = {
+        "strength": 1.5,
+        "mask": weights,
+        "fixed": [3, 50],
+        "boundary": boundary,
+        "creases": OPEN.topology.edges[crease_edges(CLEAN_OPEN, 45)],
+        "keep_detail": "5 edges",
+        "volume": "keep",
+        "max_displacement": 0.02,
+    }
+    one, two = (cn.denoise(OPEN, method=name, threads=threads, **options).vertices for threads in (1, 2))
     assert one.tobytes() == two.tobytes()
+    still = weights == 0
+    still[[3, 50]] = True
+    assert one[still].tobytes() == OPEN.vertices[still].tobytes()
     moves = np.linalg.norm(one - OPEN.vertices, axis=1)
-    assert moves.max() <= 0.1 and moves[~rim].max() > 0
+    assert 0 < moves[~rim].max() <= 0.02 and moves.max() <= 0.02
     assert (moves[rim] > 0).any() == (boundary == "smooth")
-
-
-def test_creases_keep_every_other_control(name):
-    sharp = BOX.topology.edges[crease_edges(cube(5), 45)]
-    far, fixed = BOX.vertices[:, 0] > -0.5, [3, 50]
-    one, two = (
-        cn.denoise(BOX, method=name, creases=sharp, mask=far, fixed=fixed, max_displacement=0.02, threads=t).vertices
-        for t in (1, 2)
-    )
-    assert one.tobytes() == two.tobytes()
-    moves = np.linalg.norm(one - BOX.vertices, axis=1)
-    assert 0 < moves.max() <= 0.02 and np.isfinite(moves).all()
-    assert one[~far].tobytes() == BOX.vertices[~far].tobytes() and not moves[fixed].any()
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -172,3 +171,14 @@ def test_mean_meshes_come_out_finite(name, mean):
     assert out.shape == vertices.shape and np.isfinite(out).all()
     loose = np.setdiff1d(np.arange(len(vertices)), faces)
     np.testing.assert_array_equal(out[loose], vertices[loose])
+
+
+@pytest.mark.parametrize("mean", MEAN_MESHES)
+@pytest.mark.parametrize("method", ["laplacian", "bilateral-normal"])
+def test_mean_meshes_come_out_finite_under_all_controls(method, mean):
+    vertices, faces = MEAN_MESHES[mean]
+    for keep in (0.5, "3 edges", "inf"):
+        out = cn.denoise(
+            vertices, faces, method=method, boundary="smooth", creases=30, keep_detail=keep, strength=2, volume="keep"
+        )
+        assert out.shape == vertices.shape and np.isfinite(out).all()
