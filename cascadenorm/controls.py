@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from cascadenorm.creases import crease_edges, cut
 from cascadenorm.detail import finer_than
 from cascadenorm.mesh import Mesh, Vectors, first_places, limit_threads
+from cascadenorm.orientation import oriented
 from cascadenorm.registry import Method, ParameterError
 from cascadenorm.rims import along_the_rim, rim_of
 from cascadenorm.volume import with_volume_of
@@ -91,7 +92,7 @@ def controlled(
 
     The method sees the mesh around the origin, scaled by a power of two to about unit size; what it moves is added to
     the vertices as they were. So coordinates far from the origin lose nothing, and a vertex that does not move, or
-    that no face uses, keeps its bits.
+    that no face uses, keeps its bits. Faces that are wound against their neighbours are turned for the method alone.
 
     Returns
     -------
@@ -110,6 +111,7 @@ def controlled(
         checked[REGION] = weights > 0
     framed, exponent = _framed(mesh)
     keep = None if controls.keep_detail is None else _length("keep_detail", controls.keep_detail, framed, exponent)
+    framed = oriented(framed)
     with limit_threads(controls.threads), threadpool_limits(1, user_api="blas"):  # BLAS adds in an order by threads
         application = _application(method, framed, checked, controls, keep)
         displacement = _displacement(application, framed, controls.strength * weights, controls.progress)

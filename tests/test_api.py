@@ -158,6 +158,15 @@ def test_open_turned_and_flat_parts_are_not_scaled():
     np.testing.assert_array_equal(with_volume_of(flat, flat.vertices * 2, weights=np.ones(42)), flat.vertices * 2)
 
 
+def test_volume_is_kept_where_faces_are_turned_and_where_all_are():
+    kept = cn.denoise(BALL, method="laplacian", volume="keep").vertices
+    for which in ([3, 50], slice(None)):
+        faces = BALL.faces.copy()
+        faces[which] = faces[which, ::-1]
+        out = cn.denoise(BALL.vertices, faces, method="laplacian", volume="keep")
+        assert out.tobytes() == kept.tobytes()
+
+
 # kinds of meshes
 
 

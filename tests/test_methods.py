@@ -78,6 +78,20 @@ def test_does_not_depend_on_the_order_of_the_faces(name):
     np.testing.assert_allclose(out, denoised(name), rtol=0, atol=1e-6 * EDGE)
 
 
+@pytest.mark.parametrize("which", [[0], slice(None), slice(None, None, 3), slice(600, None)])
+def test_faces_may_come_either_way_round(name, which):
+    faces = MESH.faces.copy()
+    faces[which] = faces[which, ::-1]
+    assert cn.denoise(MESH.vertices, faces, method=name).tobytes() == denoised(name).tobytes()
+
+
+def test_an_open_mesh_may_show_either_side(name):
+    sheet = noisy(grid(9, 9), 0.15)
+    out = cn.denoise(sheet, method=name).vertices
+    other = cn.denoise(sheet.vertices, sheet.faces[:, ::-1], method=name)
+    np.testing.assert_allclose(other, out, rtol=0, atol=1e-5)  # collapsing faces at a rim blow rounding up
+
+
 def test_scaling_by_a_power_of_two_is_exact(name):
     out = cn.denoise(MESH.moved(MESH.vertices * 2.0**-40), method=name).vertices
     np.testing.assert_array_equal(out, denoised(name) * 2.0**-40)

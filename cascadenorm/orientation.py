@@ -1,0 +1,134 @@
+"""Faces wound alike, whatever way round they came: what normals, and so most methods, need."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Mesh, kernel
+
+
+def oriented(mesh: Mesh) -> Mesh:
+    """Return the mesh with the faces of each patch wound alike, and closed patches so that their volume is positive.
+
+    A patch is what hangs together across edges of two faces; faces on the same three vertices count as one there. It
+    ends where more faces meet, since which of them continues which is open there. A face that names a vertex twice is a
+    patch of its own.
+
+    Which way round an open patch lies is up to the majority of its faces, and to the first if there is none; a patch
+    with a single side, such as a Möbius strip, keeps a seam. So the result does not depend on how the faces came, as
+    long as less than half of an open patch was turned.
+
+    Returns
+    -------
+    The same vertices and faces, some of which name their corners backwards; `mesh` itself where none has to be turned
+    """
+    turned = _turned(mesh)
+    if not turned.any():
+        return mesh
+    faces = mesh.faces.copy()
+    faces[turned] = faces[turned, ::-1]
+    return Mesh(mesh.vertices, faces)
+
+
+def _turned(mesh: Mesh) -> NDArray[np.bool_]:
+    """Return which faces have to be turned, (m,)."""
+    count, around = len(mesh.faces), mesh.topology.edge_faces
+    patch, against, at_border = np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool)
+    _join(mesh.faces, mesh.topology.edges, around.indptr, around.indices, patch, against, at_border)
+    sign = np.where(against, -1.0, 1.0)
+    wanted = np.bincount(patch, sign, count)
+    wanted[wanted == 0] = 1.0
+    volume = np.bincount(patch, sign * _volumes(mesh, patch), count)
+    closed = np.bincount(patch, at_border, count) == 0
+    wanted = np.where(closed & (volume != 0), volume, wanted)
+    return np.asarray(sign * wanted[patch] < 0)
+
+
+def _volumes(mesh: Mesh, patch: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return six times the signed volume between each face and a vertex of its patch."""
+    a, b, c = np.moveaxis(mesh.corners - mesh.vertices[mesh.faces[patch, 0]][:, None], 1, 0)
+    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)))
+
+
+@kernel
+def _join(faces, edges, indptr, indices, patch, against, at_border):  # type: ignore[no-untyped-def]
+    """Number each face by the first of its patch, and tell whether it is wound against that one.
+
+    Until the end, `patch` leads to an earlier face of the same patch, and `against` is meant against that one.
+    """
+    for e in range(len(edges)):
+        a, b = edges[e]
+        apexes = _count_apexes(faces, indices[indptr[e] : indptr[e + 1]], a, b)
+        first = -1
+        for f in indices[indptr[e] : indptr[e + 1]]:
+            if _names_twice(faces, f):
+                continue
+            if apexes != 2:
+                at_border[f] = True
+            if first < 0:
+                first = f
+            elif apexes <= 2:
+                alike = _runs(faces, f, a, b) == _runs(faces, first, a, b)
+                twins = _apex(faces, f, a, b) == _apex(faces, first, a, b)
+                _unite(patch, against, first, f, alike != twins)
+    for f in range(len(patch)):
+        patch[f], against[f] = _find(patch, against, f)
+
+
+@kernel
+def _unite(patch, against, f, g, opposed):  # type: ignore[no-untyped-def]
+    """Join the patches of two faces; where they are one already, what contradicts it is left."""
+    root, turned = _find(patch, against, f)
+    other, other_turned = _find(patch, against, g)
+    if root != other:
+        patch[max(root, other)] = min(root, other)
+        against[max(root, other)] = turned ^ other_turned ^ opposed
+
+
+@kernel
+def _find(patch, against, f):  # type: ignore[no-untyped-def]
+    """Return the first face of a patch, and whether f is wound against it; halves the way there for the next time."""
+    turned = False
+    while patch[f] != f:
+        against[f] ^= against[patch[f]]
+        patch[f] = patch[patch[f]]
+        turned ^= against[f]
+        f = patch[f]
+    return f, turned
+
+
+@kernel
+def _count_apexes(faces, around, a, b):  # type: ignore[no-untyped-def]
+    """Count the different third vertices of the faces at an edge; 3 stands for more as well."""
+    first = second = -1
+    for f in around:
+        if _names_twice(faces, f):
+            continue
+        apex = _apex(faces, f, a, b)
+        if first < 0 or apex == first:
+            first = apex
+        elif second < 0 or apex == second:
+            second = apex
+        else:
+            return 3
+    return (first >= 0) + (second >= 0)
+
+
+@kernel
+def _apex(faces, f, a, b):  # type: ignore[no-untyped-def]
+    """Return the vertex of a face that is neither a nor b."""
+    for v in faces[f]:
+        if v not in (a, b):
+            return v
+    return -1
+
+
+@kernel
+def _names_twice(faces, f):  # type: ignore[no-untyped-def]
+    return faces[f, 0] == faces[f, 1] or faces[f, 1] == faces[f, 2] or faces[f, 2] == faces[f, 0]
+
+
+@kernel
+def _runs(faces, f, a, b):  # type: ignore[no-untyped-def]
+    """Tell whether a face runs from a to b, rather than from b to a."""
+    u, v, w = faces[f]
+    return (u == a and v == b) or (v == a and w == b) or (w == a and u == b)
