@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, TypeVar, overload
+from typing import Any, BinaryIO, Literal, TypeVar, get_args, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,13 +18,16 @@ from cascadenorm.baselines.holes import fill_holes
 from cascadenorm.controls import Boundary, Controls, controlled
 from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output
-from cascadenorm.mesh import Mesh, MeshError
+from cascadenorm.mesh import Mesh, MeshError, bad_vertices, isolated
 from cascadenorm.metrics import Measures, measure
-from cascadenorm.registry import Method, find, registered
+from cascadenorm.registry import Method, ParameterError, find, registered
 
 DEFAULT_METHOD = "auto"
 
 AnyMesh = TypeVar("AnyMesh")
+
+OnBad = Literal["error", "isolate"]
+"""What becomes of vertices and faces that cannot be worked on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +39,7 @@ class Report:
     source, output : names of the files, or of the streams
     method, parameters : what was applied, and what was set other than by default
     vertices, faces : their numbers; vertices that the file splits at seams count once
+    isolated_vertices, isolated_faces : how many of the vertices, and how many faces besides, were left alone as bad
     moved : vertices that are elsewhere now
     mean_displacement, largest_displacement : of all vertices, in mean edge lengths
     seconds : for the method, without reading and writing
@@ -49,6 +53,8 @@ class Report:
     strength: float
     vertices: int
     faces: int
+    isolated_vertices: int
+    isolated_faces: int
     moved: int
     mean_displacement: float
     largest_displacement: float
@@ -75,6 +81,7 @@ def denoise(
     volume: Literal["keep"] | None = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
+    on_bad: OnBad = "error",
     **parameters: Any,
 ) -> Any:
     """Denoise a mesh; what is given is never changed, and the same kind comes back.
@@ -98,6 +105,9 @@ def denoise(
     volume : "keep" scales every closed part about its centroid to the volume that it had
     threads : at most this many; None: as many as there are. The result has the same bytes
     progress : called with the share that is done, from 0 to 1; what it raises ends the work
+    on_bad : "error" refuses vertices that are not finite and faces that name vertices that do not exist; "isolate"
+        takes them, faces that touch them, and faces that name a vertex twice out of what the method sees, and denoises
+        the rest; a bad vertex keeps its bits
     parameters : of the method, as `methods()` lists them, such as `iterations=5` or, for the cascade, `model=path`
 
     Returns
@@ -124,14 +134,17 @@ def denoise(
         progress=progress,
     )
     chosen = find(method)
+    isolate = _isolates(on_bad)
     if faces is not None:
-        return _denoised(chosen, mesh, faces, parameters, controls)
+        return _denoised(chosen, mesh, faces, parameters, controls, isolate=isolate)
     if isinstance(mesh, str | PathLike):
-        return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).output)
+        return Path(
+            _denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False, isolate=isolate).output
+        )
     if isinstance(mesh, Mesh):
-        return mesh.moved(controlled(chosen, mesh, parameters, controls))
+        return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls, isolate=isolate))
     kind = adapter(mesh)
-    return kind.with_vertices(mesh, _denoised(chosen, *kind.arrays(mesh), parameters, controls))
+    return kind.with_vertices(mesh, _denoised(chosen, *kind.arrays(mesh), parameters, controls, isolate=isolate))
 
 
 def denoise_file(
@@ -141,6 +154,7 @@ def denoise_file(
     method: str = DEFAULT_METHOD,
     force: bool = False,
     parameters: dict[str, Any] | None = None,
+    on_bad: OnBad = "error",
     **controls: Any,
 ) -> Report:
     """Denoise a mesh file; everything in it but positions and normals is kept.
@@ -153,6 +167,7 @@ def denoise_file(
     method : one of `methods()`
     force : replace an existing file
     parameters : of the method
+    on_bad : as in `denoise`; a bad face keeps its place in the file, with all that it holds
     controls : strength, mask, fixed, boundary, creases, keep_detail, max_displacement, volume, threads, progress as in
         `denoise`; masks count the vertices of the file with copies at seams joined
 
@@ -160,7 +175,9 @@ def denoise_file(
     ------
     ReadError, MeshError, ParameterError, OutputError : as in `denoise`; nothing is written then
     """
-    return _denoised_file(find(method), source, output, parameters or {}, Controls(**controls), force=force)
+    return _denoised_file(
+        find(method), source, output, parameters or {}, Controls(**controls), force=force, isolate=_isolates(on_bad)
+    )
 
 
 def methods() -> dict[str, Method]:
@@ -212,12 +229,27 @@ def fill_holes_file(
     return len(mesh.faces), len(filled.faces)
 
 
+def _isolates(on_bad: str) -> bool:
+    """Tell whether bad vertices and faces are set aside; raises ParameterError where nothing of the kind is said."""
+    if on_bad not in get_args(OnBad):
+        raise ParameterError(f"on_bad is {on_bad!r}; it must be one of {', '.join(get_args(OnBad))}")
+    return on_bad == "isolate"
+
+
 def _denoised(
-    method: Method, vertices: ArrayLike, faces: ArrayLike, parameters: dict[str, Any], controls: Controls
+    method: Method,
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    parameters: dict[str, Any],
+    controls: Controls,
+    *,
+    isolate: bool,
 ) -> NDArray[Any]:
-    kind = np.asarray(vertices).dtype
-    dtype = kind if kind.kind == "f" else np.dtype(np.float64)
-    return controlled(method, Mesh(vertices, faces), parameters, controls, dtype=dtype)
+    given = np.asarray(vertices)
+    dtype = given.dtype if given.dtype.kind == "f" else np.dtype(np.float64)
+    mesh = isolated(vertices, faces) if isolate else Mesh(vertices, faces)
+    denoised = controlled(method, mesh, parameters, controls, dtype=dtype)
+    return np.where(bad_vertices(given)[:, None], given, denoised) if isolate else denoised
 
 
 def _denoised_file(
@@ -228,6 +260,7 @@ def _denoised_file(
     controls: Controls,
     *,
     force: bool,
+    isolate: bool,
 ) -> Report:
     if output is None:
         if not isinstance(source, str | PathLike):
@@ -237,7 +270,7 @@ def _denoised_file(
     if isinstance(output, str | PathLike):
         check_output(Path(output), force=force)
     method.checked(parameters)
-    file = io.read(source)
+    file = io.read(source).isolating() if isolate else io.read(source)
     mesh = _mesh_of(file, _name(source))
     start = time.perf_counter()
     vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
@@ -253,6 +286,8 @@ def _denoised_file(
         strength=controls.strength,
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),
+        isolated_vertices=int(file.bad_vertices.sum()),
+        isolated_faces=int(file.left_out.sum()),
         moved=int((moves > 0).sum()),
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),

@@ -67,6 +67,9 @@ def denoise(
         str | None, typer.Option(metavar="LENGTH", help='In the unit of the mesh, or "0.5 edges" (mean edge lengths).')
     ] = None,
     keep_volume: Annotated[bool, typer.Option("--keep-volume", help="Scale closed parts to their volume.")] = False,
+    on_bad: Annotated[
+        str, typer.Option(metavar="WHAT", help="error, or isolate: leave bad vertices and faces alone, do the rest.")
+    ] = "error",
     settings: Set = None,
     threads: Threads = None,
     force: Force = False,
@@ -87,6 +90,7 @@ def denoise(
             sys.stdout.buffer if target == "-" else target,
             method=method,
             parameters=parameters,
+            on_bad=cast(Any, on_bad),  # the function holds what it may be
             force=force,
             strength=strength,
             boundary=boundary,

@@ -40,6 +40,9 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
         f"by {done.mean_displacement:.3g} mean edge lengths on average, {done.largest_displacement:.3g} at most",
         file=file,
     )
+    if done.isolated_vertices or done.isolated_faces:
+        bad = f"{done.isolated_vertices} vertices that are not finite, {done.isolated_faces} faces"
+        print(f"cascadenorm: left alone as bad: {bad}", file=sys.stderr)
     for loss in done.left_out:
         print(f"cascadenorm: left out: {loss}", file=sys.stderr)
 

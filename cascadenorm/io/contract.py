@@ -3,7 +3,7 @@
 import copy
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.io.normals import Normals, renewed_normals
 from cascadenorm.io.polygons import Polygons, triangulate
 from cascadenorm.io.welding import weld
-from cascadenorm.mesh import Mesh, MeshError, first_places
+from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, first_places, isolated
 
 Positions = NDArray[Any]
 """(k, 3) float32 or float64, as the file holds them."""
@@ -50,6 +50,21 @@ class Content:
     face_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
 
+    def without_misnamed(self) -> "Content":
+        """Leave out polygons that name positions that do not exist; elsewhere their numbers may mean some that do."""
+        bad = np.zeros(len(self.polygons), bool)
+        bad[self.polygons.owners[self.polygons.misnamed(len(self.positions))]] = True
+        if not bad.any():
+            return self
+        return replace(
+            self,
+            polygons=Polygons.from_counts(
+                self.polygons.counts[~bad], self.polygons.corners[~bad[self.polygons.owners]]
+            ),
+            face_values={name: values[~bad] for name, values in self.face_values.items()},
+            left_out=(*self.left_out, f"{bad.sum()} faces that name vertices that do not exist"),
+        )
+
 
 class MeshFile(ABC):
     """A mesh file in memory, complete: what is not a position or a normal is written as it was read.
@@ -64,10 +79,13 @@ class MeshFile(ABC):
     triangles : (m, 3) the polygons cut into triangles
     welds : (k,) for each position the vertex of `mesh` that it is a copy of
     mesh : n vertices and m triangles; n < k where the file splits vertices at seams or for each face
+    left_out : (m,) the triangles that `mesh` is without; none but for files made by `isolating`
+    bad_vertices : (n,) the vertices that are not finite; `mesh` has them at the origin, or is refused
     """
 
     format: ClassVar[str]
     counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
+    _isolates = False
 
     def __init__(self, data: bytes) -> None:
         self.data = data
@@ -92,6 +110,13 @@ class MeshFile(ABC):
     def encode(cls, content: Content) -> tuple[bytes, list[str]]:
         """Write content in this format; the bytes, and what they leave out, in words."""
 
+    def isolating(self: AnyMeshFile) -> AnyMeshFile:
+        """Return this file with a `mesh` that does without what is bad, as `isolated` does, instead of refusing it."""
+        file = copy.copy(self)
+        file._isolates = True
+        file.__dict__.pop("mesh", None)
+        return file
+
     def pieces(self) -> Iterable[Piece]:
         """Return the bytes of the file with its present positions, in pieces."""
         return self._moved_pieces() if self._changed.any() else [self.data]
@@ -99,7 +124,8 @@ class MeshFile(ABC):
     def content(self) -> Content:
         """Return what other formats can take over."""
         here = type(self)(b"".join(self.pieces())) if self._changed.any() else self
-        return here._read_content()
+        here._isolates = self._isolates
+        return here._read_content().without_misnamed()
 
     @cached_property
     def triangles(self) -> NDArray[np.int64]:
@@ -113,19 +139,25 @@ class MeshFile(ABC):
 
     @cached_property
     def _cut(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        bad = (self.polygons.corners < 0) | (self.polygons.corners >= len(self.positions))
-        if bad.any():
+        bad = self.polygons.misnamed(len(self.positions))
+        if not bad.any():
+            return triangulate(self._read_positions, self.polygons)
+        if not self._isolates:
             faces, first = np.unique(self.polygons.owners[bad]), self.counts_from
             raise MeshError(
                 f"{len(faces)} faces use vertices that do not exist (faces {self._numbers(faces)}; the first names "
                 f"vertex {self.polygons.corners[bad][0] + first}; there are {len(self.positions)}, counted from "
-                f"{first}): drop these faces, or write the file again where it came from"
+                f"{first}): drop these faces, write the file again where it came from, or denoise with "
+                "on_bad='isolate'"
             )
-        return triangulate(self._read_positions, self.polygons)
+        positions = self._read_positions if len(self.positions) else np.zeros((1, 3))
+        corners = np.where(bad, 0, self.polygons.corners)
+        triangles, owners = triangulate(positions, Polygons(self.polygons.indptr, corners))
+        return np.where(np.isin(owners, self.polygons.owners[bad])[:, None], -1, triangles), owners
 
     @cached_property
     def _weld(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        return weld(self._read_positions, self.triangles, self.parts)
+        return weld(self._read_positions, self.triangles[(self.triangles >= 0).all(axis=1)], self.parts)
 
     @property
     def welds(self) -> NDArray[np.int32]:
@@ -135,15 +167,35 @@ class MeshFile(ABC):
     @cached_property
     def mesh(self) -> Mesh:
         """The triangles with seams closed; raises MeshError where the file describes no valid mesh."""
+        if self._isolates:
+            return isolated(self.positions[self._weld[1]], self._welded_triangles)
         if not len(self.polygons):
             raise MeshError(f"the file has {len(self.positions)} vertices and no faces: points alone are not a mesh")
         bad = ~np.asarray(np.isfinite(self.positions).all(axis=1))
         if bad.any():
             raise MeshError(
                 f"{bad.sum()} of {len(bad)} vertices are not finite (vertices {self._numbers(np.flatnonzero(bad))}, "
-                f"counted from {self.counts_from}): give them a position, or remove them and their faces"
+                f"counted from {self.counts_from}): give them a position, remove them and their faces, or denoise with "
+                "on_bad='isolate'"
             )
-        return Mesh(self.positions[self._weld[1]], self.welds[self.triangles])
+        return Mesh(self.positions[self._weld[1]], self._welded_triangles)
+
+    @property
+    def _welded_triangles(self) -> NDArray[np.int32]:
+        """(m, 3) the triangles by vertices of `mesh`; -1 where the file names none."""
+        return np.append(self.welds, np.int32(-1))[self.triangles]
+
+    @property
+    def bad_vertices(self) -> NDArray[np.bool_]:
+        """(n,) the vertices that are not finite; `mesh` has them at the origin, or is refused."""
+        return bad_vertices(self._read_positions[self._weld[1]])
+
+    @cached_property
+    def left_out(self) -> NDArray[np.bool_]:
+        """(m,) the triangles that `mesh` is without; none unless the file is `isolating`."""
+        if not self._isolates:
+            return np.zeros(len(self.triangles), bool)
+        return bad_faces(self._read_positions[self._weld[1]], self._welded_triangles)
 
     def _numbers(self, places: NDArray[np.int64]) -> str:
         """Name the first few places as the format counts them: '17, 18, 40, …'."""
@@ -175,8 +227,10 @@ class MeshFile(ABC):
         if bad.any():
             raise MeshError(f"{bad.sum()} vertices are not finite as {rounded.dtype} (vertices {first_places(bad)})")
         moved = copy.copy(self)
-        moved.positions = np.where(copies == self.positions, self.positions, rounded)
-        moved.__dict__["mesh"] = mesh.moved(moved.positions[self._weld[1]].astype(np.float64))
+        finite = np.asarray(np.isfinite(self.positions).all(axis=1))[:, None]
+        moved.positions = np.where((copies == self.positions) | ~finite, self.positions, rounded)
+        first = self._weld[1]
+        moved.__dict__["mesh"] = mesh.moved(np.where(finite[first], moved.positions[first], mesh.vertices))
         return moved
 
     @property
@@ -186,4 +240,5 @@ class MeshFile(ABC):
 
     def _renewed(self, normals: Normals) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the normals of the present positions, and which of them belong to faces that moved."""
+        normals = normals._replace(corners=np.where(self.left_out[:, None], -1, normals.corners))
         return renewed_normals(normals, self.triangles, self.welds, self._read_positions, self.positions)

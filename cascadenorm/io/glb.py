@@ -147,8 +147,9 @@ class GlbFile(MeshFile):
             _put(buffer, self._normals_at[renewed], normals[renewed])
         document = copy.deepcopy(self._document)
         for number, rows in self._bounded.items():
-            if len(rows):
-                moved = self.positions[rows].astype(float)
+            moved = self.positions[rows].astype(float)
+            moved = moved[np.isfinite(moved).all(axis=1)]
+            if len(moved):
                 document["accessors"][number].update(min=moved.min(axis=0).tolist(), max=moved.max(axis=0).tolist())
         text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
         return _joined(self.data, {JSON: text + b" " * (-len(text) % 4), BIN: bytes(buffer)})

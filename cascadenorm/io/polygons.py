@@ -43,6 +43,10 @@ class Polygons(NamedTuple):
         """Polygon of each corner."""
         return np.repeat(np.arange(len(self)), self.counts)
 
+    def misnamed(self, count: int) -> NDArray[np.bool_]:
+        """Return which corners are not in 0 … count - 1."""
+        return np.asarray((self.corners < 0) | (self.corners >= count))
+
 
 def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Cut polygons into fans around their first corner, or around the first one that gives no folded triangle.
@@ -110,7 +114,8 @@ def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArr
 
     The factor keeps coordinates of any size from overflowing.
     """
-    largest = np.abs(positions).max(initial=0)
-    scaled = positions / (np.float64(largest) if largest > 0 else 1.0)
-    a, b, c = (scaled[triangles[:, corner]] for corner in range(3))
-    return np.asarray(np.cross(b - a, c - a))
+    largest = np.abs(positions).max(initial=0, where=np.isfinite(positions))
+    with np.errstate(invalid="ignore"):  # triangles with corners that are not finite come out the same way
+        scaled = positions / (np.float64(largest) if largest > 0 else 1.0)
+        a, b, c = (scaled[triangles[:, corner]] for corner in range(3))
+        return np.asarray(np.cross(b - a, c - a))

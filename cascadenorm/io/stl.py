@@ -42,7 +42,7 @@ class StlFile(MeshFile):
         return positions, Polygons.from_rows(np.arange(len(positions)).reshape(-1, 3))
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        moved = self._changed.reshape(-1, 9).any(axis=1)
+        moved = self._changed.reshape(-1, 9).any(axis=1) & ~self.left_out
         normals = unit(area_vectors(self.positions, self.triangles[moved])).astype(np.float32)
         if self._text is None:
             records = self._records.copy()
@@ -58,9 +58,8 @@ class StlFile(MeshFile):
         return text.replaced(words, spellings)
 
     def _read_content(self) -> Content:
-        mesh = self.mesh
-        positions = mesh.vertices.astype(self.positions.dtype)
-        polygons = Polygons.from_rows(mesh.faces.astype(np.int64))
+        positions = self.positions[self._weld[1]]
+        polygons = Polygons.from_rows(self.welds[self.triangles].astype(np.int64))
         if self._text is not None:
             return Content(positions, polygons, left_out=("names of solids",))
         attribute = self._records["attribute"]

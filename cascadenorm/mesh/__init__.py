@@ -1,5 +1,6 @@
 """Triangle meshes: arrays, topology, geometry, checks, and threads for the kernels that walk over them."""
 
+from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated
 from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, first_places, unit
 from cascadenorm.mesh.threads import kernel, limit_threads, over, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
@@ -10,7 +11,10 @@ __all__ = [
     "MeshError",
     "Topology",
     "Vectors",
+    "bad_faces",
+    "bad_vertices",
     "first_places",
+    "isolated",
     "kernel",
     "limit_threads",
     "over",

@@ -104,32 +104,45 @@ def first_places(bad: NDArray[np.bool_]) -> str:
     return ", ".join(map(str, places[:3])) + (", …" if len(places) > 3 else "")
 
 
-def _checked_vertices(vertices: ArrayLike) -> Vectors:
+def vertex_array(vertices: ArrayLike) -> Vectors:
+    """Return vertices as a float64 copy, whatever their values; raises MeshError where they are not (n, 3) numbers."""
     array = np.asarray(vertices)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise MeshError(f"vertices have shape {array.shape} and type {array.dtype}; they must be (n, 3) numbers")
-    array = np.array(array, np.float64, order="C")
-    bad = ~np.isfinite(array).all(axis=1)
+    return np.array(array, np.float64, order="C")
+
+
+def face_array(faces: ArrayLike) -> NDArray[Any]:
+    """Return faces as an array, whatever they name; raises MeshError where they are not (m, 3) integers."""
+    array = np.asarray(faces)
+    if array.size == 0:
+        return np.zeros((0, 3), np.int32)
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
+        raise MeshError(f"faces have shape {array.shape} and type {array.dtype}; they must be (m, 3) integers")
+    return array
+
+
+def _checked_vertices(vertices: ArrayLike) -> Vectors:
+    array = vertex_array(vertices)
+    bad = np.asarray(~np.isfinite(array).all(axis=1))
     if bad.any():
         raise MeshError(
             f"{bad.sum()} of {len(array)} vertices are not finite (vertices {first_places(bad)}): "
-            "give them a position, or remove them and their faces"
+            "give them a position, remove them and their faces, or denoise with on_bad='isolate'"
         )
     array.flags.writeable = False
     return array
 
 
 def _checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
-    array = np.asarray(faces)
-    if array.size == 0:
+    array = face_array(faces)
+    if not len(array):
         raise MeshError("the mesh has no faces: points alone cannot be denoised here")
-    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
-        raise MeshError(f"faces have shape {array.shape} and type {array.dtype}; they must be (m, 3) integers")
     bad = np.asarray(((array < 0) | (array >= vertex_count)).any(axis=1))
     if bad.any():
         raise MeshError(
             f"{bad.sum()} faces use vertices that do not exist (faces {first_places(bad)}; there are {vertex_count} "
-            "vertices): drop them, or check whether the numbering starts at 0"
+            "vertices): drop them, check whether the numbering starts at 0, or denoise with on_bad='isolate'"
         )
     array = np.array(array, np.int32, order="C")
     array.flags.writeable = False

@@ -1,0 +1,45 @@
+"""Bad vertices and faces, and the mesh without them, so that one bad number does not spoil the rest."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.mesh.mesh import Mesh, MeshError, face_array, vertex_array
+
+
+def bad_vertices(vertices: ArrayLike) -> NDArray[np.bool_]:
+    """Return which vertices are not finite, (n,)."""
+    return np.asarray(~np.isfinite(vertex_array(vertices)).all(axis=1))
+
+
+def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
+    """Return which faces name a vertex that does not exist or is not finite, or one vertex twice, (m,)."""
+    corners, bad = face_array(faces), bad_vertices(vertices)
+    misnamed = (corners < 0) | (corners >= len(bad))
+    a, b, c = corners.T
+    touching = np.append(bad, True)[np.where(misnamed, len(bad), corners)].any(axis=1)
+    return np.asarray(touching | (a == b) | (b == c) | (c == a))
+
+
+def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
+    """Return the mesh without its bad faces; bad vertices, which no face uses any more, are at the origin.
+
+    Parameters
+    ----------
+    vertices : (n, 3) numbers
+    faces : (m, 3) integers
+
+    Returns
+    -------
+    n vertices in their order, and the faces that are not bad in theirs
+
+    Raises
+    ------
+    MeshError : wrong shape or type, or no face is left
+    """
+    left = face_array(faces)[~bad_faces(vertices, faces)]
+    if not len(left):
+        raise MeshError(
+            f"none of {len(face_array(faces))} faces can be worked on: each names a vertex that does not exist or is "
+            "not finite, or one vertex twice; write the mesh again where it came from"
+        )
+    return Mesh(np.where(bad_vertices(vertices)[:, None], 0.0, vertex_array(vertices)), left)
