@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cascadenorm.baselines.holes import fill_holes
     from cascadenorm.controls import DenoiseError
     from cascadenorm.evaluation import evaluate
+    from cascadenorm.inspection import Inspection, inspect
     from cascadenorm.io import OutputError, ReadError, from_arrays, read, write
     from cascadenorm.learned.config import ConfigError, TrainConfig, read_config
     from cascadenorm.mesh import Mesh, MeshError
@@ -27,6 +28,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "ConfigError": "learned.config",
     "DenoiseError": "controls",
     "Denoiser": "models",
+    "Inspection": "inspection",
     "Measures": "metrics",
     "Mesh": "mesh",
     "MeshError": "mesh",
@@ -42,6 +44,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "fast_harmonics": "baselines.fast_spectral",
     "fill_holes": "baselines.holes",
     "from_arrays": "io",
+    "inspect": "inspection",
     "manifold_harmonics": "baselines.harmonics",
     "methods": "api",
     "read": "io",
@@ -55,6 +58,7 @@ __all__ = [
     "ConfigError",
     "DenoiseError",
     "Denoiser",
+    "Inspection",
     "Measures",
     "Mesh",
     "MeshError",
@@ -70,6 +74,7 @@ __all__ = [
     "fast_harmonics",
     "fill_holes",
     "from_arrays",
+    "inspect",
     "manifold_harmonics",
     "methods",
     "read",

@@ -108,6 +108,28 @@ def denoise(
 
 
 @app.command()
+def inspect(
+    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],
+    *,
+    self_intersections: Annotated[
+        bool | None,
+        typer.Option(help="Look for faces that cross, or do not; by default only in meshes of moderate size."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say what a mesh is, what is wrong with it and where, and how noisy it is."""
+    from dataclasses import asdict
+
+    from cascadenorm import inspection, report
+
+    found = inspection.inspect(sys.stdin.buffer if source == "-" else source, self_intersections=self_intersections)
+    if as_json:
+        report.print_json("inspect", asdict(found))
+    else:
+        report.print_inspection(found)
+
+
+@app.command()
 def compare(
     mesh: Annotated[str, typer.Argument(metavar="MESH", help="The mesh to judge, or - for stdin.")],
     reference: Annotated[str, typer.Argument(metavar="REFERENCE", help="The true mesh.")],

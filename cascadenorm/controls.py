@@ -109,7 +109,7 @@ def controlled(
     weights = _weights(mesh, controls)
     if REGION in method.settings and controls.hold_some:
         checked[REGION] = weights > 0
-    framed, exponent = _framed(mesh)
+    framed, exponent = in_frame(mesh)
     keep = None if controls.keep_detail is None else _length("keep_detail", controls.keep_detail, framed, exponent)
     framed = oriented(framed)
     with limit_threads(controls.threads), threadpool_limits(1, user_api="blas"):  # BLAS adds in an order by threads
@@ -159,7 +159,7 @@ def _fixed(fixed: NDArray[Any], count: int) -> NDArray[Any]:
     return fixed.astype(np.int64)
 
 
-def _framed(mesh: Mesh) -> tuple[Mesh, int]:
+def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
     """Return the mesh centred and scaled by 2**-exponent, exactly; vertices without a face are at the origin."""
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces] = True

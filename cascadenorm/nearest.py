@@ -24,29 +24,36 @@ class Surface:
     Parameters
     ----------
     mesh : m faces; one without area counts as the segment or point that it is
+
+    Attributes
+    ----------
+    order : (m,) the faces along the curve
+    corners : (m, 3, 3) their corners, in that order
+    boxes : (b, 2, 3) lower and upper corner of the boxes; node i lies over 2i + 1 and 2i + 2, and the lowest level, the
+        last (b + 1) / 2, holds LEAF faces each
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        self._order = np.argsort(_curve(mesh.centroids), kind="stable")
-        self._corners = mesh.corners[self._order]
-        leaves = 1 << max(0, int(np.ceil(np.log2(-(-len(self._corners) // LEAF)))))
-        self._boxes = np.empty((2 * leaves - 1, 2, 3))  # node i lies over 2i + 1 and 2i + 2; lower and upper corner
-        lowest = self._boxes[leaves - 1 :]
+        self.order = np.argsort(_curve(mesh.centroids), kind="stable")
+        self.corners = mesh.corners[self.order]
+        leaves = 1 << max(0, int(np.ceil(np.log2(-(-len(self.corners) // LEAF)))))
+        self.boxes = np.empty((2 * leaves - 1, 2, 3))
+        lowest = self.boxes[leaves - 1 :]
         lowest[:, 0], lowest[:, 1] = np.inf, -np.inf
-        starts = np.arange(0, len(self._corners), LEAF)
-        lowest[: len(starts), 0] = np.minimum.reduceat(self._corners.min(axis=1), starts)
-        lowest[: len(starts), 1] = np.maximum.reduceat(self._corners.max(axis=1), starts)
+        starts = np.arange(0, len(self.corners), LEAF)
+        lowest[: len(starts), 0] = np.minimum.reduceat(self.corners.min(axis=1), starts)
+        lowest[: len(starts), 1] = np.maximum.reduceat(self.corners.max(axis=1), starts)
         while leaves > 1:
             leaves //= 2
-            children = self._boxes[2 * leaves - 1 : 4 * leaves - 1].reshape(-1, 2, 2, 3)
-            self._boxes[leaves - 1 : 2 * leaves - 1, 0] = children[:, :, 0].min(axis=1)
-            self._boxes[leaves - 1 : 2 * leaves - 1, 1] = children[:, :, 1].max(axis=1)
+            children = self.boxes[2 * leaves - 1 : 4 * leaves - 1].reshape(-1, 2, 2, 3)
+            self.boxes[leaves - 1 : 2 * leaves - 1, 0] = children[:, :, 0].min(axis=1)
+            self.boxes[leaves - 1 : 2 * leaves - 1, 1] = children[:, :, 1].max(axis=1)
 
     def nearest(self, points: Vectors) -> Nearest:
         """Find the nearest point of the surface to each of the points, (k, 3); among equals the lowest face."""
         points = np.ascontiguousarray(points, np.float64)
         squared, faces = np.empty(len(points)), np.empty(len(points), np.int64)
-        over(len(points), _search, points, self._corners, self._order, self._boxes, squared, faces)
+        over(len(points), _search, points, self.corners, self.order, self.boxes, squared, faces)
         return Nearest(np.sqrt(squared), faces)
 
 

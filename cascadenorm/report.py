@@ -5,7 +5,7 @@ import io
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
@@ -17,12 +17,15 @@ from rich.table import Table
 from cascadenorm.api import Report
 from cascadenorm.controls import REGION
 from cascadenorm.evaluation import Evaluation, Result
+from cascadenorm.inspection import Inspection
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.learned import progress
 from cascadenorm.metrics import Measures
 from cascadenorm.registry import Method, Setting
 
 JSON_VERSION = 1
+COARSE = 0.01
+"""Steps of the number type, in mean edge lengths, from which on they are spoken of."""
 PLAIN_WIDTH = 120
 """Columns of a table that does not go to a terminal."""
 
@@ -45,6 +48,66 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
         print(f"cascadenorm: left alone as bad: {bad}", file=sys.stderr)
     for loss in done.left_out:
         print(f"cascadenorm: left out: {loss}", file=sys.stderr)
+
+
+FINDINGS = {
+    "bad_indices": "faces name vertices that do not exist",
+    "not_finite": "vertices are not finite",
+    "repeated_corners": "faces name a vertex twice",
+    "non_manifold_edges": "edges have more than two faces",
+    "non_manifold_vertices": "vertices join faces that do not hang together there",
+    "turned_edges": "edges lie between faces of which one is turned over",
+    "inside_out": "closed parts are inside out, or cavities",
+    "zero_area": "faces have no area",
+    "slivers": "faces are slivers, less than 1 % as high as long",
+    "duplicate_faces": "faces repeat an earlier one",
+    "unreferenced": "vertices belong to no face",
+    "duplicate_vertices": "vertices lie where an earlier one does, but are not joined to it",
+    "crossing_faces": "faces pass through others",
+}
+"""What is said of each finding of an inspection, after the number of places."""
+
+
+def print_inspection(found: Inspection) -> None:
+    """Print what a mesh is and what was found in it, a line each."""
+    kind = "closed" if found.closed else f"open: {found.rims} rims, {found.boundary_edges} edges long in all"
+    handles = f", genus {found.genus}" if found.genus is not None else ""
+    copies = found.file_vertices - found.vertices
+    print(f"{found.source}: {found.vertices} vertices, {found.faces} faces, {found.number_type}")
+    if copies:
+        print(f"  the file splits vertices: it has {found.file_vertices}, of which {copies} are copies")
+    if found.lower is not None and found.upper is not None:
+        print(f"  parts: {found.parts}; {kind}; Euler characteristic {found.euler_characteristic}{handles}")
+        print(f"  box from {_numbers(found.lower)} to {_numbers(found.upper)}")
+        print(
+            f"  mean edge length {_number(found.mean_edge_length)}, area {_number(found.area)}, "
+            f"enclosed volume {_number(found.volume)}"
+        )
+    noise = "not to be told" if found.noise is None else f"about {found.noise:.2g} mean edge lengths"
+    print(f"  noise along the normal: {noise}")
+    if found.resolution is not None and found.resolution > COARSE:
+        print(
+            f"  {found.number_type} is too coarse at these coordinates: its steps are {found.resolution:.2g} mean edge "
+            "lengths; write float64 numbers, or move the mesh to the origin first"
+        )
+    for name, places in found.findings.items():
+        first = ", ".join("-".join(map(str, p)) if isinstance(p, tuple) else str(p) for p in places.first)
+        more = ", …" if places.count > len(places.first) else ""
+        print(f"  {places.count} {FINDINGS[name]}: {first}{more}")
+    if found.crossing_faces is None:
+        print("  faces that pass through others were not looked for, there are too many; --self-intersections does")
+    if not found.findings:
+        print("  nothing is wrong with it")
+    else:
+        print(f"  (places are numbers of vertices or faces, counted from {found.counts_from})")
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:.9g}' for value in values)})"
+
+
+def _number(value: float | None) -> str:
+    return "none" if value is None else f"{value:.6g}"
 
 
 def print_measures(measures: Measures) -> None:

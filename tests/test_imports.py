@@ -29,6 +29,7 @@ MAY_IMPORT = {
     "baselines": CLASSICAL,
     "learned": {*CLASSICAL, "baselines", "data_gen"},
     "controls": {*CLASSICAL, "orientation", "rims", "creases", "detail"},
+    "inspection": {"mesh", "io", "interop", "controls", "volume", "orientation", "nearest"},
     "api": {*CLASSICAL, "baselines", "learned", "controls", "interop", "io", "metrics"},
 }
 """Parts that are held to a list; the others may import anything but the command line."""

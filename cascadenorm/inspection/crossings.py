@@ -1,0 +1,118 @@
+"""Faces that pass through other faces of the same mesh."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Mesh, kernel, over
+from cascadenorm.nearest import LEAF, Surface
+
+MOST_NEAR = 1000  # faces around one face that are looked at before it is given up
+ROUNDING = 1e-14  # a determinant that small, relative to the sides that it is made of, may be zero
+
+
+def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which faces pass through another: a side of one goes through the inside or the rim of the other.
+
+    Faces that only touch do not count, nor do those that overlap in one plane, share two corners, or have two in one
+    place. Where a thousand faces lie around one, no more are looked at.
+
+    Parameters
+    ----------
+    mesh : m faces
+    places : (n,) equal for vertices in the same place: faces that meet there touch, whether they share a vertex or not
+
+    Returns
+    -------
+    (m,) bool
+    """
+    crossing = np.zeros(len(mesh.faces), bool)
+    a, b, c = places[mesh.faces].T
+    proper = np.flatnonzero((a != b) & (b != c) & (c != a))
+    if len(proper):
+        surface = Surface(Mesh(mesh.vertices, mesh.faces[proper]))
+        order = proper[surface.order]
+        named, found = np.ascontiguousarray(places[mesh.faces[order]]), np.empty(len(order), bool)
+        over(len(order), _crossing, surface.corners, named, surface.boxes, found)
+        crossing[order] = found
+    return crossing
+
+
+@kernel
+def _crossing(start, stop, corners, named, boxes, found):  # type: ignore[no-untyped-def]
+    """Walk down the tree of boxes with each face, until one is found that it crosses."""
+    first_leaf = len(boxes) // 2
+    stack = np.empty(64, np.int64)
+    lower, upper = np.empty(3), np.empty(3)
+    for f in range(start, stop):
+        for d in range(3):
+            lower[d] = min(corners[f, 0, d], corners[f, 1, d], corners[f, 2, d])
+            upper[d] = max(corners[f, 0, d], corners[f, 1, d], corners[f, 2, d])
+        found[f] = False
+        stack[0], top, near = 0, 1, 0
+        while top > 0 and not found[f] and near < MOST_NEAR:
+            top -= 1
+            node = stack[top]
+            if not _overlap(lower, upper, boxes[node]):
+                continue
+            if node < first_leaf:
+                stack[top], stack[top + 1] = 2 * node + 2, 2 * node + 1
+                top += 2
+                continue
+            first = (node - first_leaf) * LEAF
+            for g in range(first, min(first + LEAF, len(corners))):
+                near += 1
+                if g != f and _cross(corners[f], named[f], corners[g], named[g]):
+                    found[f] = True
+                    break
+
+
+@kernel
+def _overlap(lower, upper, box):  # type: ignore[no-untyped-def]
+    apart = False
+    for d in range(3):
+        apart |= lower[d] > box[1, d] or upper[d] < box[0, d]
+    return not apart
+
+
+@kernel
+def _cross(ours, our_names, theirs, their_names):  # type: ignore[no-untyped-def]
+    """Tell whether two triangles cross; of sides that end at a common corner only the opposite one can."""
+    shared = our_shared = their_shared = 0
+    for i in range(3):
+        for j in range(3):
+            if our_names[i] == their_names[j]:
+                shared, our_shared, their_shared = shared + 1, i, j
+    if shared > 1:
+        return False
+    if shared == 1:
+        i, j = our_shared, their_shared
+        return _pierces(ours[(i + 1) % 3], ours[(i + 2) % 3], theirs) or _pierces(
+            theirs[(j + 1) % 3], theirs[(j + 2) % 3], ours
+        )
+    for i in range(3):
+        if _pierces(ours[i], ours[(i + 1) % 3], theirs) or _pierces(theirs[i], theirs[(i + 1) % 3], ours):
+            return True
+    return False
+
+
+@kernel
+def _pierces(p, q, triangle):  # type: ignore[no-untyped-def]
+    """Tell whether the segment from p to q goes through a triangle, from one side of its plane to the other."""
+    a, b, c = triangle[0], triangle[1], triangle[2]
+    if _side(a, b, c, p) * _side(a, b, c, q) >= 0:
+        return False
+    u, v, w = _side(p, q, a, b), _side(p, q, b, c), _side(p, q, c, a)
+    return (u >= 0 and v >= 0 and w >= 0) or (u <= 0 and v <= 0 and w <= 0)
+
+
+@kernel
+def _side(a, b, c, d):  # type: ignore[no-untyped-def]
+    """Sign of the determinant of b - a, c - a, d - a; 0 where rounding may have made it."""
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    wx, wy, wz = d[0] - a[0], d[1] - a[1], d[2] - a[2]
+    determinant = wx * (uy * vz - uz * vy) + wy * (uz * vx - ux * vz) + wz * (ux * vy - uy * vx)
+    size = (abs(ux) + abs(uy) + abs(uz)) * (abs(vx) + abs(vy) + abs(vz)) * (abs(wx) + abs(wy) + abs(wz))
+    if abs(determinant) <= ROUNDING * size:
+        return 0
+    return 1 if determinant > 0 else -1

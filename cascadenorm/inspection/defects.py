@@ -1,0 +1,74 @@
+"""Places where a mesh is no clean surface: rims, edges and vertices that are not manifold, copies, slivers."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cascadenorm.mesh import Mesh, Topology
+
+Mask = NDArray[np.bool_]
+
+FLAT = 1e-12
+"""A face whose height is smaller than this share of its longest side has no area but by rounding."""
+THIN = 0.01
+"""A face whose height is smaller than this share of its longest side is a sliver."""
+
+
+def turned_edges(topology: Topology) -> Mask:
+    """Return which edges have two faces that run along them the same way, (e,)."""
+    sides = np.stack([topology.faces, np.roll(topology.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    ways = np.bincount(topology.face_edges.ravel(), np.sign(sides[:, 1] - sides[:, 0]), len(topology.edges))
+    return np.asarray((topology.edge_faces.counts == 2) & (ways != 0))
+
+
+def pinched_vertices(topology: Topology) -> Mask:
+    """Return the vertices whose faces do not hang together across edges at that vertex, (n,): two fans or more."""
+    faces, count = topology.faces, topology.faces.size
+    order = np.argsort(topology.face_edges, axis=None, kind="stable")
+    same = np.flatnonzero(np.diff(topology.face_edges.ravel()[order]) == 0)
+    here, there = order[same], order[same + 1]  # sides at one edge; a side has the number of the corner it starts at
+    ends = np.stack([here, _next_corner(here)], axis=1), np.stack([there, _next_corner(there)], axis=1)
+    against = faces.ravel()[ends[0][:, 0]] != faces.ravel()[ends[1][:, 0]]
+    other = np.where(against[:, None], ends[1][:, ::-1], ends[1])
+    fans = _parts(count, ends[0].ravel(), other.ravel())
+    vertex_of_fan = np.zeros(fans.max(initial=-1) + 1, np.int64)
+    vertex_of_fan[fans] = faces.ravel()
+    return np.asarray(np.bincount(vertex_of_fan, minlength=topology.vertex_count) > 1)
+
+
+def rim_count(topology: Topology) -> int:
+    """Return the number of connected chains of edges that have a single face."""
+    rim = topology.edges[topology.edge_faces.counts == 1]
+    part = _parts(topology.vertex_count, rim[:, 0], rim[:, 1])
+    return len(np.unique(part[rim]))
+
+
+def thin_faces(mesh: Mesh) -> tuple[Mask, Mask]:
+    """Return which faces have no area but by rounding, and which others are slivers; each (m,)."""
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
+    height = np.divide(2 * mesh.areas, longest, out=np.zeros_like(longest), where=longest > 0)
+    flat = height <= FLAT * longest
+    return np.asarray(flat), np.asarray(~flat & (height < THIN * longest))
+
+
+def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:
+    """Return which rows came before, and for each row the first that is equal; both (k,)."""
+    order = np.lexsort(rows.T[::-1])
+    new = np.ones(len(rows), bool)
+    new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    first = np.empty(len(rows), np.int64)
+    first[order] = order[new][np.cumsum(new) - 1]
+    return np.asarray(first != np.arange(len(rows))), first
+
+
+def _next_corner(corner: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.where(corner % 3 == 2, corner - 2, corner + 1)
+
+
+def _parts(count: int, starts: NDArray[Any], ends: NDArray[Any]) -> NDArray[np.int32]:
+    """Return the number of the connected part of each of `count` nodes."""
+    links = sparse.csr_matrix((np.ones(len(starts), np.int8), (starts, ends)), (count, count))
+    return np.asarray(sparse.csgraph.connected_components(links, directed=False)[1], np.int32)

@@ -1,0 +1,46 @@
+"""Closed parts: what they enclose, and how many handles they have."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.inspection.defects import pinched_vertices
+from cascadenorm.mesh import Mesh
+from cascadenorm.volume import closed_parts
+
+
+class Enclosed(NamedTuple):
+    """The closed, consistently wound parts of a mesh.
+
+    Parameters
+    ----------
+    faces : (c,) the first face of each part
+    volumes : (c,) negative where a part is inside out
+    characteristics : (c,) Euler characteristic V - E + F; 2 - 2 · handles where the part is a manifold
+    manifold : (c,) whether every vertex of the part has a single fan of faces
+    """
+
+    faces: NDArray[np.int64]
+    volumes: NDArray[np.float64]
+    characteristics: NDArray[np.int64]
+    manifold: NDArray[np.bool_]
+
+
+def enclosed(mesh: Mesh) -> Enclosed:
+    """Measure the closed parts of a mesh."""
+    number, total = closed_parts(mesh)
+    of_face, of_edge = number[mesh.faces[:, 0]], number[mesh.topology.edges[:, 0]]
+    inside = np.flatnonzero(of_face >= 0)
+    parts, first = np.unique(of_face[inside], return_index=True)
+    assert len(parts) == total
+    first = inside[first]
+    arms = mesh.corners[inside] - mesh.vertices[mesh.faces[first, 0]][of_face[inside], None]
+    a, b, c = np.moveaxis(arms, 1, 0)
+    sixths = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    volumes = np.asarray(np.bincount(of_face[inside], sixths, total), np.float64)
+    counts = [np.bincount(of[of >= 0], minlength=total) for of in (number, of_edge, of_face)]
+    manifold = np.ones(total, bool)
+    pinched = number[pinched_vertices(mesh.topology)]
+    manifold[pinched[pinched >= 0]] = False
+    return Enclosed(first, volumes, counts[0] - counts[1] + counts[2], manifold)

@@ -1,0 +1,288 @@
+"""Inspect a mesh of any kind: what it is, what is wrong with it, where, and how noisy it is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from os import PathLike, fspath
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm import io
+from cascadenorm.controls import in_frame
+from cascadenorm.inspection.crossings import crossing_faces
+from cascadenorm.inspection.defects import pinched_vertices, repeats, rim_count, thin_faces, turned_edges
+from cascadenorm.inspection.enclosed import enclosed
+from cascadenorm.inspection.noise_level import noise_level
+from cascadenorm.interop import adapter
+from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated
+from cascadenorm.mesh.mesh import face_array, vertex_array
+from cascadenorm.orientation import oriented
+
+MOST_FACES_CROSSED = 200_000
+"""Faces up to which those that cross are looked for unasked; it takes seconds for 100,000."""
+PLACES = 10
+"""Places that are named of each finding."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """How many places there are where something is wrong, and the first of them.
+
+    Parameters
+    ----------
+    count : of faces, vertices or edges
+    first : up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as the file counts
+    """
+
+    count: int
+    first: tuple[Any, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspection:
+    """What a mesh is and what is wrong with it; faces are triangles, larger polygons being cut.
+
+    Vertices that the file splits at seams count once. Bad indices and vertices that are not finite are counted first;
+    what follows is about the faces besides, and about those with three different corners.
+
+    Parameters
+    ----------
+    source : name of the file, or of the kind of mesh
+    number_type : of the coordinates, float32 or float64
+    counts_from : number of the first vertex and face in the places named
+    vertices, file_vertices, faces : their numbers; the file's vertices include copies at seams
+    bad_indices : faces that name a vertex that does not exist
+    not_finite : vertices with a coordinate that is not finite
+    repeated_corners : faces that name a vertex twice
+    parts : connected components that have a face
+    closed : whether every edge has two faces or more
+    rims, boundary_edges : chains of edges with a single face, and those edges
+    non_manifold_edges : with more than two faces
+    non_manifold_vertices : where faces meet that do not hang together there
+    turned_edges : whose two faces run along them the same way, so that one of them is turned over
+    inside_out : closed parts with a negative volume, by a face of each; cavities are such parts as well
+    zero_area, slivers : faces without height, and those with one below 1 % of their longest side
+    duplicate_faces : faces on the same three vertices as an earlier one
+    unreferenced : vertices that no face names
+    duplicate_vertices : vertices at the place of an earlier one, but not joined with it
+    crossing_faces : faces that pass through others; None where that was not looked for
+    euler_characteristic : vertices less edges plus faces
+    genus : handles of all closed parts that are manifolds; None where there is none
+    lower, upper : corners of the bounding box of the faces
+    mean_edge_length, area, volume : in the unit of the mesh; the volume of the closed parts, None without one
+    resolution : step from one number to the next at the largest coordinate, in mean edge lengths
+    noise : estimated standard deviation along the normal, in mean edge lengths; None where that is not possible
+    """
+
+    source: str
+    number_type: str
+    counts_from: int
+    vertices: int
+    file_vertices: int
+    faces: int
+    bad_indices: Found
+    not_finite: Found
+    repeated_corners: Found
+    parts: int
+    closed: bool
+    rims: int
+    boundary_edges: int
+    non_manifold_edges: Found
+    non_manifold_vertices: Found
+    turned_edges: Found
+    inside_out: Found
+    zero_area: Found
+    slivers: Found
+    duplicate_faces: Found
+    unreferenced: Found
+    duplicate_vertices: Found
+    crossing_faces: Found | None
+    euler_characteristic: int
+    genus: int | None
+    lower: tuple[float, ...] | None
+    upper: tuple[float, ...] | None
+    mean_edge_length: float | None
+    area: float | None
+    volume: float | None
+    resolution: float | None
+    noise: float | None
+
+    @property
+    def findings(self) -> dict[str, Found]:
+        """What was found at least once, by its name."""
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in found.items() if isinstance(value, Found) and value.count}
+
+
+class Given(NamedTuple):
+    """A mesh as it was handed in.
+
+    Parameters
+    ----------
+    source, number_type, counts_from : as in Inspection
+    vertices : (n, 3), of any value; faces : (m, 3), of any value
+    vertex_numbers, face_numbers : (n,) and (m,) where they are in the source, counted from 0
+    file_vertices : number of the positions in the source
+    """
+
+    source: str
+    number_type: str
+    counts_from: int
+    vertices: NDArray[np.float64]
+    faces: NDArray[Any]
+    vertex_numbers: NDArray[np.int64]
+    face_numbers: NDArray[np.int64]
+    file_vertices: int
+
+    def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
+        """Name vertices."""
+        return _found(int(bad.sum()), self.vertex_numbers[bad], self.counts_from)
+
+    def at_faces(self, bad: NDArray[np.bool_]) -> Found:
+        """Name faces; one that was cut into several is named once."""
+        return _found(int(bad.sum()), np.unique(self.face_numbers[bad]), self.counts_from)
+
+    def at_edges(self, edges: NDArray[np.int32]) -> Found:
+        """Name edges by the numbers of their ends."""
+        return _found(len(edges), self.vertex_numbers[edges], self.counts_from)
+
+
+def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bool | None = None) -> Inspection:
+    """Look a mesh over; what cannot be denoised is reported here rather than refused.
+
+    Parameters
+    ----------
+    mesh : vertices as an (n, 3) array, with `faces`; or alone a path, a stream of bytes, a `cascadenorm.Mesh`, or a
+        mesh of trimesh, pyvista, open3d or meshio
+    faces : (m, 3) integers
+    self_intersections : whether to look for faces that cross each other; None: up to MOST_FACES_CROSSED faces
+
+    Raises
+    ------
+    ReadError : a file that cannot be read
+    MeshError : arrays of the wrong shape or type
+    """
+    given = _given(mesh, faces)
+    corners, count = given.faces, len(given.vertices)
+    misnamed = np.asarray(((corners < 0) | (corners >= count)).any(axis=1))
+    a, b, c = corners.T
+    bad = bad_faces(given.vertices, corners)
+    used = np.zeros(count + 1, bool)
+    used[np.where((corners < 0) | (corners >= count), count, corners)] = True
+    report = _shape(given, isolated(given.vertices, corners), ~bad, self_intersections) if not bad.all() else NOTHING
+    return Inspection(
+        source=given.source,
+        number_type=given.number_type,
+        counts_from=given.counts_from,
+        vertices=count,
+        file_vertices=given.file_vertices,
+        faces=len(corners),
+        bad_indices=given.at_faces(misnamed),
+        not_finite=given.at_vertices(bad_vertices(given.vertices)),
+        repeated_corners=given.at_faces(~misnamed & np.asarray((a == b) | (b == c) | (c == a))),
+        unreferenced=given.at_vertices(~used[:-1]),
+        duplicate_vertices=given.at_vertices(repeats(given.vertices)[0] & ~bad_vertices(given.vertices)),
+        **report,
+    )
+
+
+def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections: bool | None) -> dict[str, Any]:
+    """Everything about the good faces, of which `mesh` is made."""
+    small, exponent = in_frame(mesh)
+    topology, around = mesh.topology, mesh.topology.edge_faces.counts
+    numbered = given._replace(face_numbers=given.face_numbers[good])
+    parts = enclosed(small)
+    flat, thin = thin_faces(small)
+    looks = len(mesh.faces) <= MOST_FACES_CROSSED if self_intersections is None else self_intersections
+    crossing = crossing_faces(small, repeats(small.vertices)[1]) if looks else None
+    inside_out = np.zeros(len(mesh.faces), bool)
+    inside_out[parts.faces[parts.volumes < 0]] = True
+    corners = mesh.vertices[mesh.faces.ravel()]
+    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
+    edge = float(np.ldexp(small.mean_edge_length, exponent))
+    return {
+        "parts": len(np.unique(topology.components[mesh.faces[:, 0]])),
+        "closed": bool((around > 1).all()),
+        "rims": rim_count(topology),
+        "boundary_edges": int((around == 1).sum()),
+        "non_manifold_edges": numbered.at_edges(topology.edges[around > 2]),
+        "non_manifold_vertices": numbered.at_vertices(pinched_vertices(topology)),
+        "turned_edges": numbered.at_edges(topology.edges[turned_edges(topology)]),
+        "inside_out": numbered.at_faces(inside_out),
+        "zero_area": numbered.at_faces(flat),
+        "slivers": numbered.at_faces(thin),
+        "duplicate_faces": numbered.at_faces(repeats(np.sort(mesh.faces, axis=1))[0]),
+        "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
+        "euler_characteristic": len(np.unique(mesh.faces)) - len(topology.edges) + len(mesh.faces),
+        "genus": int((2 - parts.characteristics[parts.manifold]).sum() // 2) if parts.manifold.any() else None,
+        "lower": tuple(lower.tolist()),
+        "upper": tuple(upper.tolist()),
+        "mean_edge_length": edge,
+        "area": _scaled(small.area, 2 * exponent),
+        "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
+        "resolution": step / edge if edge > 0 else None,
+        "noise": noise_level(oriented(small)),
+    }
+
+
+NONE_FOUND = Found(0, ())
+
+NOTHING: dict[str, Any] = {
+    **dict.fromkeys(("parts", "rims", "boundary_edges", "euler_characteristic"), 0),
+    **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "turned_edges", "inside_out"), NONE_FOUND),
+    **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "crossing_faces"), NONE_FOUND),
+    **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise")),
+    "closed": False,
+}
+"""What `_shape` says where no face is good."""
+
+
+def _given(mesh: Any, faces: ArrayLike | None) -> Given:
+    if faces is None and (isinstance(mesh, str | PathLike) or hasattr(mesh, "read")):
+        name = fspath(mesh) if isinstance(mesh, str | PathLike) else str(getattr(mesh, "name", "the stream"))
+        return _given_file(io.read(mesh).isolating(), name)
+    if faces is not None:
+        arrays, source = (mesh, faces), "arrays"
+    else:
+        arrays = (mesh.vertices, mesh.faces) if isinstance(mesh, Mesh) else adapter(mesh).arrays(mesh)
+        source = type(mesh).__name__
+    kind = np.asarray(arrays[0]).dtype
+    vertices, corners = vertex_array(arrays[0]), face_array(arrays[1])
+    return Given(
+        source=source,
+        number_type=kind.name if kind.name == "float32" else "float64",
+        counts_from=0,
+        vertices=vertices,
+        faces=corners,
+        vertex_numbers=np.arange(len(vertices)),
+        face_numbers=np.arange(len(corners)),
+        file_vertices=len(vertices),
+    )
+
+
+def _given_file(file: io.MeshFile, name: str) -> Given:
+    first = np.unique(file.welds, return_index=True)[1]
+    return Given(
+        source=name,
+        number_type=file.positions.dtype.name,
+        counts_from=file.counts_from,
+        vertices=file.positions[first].astype(np.float64),
+        faces=np.append(file.welds, np.int32(-1))[file.triangles],
+        vertex_numbers=first,
+        face_numbers=file.triangle_polygons,
+        file_vertices=len(file.positions),
+    )
+
+
+def _found(count: int, places: NDArray[Any], counts_from: int) -> Found:
+    named: Sequence[Any] = (places[:PLACES] + counts_from).tolist()
+    return Found(count, tuple(tuple(place) if isinstance(place, list) else place for place in named))
+
+
+def _scaled(value: float, exponent: int) -> float | None:
+    """Return value · 2**exponent; None where that is too large for a number."""
+    with np.errstate(over="ignore"):
+        scaled = float(np.ldexp(value, exponent))
+    return scaled if np.isfinite(scaled) else None

@@ -1,0 +1,119 @@
+"""How noisy a mesh is, estimated from the mesh alone."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from cascadenorm.mesh import Mesh, Vectors, kernel, over
+
+SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
+FEWEST = 30  # edges below which nothing is said
+START = 0.2  # share of the differences that are surely no creases
+CLIP = 1.5  # standard deviations beyond which a difference may belong to a crease
+KEPT_VARIANCE = 1 - 2 * CLIP * norm.pdf(CLIP) / (2 * norm.cdf(CLIP) - 1)  # of a Gaussian that is cut off there
+ROUNDS = 50
+
+
+def noise_level(mesh: Mesh) -> float | None:
+    """Estimate the standard deviation of the noise along the normal, in mean edge lengths of the mesh as it is.
+
+    The height of a vertex i over the mean of its k_i neighbours, h_i = <x_i - mean_j x_j, n>, over the mean of their
+    squared distances s_i, is half the mean curvature where the surface is smooth, so that between two neighbours it
+    hardly changes, however regular the mesh. What does change is noise: for an edge ij
+
+        e = s (h_i / s_i - h_j / s_j),    s = (s_i + s_j) / 2
+
+    is a weighted sum of heights, whose variance on a plane is that of the noise times the sum of the squared weights.
+    Each e is divided by the root of that sum; their standard deviation is then that of the noise. It is taken over
+    those within CLIP of it, found by iteration from the smallest, so that creases hardly count.
+
+    Right within 25 % from 0.05 to 0.5 where less than a third of the edges are near creases; below 0.02 for what is
+    clean and smooth. Detail as fine as the mesh cannot be told from noise; noise that is alike in neighbouring
+    vertices, as of a smoothed scan, is not seen.
+
+    Returns
+    -------
+    In mean edge lengths; None where there are too few edges away from the rim
+    """
+    edges = _inner_edges(mesh)
+    if len(edges) < FEWEST:
+        return None
+    edges = edges[np.linspace(0, len(edges) - 1, min(SAMPLES, len(edges))).astype(np.int64)]
+    around = mesh.topology.vertex_neighbors
+    differences = np.empty(len(edges))
+    over(
+        len(edges),
+        _differences,
+        mesh.vertices,
+        _vertex_vectors(mesh),
+        edges,
+        around.indptr,
+        around.indices,
+        differences,
+    )
+    return _clipped_deviation(differences) / mesh.mean_edge_length
+
+
+def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
+    """Edges with two faces, no end of which lies on an edge with one or with more than two."""
+    topology = mesh.topology
+    on_border = np.zeros(len(mesh.vertices), bool)
+    on_border[topology.edges[topology.edge_faces.counts != 2]] = True
+    edges = topology.edges[topology.interior_edges]
+    return np.ascontiguousarray(edges[~on_border[edges].any(axis=1)])
+
+
+def _vertex_vectors(mesh: Mesh) -> Vectors:
+    """(n, 3) sums of the area vectors around each vertex, which do not depend on where the vertex itself is."""
+    faces, vectors = mesh.faces.ravel(), np.repeat(mesh.area_vectors, 3, axis=0)
+    return np.stack([np.bincount(faces, vectors[:, axis], len(mesh.vertices)) for axis in range(3)], axis=1)
+
+
+def _clipped_deviation(differences: NDArray[np.float64]) -> float:
+    """Standard deviation about 0 of the Gaussian that the smaller differences come from."""
+    sizes = np.abs(differences)
+    deviation = float(np.quantile(sizes, START) / norm.ppf(0.5 + START / 2))
+    for _ in range(ROUNDS):
+        within = sizes[sizes <= CLIP * deviation]
+        deviation = float(np.sqrt(np.square(within).mean() / KEPT_VARIANCE)) if len(within) else 0.0
+    return deviation
+
+
+@kernel
+def _differences(start, stop, vertices, vectors, edges, indptr, indices, out):  # type: ignore[no-untyped-def]
+    normal = np.empty(3)
+    for e in range(start, stop):
+        i, j = edges[e]
+        normal[:] = vectors[i] + vectors[j]
+        length = np.sqrt((normal * normal).sum())
+        if length == 0:
+            out[e] = 0.0
+            continue
+        normal /= length
+        around_i, around_j = indices[indptr[i] : indptr[i + 1]], indices[indptr[j] : indptr[j + 1]]
+        spread_i, spread_j = _spread(vertices, i, around_i), _spread(vertices, j, around_j)
+        a, b = 0.5 + 0.5 * spread_j / spread_i, 0.5 + 0.5 * spread_i / spread_j
+        a_each, b_each = a / len(around_i), b / len(around_j)
+        at_i, at_j = a + b_each, -b - a_each
+        squares = at_i * at_i + at_j * at_j
+        height = at_i * (vertices[i] * normal).sum() + at_j * (vertices[j] * normal).sum()
+        for v in around_i:
+            if v != j:
+                weight = -a_each + (b_each if v in around_j else 0.0)
+                squares += weight * weight
+                height += weight * (vertices[v] * normal).sum()
+        for v in around_j:
+            if v != i and v not in around_i:
+                squares += b_each * b_each
+                height += b_each * (vertices[v] * normal).sum()
+        out[e] = height / np.sqrt(squares)
+
+
+@kernel
+def _spread(vertices, i, around):  # type: ignore[no-untyped-def]
+    """Mean of the squared distances of the neighbours."""
+    total = 0.0
+    for v in around:
+        for d in range(3):
+            total += (vertices[v, d] - vertices[i, d]) ** 2
+    return total / len(around)
