@@ -1,5 +1,6 @@
 """Denoising and comparing meshes of any kind: files, arrays, and the meshes of other libraries."""
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -209,7 +210,6 @@ def as_mesh(source: Any) -> Mesh:
 
 def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
     """Write triangles to a new file in the format of its extension."""
-    check_output(path, force=force)
     io.write(io.from_arrays(mesh.vertices, mesh.faces), path, force=force)
 
 
@@ -223,6 +223,7 @@ def fill_holes_file(
     ReadError, MeshError, ParameterError, OutputError : nothing is written then
     """
     check_output(output, force=force)
+    io.output_format(output)
     mesh = as_mesh(source)
     filled = fill_holes(mesh, order=order, max_edges=max_edges)
     save_mesh(output, filled, force=force)
@@ -267,15 +268,19 @@ def _denoised_file(
             raise TypeError("a stream has no place for its output: give one")
         path = Path(source)
         output = path.with_name(f"{path.stem}_denoised{path.suffix}")
-    if isinstance(output, str | PathLike):
+        check_output(output, force=force)
+    elif isinstance(output, str | PathLike):
         check_output(Path(output), force=force)
+        if not _is_special(output):
+            io.output_format(output)
     method.checked(parameters)
     file = io.read(source).isolating() if isolate else io.read(source)
+    format = io.output_format(output, file.format)
     mesh = _mesh_of(file, _name(source))
     start = time.perf_counter()
     vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
     seconds = time.perf_counter() - start
-    left_out = io.write(file.with_vertices(vertices), output, force=force)
+    left_out = io.write(file.with_vertices(vertices), output, format=format, force=force)
     moves = np.linalg.norm(vertices - mesh.vertices, axis=1)
     in_edges = moves / mesh.mean_edge_length if mesh.mean_edge_length > 0 else moves
     return Report(
@@ -294,6 +299,11 @@ def _denoised_file(
         seconds=seconds,
         left_out=tuple(left_out),
     )
+
+
+def _is_special(path: str | PathLike[str]) -> bool:
+    """Test whether something is there that is no ordinary file, a pipe or a device say."""
+    return os.path.exists(path) and not os.path.isfile(path)
 
 
 def _mesh_of(file: io.MeshFile, name: str) -> Mesh:

@@ -159,6 +159,52 @@ def test_missing_files_and_folders(place, capsys):
     assert not (place / "out.docx").exists()
 
 
+LONG = "n" * 300
+
+
+@pytest.mark.parametrize(
+    ("output", "message"),
+    [
+        ("out.docx", "'docx' is no mesh format that can be written"),
+        ("out.xyz", "'xyz' is no mesh format that can be written"),
+        ("out", "the name out has no extension"),
+        ("nowhere/out.ply", "the folder nowhere does not exist"),
+        ("ball.ply/out.ply", "the folder ball.ply does not exist"),
+        ("true.ply", "exists already"),
+        (".", ". is a folder"),
+        (f"{LONG}.ply", "File name too long"),
+        ("circle.ply", "link"),
+        ("astray.ply", "nowhere does not exist"),
+    ],
+)
+def test_impossible_outputs_are_refused_before_anything_is_read(place, capsys, monkeypatch, output, message):
+    (place / "circle.ply").symlink_to("circle.ply")
+    (place / "astray.ply").symlink_to("nowhere/out.ply")
+    before = sorted(place.iterdir())
+    monkeypatch.setattr("cascadenorm.api.io.read", None)
+    for command in ["denoise", "ball.ply", *FAST], ["fill-holes", "ball.ply"]:
+        code, line = refused(capsys, *command, "-o", output)
+        assert code == 5 and message in line
+    assert sorted(place.iterdir()) == before
+
+
+def test_read_only_places_are_refused_before_anything_is_read(place, capsys, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # what a read-only volume says, to root as well
+    monkeypatch.setattr("cascadenorm.api.io.read", None)
+    code, line = refused(capsys, "denoise", "ball.ply", *FAST)
+    assert code == 5 and "nothing can be written in the folder ." in line
+
+
+def test_a_file_without_extension_is_written_as_it_was_read(place):
+    (place / "ball.ply").rename(place / "ball")
+    assert run(["denoise", "ball", *FAST]) == 0
+    assert cn.read("ball_denoised").format == "ply"
+
+
+def test_devices_get_the_format_that_was_read(place):
+    assert run(["denoise", "ball.ply", *FAST, "-o", os.devnull]) == 0
+
+
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
 def test_unwritable_folder(place, capsys):
     (place / "locked").mkdir(mode=0o500)

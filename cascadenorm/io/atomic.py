@@ -1,6 +1,7 @@
 """Write a file whole or not at all."""
 
 import os
+import stat
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,12 +11,23 @@ from cascadenorm.io.contract import OutputError, Piece
 
 def check_output(path: Path, *, force: bool) -> None:
     """Raise OutputError where nothing can be written to path, or a file is there and force is not given."""
-    if path.is_dir():
+    mode = 0
+    try:
+        target = path.resolve()
+        mode = target.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError, RuntimeError) as error:  # too long a name, a zero byte in it, links in a circle
+        raise OutputError(f"{path} cannot be written: {getattr(error, 'strerror', None) or error}") from None
+    if stat.S_ISDIR(mode):
         raise OutputError(f"{path} is a folder: give the name of a file in it")
-    if not path.parent.is_dir():
-        raise OutputError(f"the folder {path.parent} does not exist: create it first")
-    if path.is_file() and not force:
+    folder = target.parent if path.is_symlink() else path.parent
+    if not target.parent.is_dir():
+        raise OutputError(f"the folder {folder} does not exist: create it first")
+    if stat.S_ISREG(mode) and not force:
         raise OutputError(f"{path} exists already: choose another name, or overwrite it with force (--force)")
+    if (stat.S_ISREG(mode) or not mode) and not os.access(target.parent, os.W_OK | os.X_OK):
+        raise OutputError(f"nothing can be written in the folder {folder}: choose another one, or ask for access")
 
 
 def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False) -> None:

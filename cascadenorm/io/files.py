@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
-from cascadenorm.io.foreign import foreign, foreign_formats
+from cascadenorm.io.foreign import foreign, foreign_formats, foreign_outputs
 from cascadenorm.io.glb import GlbFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
@@ -78,7 +78,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     OutputError : the target exists and force is not given, or it cannot be written
     """
     path = Path(target) if isinstance(target, str | os.PathLike) else None
-    chosen = (format or (path.suffix if path else "") or file.format).lower().lstrip(".")
+    chosen = output_format(f".{format}" if format else target, file.format)
     if path:
         check_output(path, force=force)
     pieces, lost = _encoded(file, chosen)
@@ -89,6 +89,28 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     return lost
 
 
+def output_format(target: Source, otherwise: str = "") -> str:
+    """Return the format that an output is written in.
+
+    Parameters
+    ----------
+    target : path, or a stream of bytes
+    otherwise : the format of a stream, and of a path without an extension
+
+    Raises
+    ------
+    OutputError : meshes are not written in that format, or there is nothing that names one
+    """
+    extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
+    chosen = (extension or otherwise).lower().lstrip(".")
+    known = [*FORMATS, *foreign_outputs()]
+    if not chosen:
+        raise OutputError(f"the name {target} has no extension that says in which format to write: {', '.join(known)}")
+    if chosen not in known:
+        raise OutputError(f"'{chosen}' is no mesh format that can be written: choose one of {', '.join(known)}")
+    return chosen
+
+
 def _kind(format: str) -> type[MeshFile] | None:
     return FORMATS.get(format) or foreign(format)
 
@@ -97,8 +119,7 @@ def _encoded(file: MeshFile, format: str) -> tuple[Iterable[Piece], list[str]]:
     if format == file.format:
         return file.pieces(), []
     kind = _kind(format)
-    if kind is None:
-        raise OutputError(f"'{format}' is no mesh format that can be written: choose one of {', '.join(FORMATS)}")
+    assert kind is not None
     content = file.content()
     data, lost = kind.encode(content)
     return [data], [*content.left_out, *lost]

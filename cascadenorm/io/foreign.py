@@ -11,7 +11,8 @@ from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
 from cascadenorm.io.polygons import Polygons, triangulate
 
-ARCHIVES = {"zip", "bz2", "tar.bz2", "tar.gz"}
+INPUTS = ("3dxml", "3mf", "ctm", "dae", "glb", "gltf", "step", "stp", "xaml", "xyz", "zae")
+OUTPUTS = ("3mf", "dae")  # beside the native ones; others that trimesh writes lose the faces
 
 
 class ForeignFile(MeshFile):
@@ -88,7 +89,12 @@ def foreign_formats() -> list[str]:
     """Return the extensions that trimesh knows with the packages installed here."""
     import trimesh
 
-    return sorted({*trimesh.available_formats()} - ARCHIVES)
+    return sorted({*INPUTS} & {*trimesh.available_formats()})
+
+
+def foreign_outputs() -> list[str]:
+    """Return the extensions in which trimesh writes meshes with the packages installed here."""
+    return [format for format in OUTPUTS if format in foreign_formats()]
 
 
 def _exported(scene: Any, format: str) -> bytes:
