@@ -1,6 +1,5 @@
 """Denoising and comparing meshes of any kind: files, arrays, and the meshes of other libraries."""
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +17,8 @@ from cascadenorm.baselines.diffusion import Order
 from cascadenorm.baselines.holes import fill_holes
 from cascadenorm.controls import Boundary, Controls, controlled
 from cascadenorm.interop import adapter
-from cascadenorm.io.atomic import check_output
+from cascadenorm.io.atomic import check_output, is_special
+from cascadenorm.io.files import check_target
 from cascadenorm.mesh import Mesh, MeshError, bad_vertices, isolated
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, ParameterError, find, registered
@@ -271,11 +271,12 @@ def _denoised_file(
         check_output(output, force=force)
     elif isinstance(output, str | PathLike):
         check_output(Path(output), force=force)
-        if not _is_special(output):
+        if not is_special(output):
             io.output_format(output)
     method.checked(parameters)
     file = io.read(source).isolating() if isolate else io.read(source)
     format = io.output_format(output, file.format)
+    check_target(file, output, format=format, force=force)
     mesh = _mesh_of(file, _name(source))
     start = time.perf_counter()
     vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
@@ -299,11 +300,6 @@ def _denoised_file(
         seconds=seconds,
         left_out=tuple(left_out),
     )
-
-
-def _is_special(path: str | PathLike[str]) -> bool:
-    """Test whether something is there that is no ordinary file, a pipe or a device say."""
-    return os.path.exists(path) and not os.path.isfile(path)
 
 
 def _mesh_of(file: io.MeshFile, name: str) -> Mesh:

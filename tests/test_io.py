@@ -4,6 +4,7 @@ import io as streams
 import json
 import re
 import struct
+from base64 import b64encode
 
 import numpy as np
 import pytest
@@ -190,6 +191,17 @@ def glb() -> bytes:
     return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
 
 
+def gltf() -> bytes:
+    """Return the same document as text, spaced by hand, with its buffer in it."""
+    data = glb()
+    size = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + size])
+    start = 28 + size
+    (buffer,) = document["buffers"]
+    buffer["uri"] = "data:application/gltf-buffer;base64," + b64encode(data[start : start + 252]).decode()
+    return json.dumps(document, ensure_ascii=False, indent=1).replace("0.1", "1.0E-1 ").encode()
+
+
 SAMPLES = {
     "ply text": PLY_TEXT,
     "ply text, crlf": PLY_TEXT.replace(b"\n", b"\r\n"),
@@ -203,6 +215,7 @@ SAMPLES = {
     "off, colours": COFF,
     "off, normals": NOFF,
     "glb": glb(),
+    "gltf": gltf(),
 }
 NATIVE = ("ply", "obj", "stl", "off")
 every_sample = pytest.mark.parametrize("data", SAMPLES.values(), ids=SAMPLES.keys())
@@ -333,7 +346,7 @@ def test_damaged_bytes_are_refused_or_read(name, data):
     assert outcome(bytes(content), SAMPLES_FORMAT[name]) in OUTCOMES
 
 
-SAMPLES_FORMAT = {name: name[:3] for name in SAMPLES}
+SAMPLES_FORMAT = {name: re.match(r"\w+", name)[0] for name in SAMPLES}
 OUTCOMES = ("read", "unreadable", "no mesh")
 
 

@@ -7,7 +7,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from test_io import COFF, OBJ, OFF, PLY_TEXT, SAMPLES, read, stl_binary
+from test_io import COFF, OBJ, OFF, PLY_TEXT, SAMPLES, SAMPLES_FORMAT, read, stl_binary
 
 from cascadenorm import io
 from cascadenorm.mesh import MeshError
@@ -23,7 +23,7 @@ def tetrahedron():
 def test_content_decides_the_format(name, extension, tmp_path):
     path = tmp_path / f"a.{extension}"
     path.write_bytes(SAMPLES[name])
-    assert io.read(path).format == name[:3]
+    assert io.read(path).format == SAMPLES_FORMAT[name]
 
 
 def test_odd_file_names(tmp_path, tetrahedron):

@@ -3,7 +3,8 @@
 import os
 import stat
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from cascadenorm.io.contract import OutputError, Piece
@@ -30,6 +31,11 @@ def check_output(path: Path, *, force: bool) -> None:
         raise OutputError(f"nothing can be written in the folder {folder}: choose another one, or ask for access")
 
 
+def is_special(path: str | os.PathLike[str]) -> bool:
+    """Test whether something is there that is neither a file nor a folder: a pipe, a device."""
+    return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
+
+
 def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False) -> None:
     """Write pieces to a temporary file beside path, then rename it; on failure path is as it was before.
 
@@ -42,34 +48,64 @@ def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False
     ------
     OutputError : the file exists and force is not given, or it cannot be written
     """
-    check_output(path, force=force)
+    write_together({path: pieces}, force=force)
+
+
+def write_together(files: Mapping[Path, Iterable[Piece]], *, force: bool = False) -> None:
+    """Write several files as `write_atomically` does: none gets its name before all are complete.
+
+    Raises
+    ------
+    OutputError : one exists and force is not given, or cannot be written; none of them is new then
+    """
+    for path in files:
+        check_output(path, force=force)
+    staged: list[tuple[Path, str]] = []
+    placed: list[Path] = []
     try:
-        target = path.resolve()
-        if target.exists() and not target.is_file():
-            with target.open("wb") as stream:
-                stream.writelines(pieces)
-            return
-        _replace(target, pieces, force=force)
+        for path, pieces in files.items():
+            with _explained(path):
+                if is_special(path):
+                    with path.open("wb") as stream:
+                        stream.writelines(pieces)
+                else:
+                    _stage(path.resolve(), pieces, staged)
+        for target, name in staged:
+            with _explained(target):
+                if force:
+                    os.replace(name, target)
+                else:
+                    _rename_to_new(name, target)
+                    placed.append(target)
+    except BaseException:
+        for target in placed:
+            target.unlink(missing_ok=True)
+        raise
+    finally:
+        for _, name in staged:
+            Path(name).unlink(missing_ok=True)
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turn errors of the operating system into our own."""
+    try:
+        yield
     except OutputError:
         raise
     except OSError as error:
         raise OutputError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
-def _replace(target: Path, pieces: Iterable[Piece], *, force: bool) -> None:
-    handle, name = tempfile.mkstemp(prefix=f".{target.name[:100]}.", suffix=".part", dir=target.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.writelines(pieces)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(name, _mode(target))
-        if force:
-            os.replace(name, target)
-        else:
-            _rename_to_new(name, target)
-    finally:
-        Path(name).unlink(missing_ok=True)
+def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]]) -> None:
+    """Write a complete temporary file beside its target, and note both."""
+    handle, name = tempfile.mkstemp(prefix=f".{target.name[:40]}.", suffix=".part", dir=target.parent)
+    staged.append((target, name))
+    with os.fdopen(handle, "wb") as stream:
+        stream.writelines(pieces)
+        stream.flush()
+        os.fsync(stream.fileno())
+    os.chmod(name, _mode(target))
 
 
 def _rename_to_new(name: str, target: Path) -> None:

@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -75,6 +76,7 @@ class MeshFile(ABC):
     positions : (k, 3) float32 or float64, as the file holds them, copies at seams included
     polygons : the faces of the file, corners counted from 0 in `positions`
     data : the file as it was read
+    folder : where other files lie that it names; None if it came from a stream
     parts : (k,) the frame that each position is given in, where the file has several; None for one
     triangles : (m, 3) the polygons cut into triangles
     welds : (k,) for each position the vertex of `mesh` that it is a copy of
@@ -87,8 +89,9 @@ class MeshFile(ABC):
     counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
     _isolates = False
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, folder: Path | None = None) -> None:
         self.data = data
+        self.folder = folder
         self.parts: NDArray[np.int64] | None = None
         self._read_positions, self.polygons = self._parse()
         self.positions = self._read_positions
@@ -121,9 +124,21 @@ class MeshFile(ABC):
         """Return the bytes of the file with its present positions, in pieces."""
         return self._moved_pieces() if self._changed.any() else [self.data]
 
+    def files(self, path: Path) -> dict[Path, Iterable[Piece]]:
+        """Return what is written for this file at a path: itself last, before it what it keeps in other files."""
+        return {path: self.pieces()}
+
+    def may_write(self, path: Path) -> list[Path]:
+        """Return the paths that `files` may have, for other positions as well."""
+        return [path]
+
+    def refers_to(self) -> list[str]:
+        """Return the names, relative to its folder, of the files that it needs and that stay as they are."""
+        return []
+
     def content(self) -> Content:
         """Return what other formats can take over."""
-        here = type(self)(b"".join(self.pieces())) if self._changed.any() else self
+        here = type(self)(b"".join(self.pieces()), self.folder) if self._changed.any() else self
         here._isolates = self._isolates
         return here._read_content().without_misnamed()
 

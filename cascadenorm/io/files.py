@@ -8,10 +8,12 @@ from typing import BinaryIO, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.io.atomic import check_output, is_special, write_atomically, write_together
+from cascadenorm.io.companions import companions
 from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
 from cascadenorm.io.foreign import foreign, foreign_formats, foreign_outputs
 from cascadenorm.io.glb import GlbFile
+from cascadenorm.io.gltf import GltfContainer, GltfFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply import PlyFile
@@ -19,7 +21,9 @@ from cascadenorm.io.polygons import Polygons
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.mesh import Mesh
 
-FORMATS: dict[str, type[MeshFile]] = {kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile)}
+FORMATS: dict[str, type[MeshFile]] = {
+    kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile)
+}
 
 Source = str | os.PathLike[str] | BinaryIO
 
@@ -42,7 +46,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     ------
     ReadError : missing, unreadable, empty, truncated or damaged, or not a mesh; the message names the file
     """
-    name, data = _bytes_of(source)
+    name, folder, data = _bytes_of(source)
     try:
         if not data:
             raise ReadError("the file is empty")
@@ -54,7 +58,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
                 f"{f'{chosen!r} is' if chosen else 'the content is'} no mesh format known here ({known}): "
                 "convert it, or name its format"
             )
-        return kind(data)
+        return kind(data, folder)
     except ReadError as error:
         raise ReadError(f"{name}: {error}") from error.__cause__
 
@@ -81,12 +85,31 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     chosen = output_format(f".{format}" if format else target, file.format)
     if path:
         check_output(path, force=force)
-    pieces, lost = _encoded(file, chosen)
+    kind = _kind(chosen)
+    assert kind is not None
+    if file.format != chosen and isinstance(file, GltfContainer) and issubclass(kind, GltfContainer):
+        file = file.repacked(kind)
+    if path and file.format == chosen and not is_special(path):
+        beside, lost = companions(file, path, force=force)
+        for copy in beside:
+            copy.parent.mkdir(parents=True, exist_ok=True)
+        write_together({**beside, **file.files(path)}, force=force)
+        return lost
+    pieces, lost = (file.pieces(), []) if file.format == chosen else _encoded(file, kind)
     if path:
         write_atomically(path, pieces, force=force)
     else:
         cast(BinaryIO, target).writelines(pieces)
     return lost
+
+
+def check_target(file: MeshFile, target: Source, *, format: str, force: bool) -> None:
+    """Raise OutputError where `write` would find something in the way of what it writes beside a file."""
+    if format == file.format and isinstance(target, str | os.PathLike) and not is_special(target):
+        path = Path(target)
+        for beside in file.may_write(path):
+            check_output(beside, force=force)
+        companions(file, path, force=force)
 
 
 def output_format(target: Source, otherwise: str = "") -> str:
@@ -115,11 +138,7 @@ def _kind(format: str) -> type[MeshFile] | None:
     return FORMATS.get(format) or foreign(format)
 
 
-def _encoded(file: MeshFile, format: str) -> tuple[Iterable[Piece], list[str]]:
-    if format == file.format:
-        return file.pieces(), []
-    kind = _kind(format)
-    assert kind is not None
+def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], list[str]]:
     content = file.content()
     data, lost = kind.encode(content)
     return [data], [*content.left_out, *lost]
@@ -143,19 +162,19 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     return PlyFile(PlyFile.encode(content)[0])
 
 
-def _bytes_of(source: Source) -> tuple[str, bytes]:
-    """Return a name for messages, and the content."""
+def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
+    """Return a name for messages, the folder if there is one, and the content."""
     if not isinstance(source, str | os.PathLike):
-        return str(getattr(source, "name", "the stream")), source.read()
+        return str(getattr(source, "name", "the stream")), None, source.read()
     path = Path(source)
-    if path.is_dir():
-        raise ReadError(f"{path} is a folder: give the name of a mesh file in it")
     try:
-        return str(path), path.read_bytes()
+        return str(path), path.parent, path.read_bytes()
+    except IsADirectoryError:
+        raise ReadError(f"{path} is a folder: give the name of a mesh file in it") from None
     except FileNotFoundError:
         raise ReadError(f"{path} does not exist: check the name") from None
-    except OSError as error:
-        raise ReadError(f"{path} cannot be read: {error.strerror or error}") from error
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
 def _sniffed(data: bytes) -> str | None:
@@ -164,6 +183,8 @@ def _sniffed(data: bytes) -> str | None:
         return "ply"
     if data[:4] == b"glTF":
         return "glb"
+    if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{") and b'"asset"' in data:
+        return "gltf"
     if MAGIC.match(data):
         return "off"
     if is_binary_stl(data) or data.lstrip()[:6].lower() in (b"solid ", b"solid\n", b"solid\r"):

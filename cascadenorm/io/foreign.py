@@ -36,7 +36,7 @@ class ForeignFile(MeshFile):
         return positions, Polygons.from_rows(np.concatenate(faces))
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        scene = type(self)(self.data)
+        scene = type(self)(self.data, self.folder)
         for mesh, first, stop in zip(scene._meshes, self._first[:-1], self._first[1:], strict=True):
             mesh.vertices = self.positions[first:stop]
         return [_exported(scene._scene, self.format)]

@@ -1,0 +1,260 @@
+"""glTF 2: positions and normals are replaced in its buffers, all else stays.
+
+Positions are those of the meshes themselves, before the transforms of the nodes that show them; skins, morph
+targets and animations apply to the moved vertices as they did before.
+"""
+
+import copy
+import json
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
+from cascadenorm.io.gltf_accessors import Accessors, gathered
+from cascadenorm.io.gltf_buffers import Buffers, embedded, relative_name
+from cascadenorm.io.gltf_document import document_of
+from cascadenorm.io.gltf_scene import Shape, content_of
+from cascadenorm.io.json_text import JsonText
+from cascadenorm.io.json_text import Path as JsonPath
+from cascadenorm.io.normals import Normals
+from cascadenorm.io.polygons import Polygons, strips
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
+
+VECTOR = np.dtype("<f4"), 3
+
+
+class Primitive(NamedTuple):
+    """Triangles of one material.
+
+    Parameters
+    ----------
+    mesh : number of the mesh that it belongs to
+    attributes : name -> accessor
+    positions, normals : byte of each in the buffers; no normals, or one for each position
+    triangles : (m, 3) rows of both
+    """
+
+    mesh: int
+    attributes: dict[str, int]
+    positions: NDArray[np.int64]
+    normals: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+
+
+class GltfContainer(MeshFile):
+    """A glTF document of any number of meshes, in one of its containers; positions are float32."""
+
+    @abstractmethod
+    def _unpacked(self) -> tuple[bytes, bytes | None]:
+        """Return the JSON, and the buffer that the container carries, if it does; raises ReadError."""
+
+    @abstractmethod
+    def _packed(self, text: bytes, chunk: bytes | None) -> Iterable[Piece]:
+        """Return the container with other JSON, and another buffer, in pieces."""
+
+    @classmethod
+    @abstractmethod
+    def _made(cls, document: dict[str, Any], chunk: bytes | None) -> bytes:
+        """Return a container for a document, and for its first buffer where that has no content of its own."""
+
+    def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
+        text, chunk = self._unpacked()
+        with _explained():
+            self._json = JsonText(text)
+            return self._parse_document(self._json.document, chunk)
+
+    def _parse_document(self, document: Any, chunk: bytes | None) -> tuple[NDArray[np.float32], Polygons]:
+        used = [name for name in COMPRESSED if name in document.get("extensionsRequired", [])]
+        if used:
+            raise ReadError(f"this glTF file is compressed ({used[0]}): export it without compression")
+        self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
+        self._accessors = Accessors(document, self._buffers)
+        self._primitives = [
+            self._primitive(number, primitive)
+            for number, mesh in enumerate(document.get("meshes", []))
+            for primitive in mesh["primitives"]
+            if "POSITION" in primitive["attributes"]
+        ]
+        none = np.zeros(0, np.int64)
+        self._positions_at = np.unique(np.concatenate([none, *(p.positions for p in self._primitives)]))
+        self._normals_at = np.unique(np.concatenate([none, *(p.normals for p in self._primitives)]))
+        places = np.sort(np.concatenate([self._positions_at, self._normals_at]))
+        self._moving_files = self._buffers.files_with(places)
+        if (np.diff(places) < VECTOR[0].itemsize * VECTOR[1]).any():
+            raise ReadError("positions or normals of this glTF file overlap each other: export it again")
+        self.parts = np.zeros(len(self._positions_at), np.int64)
+        triangles, normals = [np.zeros((0, 3), np.int64)], [np.zeros((0, 3), np.int64)]
+        for primitive in reversed(self._primitives):  # positions that meshes share belong to the first
+            rows = self._rows(primitive)
+            self.parts[rows] = primitive.mesh
+            triangles.append(rows[primitive.triangles])
+            named = np.searchsorted(self._normals_at, primitive.normals)
+            normals.append(named[primitive.triangles] if len(named) else np.full(primitive.triangles.shape, -1))
+        self._corner_normals = np.concatenate(normals[::-1])
+        positions = gathered(self._buffers.data, self._positions_at, *VECTOR)
+        return positions, Polygons.from_rows(np.concatenate(triangles[::-1]))
+
+    def _primitive(self, mesh: int, primitive: dict[str, Any]) -> Primitive:
+        attributes = primitive["attributes"]
+        positions = self._accessors.vectors(attributes["POSITION"])
+        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else positions[:0]
+        triangles = self._triangles(primitive, len(positions))
+        if (triangles >= len(positions)).any():
+            raise ReadError(
+                f"a face names vertex {triangles.max()} of {len(positions)}, counted from 0: the glTF file is damaged; "
+                "get a complete copy"
+            )
+        return Primitive(
+            mesh, attributes, positions, normals if len(normals) == len(positions) else normals[:0], triangles
+        )
+
+    def _triangles(self, primitive: dict[str, Any], vertex_count: int) -> NDArray[np.int64]:
+        """Return the (m, 3) vertices of the triangles of a primitive, counted from 0 within it."""
+        mode = primitive.get("mode", TRIANGLES)
+        if mode not in (TRIANGLES, STRIP, FAN):
+            return np.zeros((0, 3), np.int64)
+        corners = np.arange(vertex_count)
+        if "indices" in primitive:
+            found = self._accessors.values(primitive["indices"])
+            if found.dtype.kind != "u" or found.shape[1] != 1:
+                raise ReadError("the faces of this glTF file are not named by whole numbers: export it again")
+            corners = found[:, 0].astype(np.int64)
+        if mode == STRIP:
+            return strips(np.array([len(corners)]), corners).corners.reshape(-1, 3)
+        if mode == FAN:
+            return np.stack([np.repeat(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+
+    def _rows(self, primitive: Primitive) -> NDArray[np.int64]:
+        return np.searchsorted(self._positions_at, primitive.positions)
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        return self._replaced({})[0]
+
+    def _replaced(self, names: dict[int, str]) -> tuple[Iterable[Piece], dict[int, bytes]]:
+        """Return the container, in pieces, and the changed buffers that are files, which get these names.
+
+        Buffers that are files and get no name are put into the JSON.
+        """
+        data = bytearray(self._buffers.data)
+        _put(data, self._positions_at, self.positions)
+        stored = gathered(data, self._normals_at, *VECTOR).astype(np.float64)
+        if len(stored):
+            normals, renewed = self._renewed(Normals(stored, self._corner_normals))
+            _put(data, self._normals_at[renewed], normals[renewed])
+        values, chunk, files = self._new_bounds(data), None, {}
+        for number, content in self._buffers.changed(data).items():
+            uri = self._buffers.declared[number].get("uri")
+            if uri is None:
+                chunk = content
+            elif number in names:
+                files[number] = content
+                values["buffers", number, "uri"] = quote(names[number], errors="surrogateescape")
+            else:
+                values["buffers", number, "uri"] = embedded(content, uri)
+        return self._packed(self._json.replaced(values), chunk), files
+
+    def _new_bounds(self, data: bytearray) -> dict[JsonPath, Any]:
+        """Return the least and largest coordinates of positions and normals that have changed."""
+        values: dict[JsonPath, Any] = {}
+        for primitive in self._primitives:
+            for name, places in ("POSITION", primitive.positions), ("NORMAL", primitive.normals):
+                vectors = gathered(data, places, *VECTOR)
+                before = gathered(self._buffers.data, places, *VECTOR)
+                finite = vectors[np.isfinite(vectors).all(axis=1)].astype(float)
+                if ((vectors != before) & ~np.isnan(before)).any() and len(finite):
+                    path = "accessors", primitive.attributes[name]
+                    values[(*path, "min")] = finite.min(axis=0).tolist()
+                    values[(*path, "max")] = finite.max(axis=0).tolist()
+        return values
+
+    def files(self, path: Path) -> dict[Path, Iterable[Piece]]:
+        """Return what is written for this file at a path: buffers that changed and are files get files beside it."""
+        if not self._changed.any():
+            return super().files(path)
+        names = self._buffer_names(path)
+        pieces, buffers = self._replaced({number: beside.name for number, beside in names.items()})
+        return {**{names[number]: [content] for number, content in buffers.items()}, path: pieces}
+
+    def may_write(self, path: Path) -> list[Path]:
+        """Return the paths that `files` may have, for other positions as well."""
+        return [*self._buffer_names(path).values(), path]
+
+    def _buffer_names(self, path: Path) -> dict[int, Path]:
+        numbers = self._moving_files
+        return {n: path.with_name(f"{path.stem}{f'_{n}' if len(numbers) > 1 else ''}.bin") for n in numbers}
+
+    def refers_to(self) -> list[str]:
+        """Return the names of buffers and images that are files of their own and stay as they are."""
+        document = self._json.document
+        replaced = self._moving_files if self._changed.any() else []
+        buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in replaced]
+        names = [relative_name(part.get("uri")) for part in [*buffers, *document.get("images", [])]]
+        return sorted({name for name in names if name is not None})
+
+    def repacked(self, kind: type["GltfContainer"]) -> "GltfContainer":
+        """Return this file in the other container, with all that is in it."""
+        here = type(self)(b"".join(self.pieces()), self.folder) if self._changed.any() else self
+        document, chunk = copy.deepcopy(here._json.document), None
+        if document.get("buffers"):
+            begin, end = here._buffers.place(0)
+            chunk = here._buffers.data[begin:end]
+            document["buffers"][0].pop("uri", None)
+        return kind(kind._made(document, chunk), self.folder)
+
+    def _read_content(self) -> Content:
+        with _explained():
+            shapes = [Shape(p.mesh, p.attributes, self.positions[self._rows(p)], p.triangles) for p in self._primitives]
+            return content_of(self._json.document, self._accessors, shapes)
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+        """Write content with the colours and texture coordinates of vertices."""
+        document, buffer, lost = document_of(content)
+        return cls._made(document, buffer), lost
+
+
+@contextmanager
+def _explained() -> Iterator[None]:
+    """Turn what goes wrong in a document of an unexpected form into a ReadError."""
+    try:
+        yield
+    except ReadError:
+        raise
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
+        raise ReadError(
+            f"the JSON of this file is no valid glTF 2 ({type(error).__name__}: {error}): export the file again"
+        ) from None
+
+
+def _put(data: bytearray, places: NDArray[np.int64], vectors: NDArray[Any]) -> None:
+    """Replace the vectors that begin at these bytes."""
+    cells = np.ascontiguousarray(vectors, VECTOR[0]).view(np.uint8)
+    np.frombuffer(data, np.uint8)[places[:, None] + np.arange(cells.shape[1])] = cells
+
+
+class GltfFile(GltfContainer):
+    """A glTF file of JSON, with buffers in it or beside it."""
+
+    format = "gltf"
+
+    def _unpacked(self) -> tuple[bytes, bytes | None]:
+        return self.data, None
+
+    def _packed(self, text: bytes, chunk: bytes | None) -> Iterable[Piece]:
+        return [text]
+
+    @classmethod
+    def _made(cls, document: dict[str, Any], chunk: bytes | None) -> bytes:
+        if chunk is not None:
+            document["buffers"][0]["uri"] = embedded(chunk)
+        return json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")

@@ -1,0 +1,117 @@
+"""What a glTF scene shows and where, as one mesh for other formats."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.contract import Content
+from cascadenorm.io.gltf_accessors import Accessors
+from cascadenorm.io.polygons import Polygons
+
+KEPT_ELSEWHERE = ("materials", "textures", "animations", "skins", "cameras")
+
+Matrix = NDArray[np.float64]
+
+
+class Shape(NamedTuple):
+    """A primitive: the number of its mesh, its accessors by name, its positions, and (m, 3) rows of them."""
+
+    mesh: int
+    attributes: dict[str, int]
+    positions: NDArray[Any]
+    triangles: NDArray[np.int64]
+
+
+def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shape]) -> Content:
+    """Return the shapes, each as often as the scene shows its mesh, and where it shows it.
+
+    Parameters
+    ----------
+    document : as JSON gives it, unchecked
+    accessors : of the document, for colours and texture coordinates
+    shapes : of all meshes
+    """
+    filled = [shape for shape in shapes if len(shape.triangles)]
+    shown = [_placed(shape, matrix) for mesh, matrix in _shown(document) for shape in filled if shape.mesh == mesh]
+    left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
+    if len(filled) < len(shapes):
+        left_out.append("points and lines")
+    sizes = [len(shape.positions) for shape in shown]
+    first = np.cumsum([0, *sizes])[:-1]
+    triangles = [shape.triangles + start for shape, start in zip(shown, first, strict=True)]
+    colors, texture = _values(shown, "COLOR_0", accessors), _values(shown, "TEXCOORD_0", accessors)
+    values = {} if colors is None else channels(dict(zip(CHANNELS, colors.T, strict=False)))
+    if texture is not None and texture.dtype.kind == "f":
+        values |= {"s": texture[:, 0], "t": 1 - texture[:, 1]}  # glTF counts from the top
+    return Content(
+        np.concatenate([np.zeros((0, 3), np.float32), *(shape.positions for shape in shown)]),
+        Polygons.from_rows(np.concatenate([np.zeros((0, 3), np.int64), *triangles])),
+        values,
+        left_out=tuple(left_out),
+    )
+
+
+def _placed(shape: Shape, matrix: Matrix) -> Shape:
+    """Return a shape where the scene shows it."""
+    if np.array_equal(matrix, np.eye(4)):
+        return shape
+    mirrored = np.linalg.det(matrix[:3, :3]) < 0
+    return shape._replace(
+        positions=shape.positions @ matrix[:3, :3].T + matrix[:3, 3],
+        triangles=shape.triangles[:, ::-1] if mirrored else shape.triangles,
+    )
+
+
+def _values(shown: list[Shape], name: str, accessors: Accessors) -> NDArray[Any] | None:
+    """Return an attribute of all shapes, one vector a row; None where one of them lacks it."""
+    if not shown or any(name not in shape.attributes for shape in shown):
+        return None
+    parts = [accessors.values(shape.attributes[name]) for shape in shown]
+    if any(len(part) != len(shape.positions) for part, shape in zip(parts, shown, strict=True)):
+        return None
+    if len({part.dtype for part in parts}) > 1 or len({part.shape[1] for part in parts}) > 1:
+        return None
+    return np.concatenate(parts)
+
+
+def _shown(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
+    """Return the meshes that the scene shows, with the transforms of their nodes."""
+    nodes = document.get("nodes", [])
+    if not nodes:
+        return [(mesh, np.eye(4)) for mesh in range(len(document.get("meshes", [])))]
+    inner = {child for node in nodes for child in node.get("children", [])}
+    roots = [number for number in range(len(nodes)) if number not in inner]
+    if document.get("scenes"):
+        roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
+    found, waiting, seen = [], [(root, np.eye(4)) for root in reversed(roots)], set()
+    while waiting:
+        number, outer = waiting.pop()
+        if number in seen:  # a node has one parent
+            continue
+        seen.add(number)
+        node = nodes[number]
+        matrix = outer @ _matrix(node)
+        if "mesh" in node:
+            found.append((node["mesh"], np.eye(4) if "skin" in node else matrix))  # a skin places its mesh itself
+        waiting += [(child, matrix) for child in reversed(node.get("children", []))]
+    return found
+
+
+def _matrix(node: dict[str, Any]) -> Matrix:
+    """Return the transform of a node."""
+    if "matrix" in node:
+        return np.array(node["matrix"], float).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    turn = np.array(
+        [
+            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+        ]
+    )
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), float)
+    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return matrix

@@ -1,0 +1,363 @@
+"""glTF in its containers: JSON and buffers, in one file or in several."""
+
+import json
+import re
+import sys
+from base64 import b64decode, b64encode
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from shapes import grid, icosphere, noisy
+from test_io import glb, gltf, read, written
+
+import cascadenorm as cn
+from cascadenorm import io
+from cascadenorm.cli import run
+from cascadenorm.io.contract import Content
+from cascadenorm.io.json_text import JsonText
+from cascadenorm.io.polygons import Polygons
+
+FAST = ["--method", "laplacian"]
+BALL = noisy(icosphere(2), 0.2)
+VEC3 = {"componentType": 5126, "type": "VEC3"}
+TEXT = """{ "asset":{"version" : "2.0"}, "extras":{"x":1e-07,"name":"caf\u00e9 \\u00e9 \\/"},
+  "images":[{"uri":"maps/a%20colour.png"},{"uri":"data:image/png;base64,AAAA"}],
+  "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2}]}],
+  "accessors": [
+    {"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 162, "max": [ 9, 9, 9.0 ], "min": [-9,-9,-9]},
+    {"bufferView": 1, "componentType": 5126, "type": "VEC3", "count": 162},
+    {"bufferView": 2, "componentType": 5123, "type": "SCALAR", "count": 960, "max": [161]} ],
+  "bufferViews": [{"buffer": 1, "byteLength": 1944}, {"buffer": 1, "byteOffset": 1944, "byteLength": 1944},
+                  {"buffer": 0, "byteLength": 1920}],
+  "buffers": [{"uri": "faces.bin", "byteLength": 1920}, {"byteLength": 3888, "uri": "the%20points.bin"}] }
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with a glTF file in four parts."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ball.gltf").write_text(TEXT, encoding="utf-8")
+    (tmp_path / "faces.bin").write_bytes(BALL.faces.astype("<u2").tobytes())
+    points = np.concatenate([BALL.vertices, BALL.vertices]).astype("<f4")
+    (tmp_path / "the points.bin").write_bytes(points.tobytes())
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "a colour.png").write_bytes(b"picture")
+    return tmp_path
+
+
+def names(folder) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def document(data: bytes) -> dict:
+    """Return the JSON of either container."""
+    start = 20 if data[:4] == b"glTF" else 0
+    return json.loads(data[start : start + int.from_bytes(data[12:16], "little")] if start else data)
+
+
+def seen_by_trimesh(path) -> np.ndarray:
+    """Return the positions as another reader finds them."""
+    import trimesh
+
+    return np.concatenate([mesh.vertices for mesh in trimesh.load_scene(path, process=False).geometry.values()])
+
+
+# text
+
+
+def test_only_values_at_paths_are_replaced():
+    text = '\ufeff {"a" : [1, {"b":2.50, "b" : "two"}],\n "c": {"a": [] } , "d":null}\r\n'.encode()
+    found = JsonText(text).replaced({("a", 1, "b"): [3], ("c", "x"): 0, ("a", 7): 0, ("d", "e"): 1, ("d",): "é"})
+    assert found == text.replace(b'"two"', b"[3]").replace(b"null", b'"\\u00e9"')
+    assert JsonText(text).replaced({}) == text
+    assert JsonText(b'{"name":"\xe9"}').replaced({("name",): 1}) == b'{"name":1}'
+    assert JsonText(b'["\xe9",0]').replaced({(1,): 1}) == b'["\xe9",1]'
+
+
+def test_text_beside_bounds_and_buffers_stays():
+    file = read(gltf())
+    moved = written(file.with_vertices(file.mesh.vertices + np.array((0, 0, 0.5))))
+    changing = rb'("(min|max)": )\[[^]]*\]|(base64,)[^"]*'
+    assert re.sub(changing, b"#", moved) == re.sub(changing, b"#", gltf())
+    assert document(moved)["accessors"][4]["min"] == [0, 0, 0.5]
+
+
+# several files
+
+
+def test_buffers_that_move_get_a_file_beside_the_output(place):
+    before = {name: (place / name).read_bytes() for name in names(place)}
+    assert run(["denoise", "ball.gltf", *FAST]) == 0
+    assert names(place) == sorted([*before, "ball_denoised.gltf", "ball_denoised.bin"])
+    assert all((place / name).read_bytes() == content for name, content in before.items())
+    text = (place / "ball_denoised.gltf").read_text(encoding="utf-8")
+    changing = r'("(min|max)": )\[[^]]*\]|"[^"]*\.bin"'
+    assert re.sub(changing, "#", text) == re.sub(changing, "#", TEXT)
+    assert [b["uri"] for b in json.loads(text)["buffers"]] == ["faces.bin", "ball_denoised.bin"]
+    vertices = cn.denoise(BALL.moved(BALL.vertices.astype(np.float32)), method="laplacian").vertices
+    assert np.array_equal(cn.read("ball_denoised.gltf").mesh.vertices, vertices.astype(np.float32))
+    assert np.array_equal(seen_by_trimesh("ball_denoised.gltf"), vertices.astype(np.float32))
+
+
+def test_unmoved_files_stay_as_they_are(place):
+    assert run(["denoise", "ball.gltf", *FAST, "--strength", "0", "-o", "same.gltf"]) == 0
+    assert (place / "same.gltf").read_bytes() == (place / "ball.gltf").read_bytes()
+    assert not (place / "same.bin").exists()
+
+
+@pytest.mark.parametrize("strength", ["0", "1"])
+def test_another_folder_gets_all_that_is_needed(place, strength):
+    (place / "out").mkdir()
+    assert run(["denoise", "ball.gltf", *FAST, "-o", "out/b\u00e4ll 1.gltf", "--strength", strength]) == 0
+    buffers = ["b\u00e4ll 1.bin"] if strength == "1" else ["the points.bin"]
+    assert names(place / "out") == sorted(["b\u00e4ll 1.gltf", *buffers, "faces.bin", "maps/a colour.png"])
+    for name in names(place):
+        if name != "ball.gltf":
+            (place / name).unlink() if not name.startswith("out/") else None
+    assert len(cn.read("out/b\u00e4ll 1.gltf").mesh.faces) == 320
+
+
+def test_what_lies_in_the_way_is_found_before_anything_is_computed(place, capsys, monkeypatch):
+    monkeypatch.setattr("cascadenorm.api.controlled", None)
+    (place / "ball_denoised.bin").write_bytes(b"precious")
+    (place / "out").mkdir()
+    (place / "out" / "faces.bin").write_bytes(b"precious")
+    before = names(place)
+    for output in "ball_denoised.gltf", "out/ball.gltf":
+        assert run(["denoise", "ball.gltf", *FAST, "-o", output]) == 5
+        message = capsys.readouterr().err
+        assert re.search(r"ball_denoised\.bin exists already|faces\.bin is in the way", message)
+    assert names(place) == before
+    assert (place / "ball_denoised.bin").read_bytes() == (place / "out" / "faces.bin").read_bytes() == b"precious"
+
+
+def test_equal_copies_are_in_nobodys_way(place):
+    (place / "out").mkdir()
+    (place / "out" / "faces.bin").write_bytes((place / "faces.bin").read_bytes())
+    assert run(["denoise", "ball.gltf", *FAST, "-o", "out/a.gltf"]) == 0
+    assert run(["denoise", "ball.gltf", *FAST, "-o", "out/b.gltf"]) == 0
+    assert run(["denoise", "ball.gltf", *FAST, "-o", "out/b.gltf", "--force"]) == 0
+
+
+def test_failing_write_takes_the_buffer_back(place, monkeypatch):
+    monkeypatch.setattr(
+        "os.link",
+        lambda name, target: (
+            (_ for _ in ()).throw(FileExistsError())
+            if str(target).endswith("gltf")
+            else (place / "ball_denoised.bin").write_bytes(b"new")
+        ),
+    )
+    before = names(place)
+    assert run(["denoise", "ball.gltf", *FAST]) == 5
+    assert names(place) == before
+
+
+def test_missing_pictures_are_named_and_names_that_lead_out_refused(place, capsys):
+    (place / "out").mkdir()
+    (place / "maps" / "a colour.png").unlink()
+    assert run(["denoise", "ball.gltf", *FAST, "-o", "out/ball.gltf", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["left_out"] == ["the file 'maps/a colour.png' that it names"]
+    (place / "in").mkdir()
+    (place / "in" / "up.gltf").write_text(TEXT.replace("faces.bin", "../faces.bin").replace("the%20", "../the%20"))
+    assert run(["denoise", "in/up.gltf", *FAST]) == 0
+    assert run(["denoise", "in/up.gltf", *FAST, "-o", "out/up.gltf"]) == 5
+    assert "'../faces.bin', outside its own folder" in capsys.readouterr().err
+
+
+def test_streams_hold_everything_or_are_refused(place, capsys, monkeypatch):
+    with monkeypatch.context() as patched, open("out.gltf", "wb") as out:
+        patched.setattr(sys, "stdout", SimpleNamespace(buffer=out, flush=lambda: None))
+        assert run(["denoise", "ball.gltf", *FAST, "-o", "-"]) == 0
+    assert run(["denoise", "ball.gltf", *FAST]) == 0
+    assert np.array_equal(cn.read("out.gltf").positions, cn.read("ball_denoised.gltf").positions)
+    assert document((place / "out.gltf").read_bytes())["buffers"][1]["uri"].startswith("data:")
+    with open("ball.gltf", "rb") as stream, pytest.raises(io.ReadError, match="cannot be found from a stream"):
+        io.read(stream)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("faces.bin", "lost.bin"), "'lost.bin', which is not beside it"),
+        (("faces.bin", "/etc/passwd"), "buffer 0 lies at '/etc/passwd'"),
+        (("faces.bin", "https://example.org/faces.bin"), "buffer 0 lies at 'https:"),
+        (('"uri": "faces.bin", ', ""), "buffer 0 of the glTF document has no content"),
+        (("faces.bin", "data:application/octet-stream;base64,AA=A"), "base64 that is damaged"),
+        (("faces.bin", "data:text/plain,hello"), "embedded as 'data:text/plain', not in base64"),
+        (("faces.bin", "maps"), "not beside it"),
+        (('"count": 960', '"count": 961'), "runs past the 1920 bytes of buffer 0"),
+        (('"bufferView": 2, "comp', '"comp'), "accessor 2 of the glTF document has no content"),
+        (('5123, "type": "SCALAR"', '5123, "type": "VEC2"'), "runs past|whole numbers"),
+        (('"meshes"', '"meshes": 5, "meshes"'), None),
+        (('"meshes": [', '"meshes": 5, "x": ['), "no valid glTF 2"),
+        (('"asset"', '"extensionsRequired": ["KHR_draco_mesh_compression"], "asset"'), "compressed"),
+    ],
+)
+def test_broken_documents_are_explained(place, change, words):
+    assert change[0] in TEXT
+    (place / "broken.gltf").write_text(TEXT.replace(*change), encoding="utf-8")
+    if words is None:
+        assert cn.read("broken.gltf").mesh is not None
+        return
+    with pytest.raises(io.ReadError, match=f"broken.gltf: .*({words})"):
+        cn.read("broken.gltf")
+
+
+# accessors
+
+
+def single(accessors: list, views: list[bytes], primitive: dict) -> bytes:
+    """Return a document of one primitive, each view in a buffer of its own."""
+    buffers = [{"byteLength": len(v), "uri": "data:;base64," + b64encode(v).decode()} for v in views]
+    return json.dumps(
+        {
+            "asset": {"version": "2.0"},
+            "meshes": [{"primitives": [primitive]}],
+            "accessors": accessors,
+            "bufferViews": [{"buffer": i, "byteLength": len(v)} for i, v in enumerate(views)],
+            "buffers": buffers,
+        }
+    ).encode()
+
+
+@pytest.mark.parametrize("kind", [("<u1", 5121), ("<u2", 5123), ("<u4", 5125)])
+@pytest.mark.parametrize("based", [True, False])
+def test_sparse_positions_are_read_and_written_where_they_lie(kind, based):
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 1)], "<f4")
+    rows = np.array([1, 3] if based else [0, 1, 2, 3], kind[0])
+    base = np.where(np.isin(np.arange(4), rows)[:, None], np.float32(7), points)
+    sparse = {
+        "count": len(rows),
+        "indices": {"bufferView": 1, "componentType": kind[1]},
+        "values": {"bufferView": 2},
+    }
+    accessor = {"count": 4, **VEC3, "sparse": sparse, **({"bufferView": 0} if based else {})}
+    views = [base.tobytes(), rows.tobytes(), points[rows].tobytes()]
+    data = single([accessor], views, {"attributes": {"POSITION": 0}, "mode": 5})
+    file = read(data)
+    corners = file.mesh.corners
+    assert np.array_equal(corners[0], points[[0, 1, 2]])
+    assert {tuple(v) for v in corners[1]} == {tuple(v) for v in points[1:]}
+    moved = document(written(file.with_vertices(file.mesh.vertices + 1)))
+    parts = [b64decode(buffer["uri"].partition(",")[2]) for buffer in moved["buffers"]]
+    unused = np.frombuffer(parts[0], "<f4").reshape(-1, 3)[rows] if based else np.full((1, 3), 7)
+    assert (unused == 7).all()  # rows of the base that are replaced
+    assert parts[1] == views[1]
+    assert np.array_equal(np.frombuffer(parts[2], "<f4").reshape(-1, 3), points[rows] + 1)
+
+
+@pytest.mark.parametrize(
+    ("sparse", "words"),
+    [
+        ({"count": 1, "indices": {"bufferView": 1, "componentType": 5121}, "values": {"bufferView": 2}}, "no content"),
+        ({"count": 4, "indices": {"bufferView": 1, "componentType": 5121}, "values": {"bufferView": 2}}, "row 9 of 4"),
+    ],
+)
+def test_sparse_accessors_with_gaps_are_refused(sparse, words):
+    views = [b"", bytes([0, 1, 2, 9]), bytes(48)]
+    data = single([{"count": 4, **VEC3, "sparse": sparse}], views, {"attributes": {"POSITION": 0}})
+    with pytest.raises(io.ReadError, match=words):
+        read(data)
+
+
+def test_a_count_without_content_allocates_nothing():
+    with pytest.raises(io.ReadError, match="no content"):
+        read(single([{"count": 10**12, **VEC3}], [b""], {"attributes": {"POSITION": 0}}))
+
+
+def test_fans_share_their_first_corner():
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], "<f4")
+    data = single(
+        [{"bufferView": 0, "count": 4, **VEC3}], [points.tobytes()], {"attributes": {"POSITION": 0}, "mode": 6}
+    )
+    assert read(data).mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    empty = single([{"bufferView": 0, "count": 0, **VEC3}], [b""], {"attributes": {"POSITION": 0}, "mode": 6})
+    assert len(read(empty).polygons) == 0
+
+
+# containers, and other formats
+
+
+def test_containers_change_without_loss(place):
+    assert run(["denoise", "ball.gltf", *FAST, "-o", "ball.glb"]) == 0
+    assert run(["denoise", "ball.glb", *FAST, "-o", "back.gltf", "--strength", "0"]) == 0
+    assert run(["denoise", "ball.gltf", *FAST]) == 0
+    expected = document((place / "ball_denoised.gltf").read_bytes())
+    for name in "ball.glb", "back.gltf":
+        found = document((place / name).read_bytes())
+        assert [set(b) - {"uri"} for b in found.pop("buffers")] == [{"byteLength"}] * 2
+        assert found == {key: value for key, value in expected.items() if key != "buffers"}
+        assert np.array_equal(cn.read(name).positions, cn.read("ball_denoised.gltf").positions)
+        assert np.array_equal(seen_by_trimesh(name), seen_by_trimesh("ball_denoised.gltf"))
+
+
+def test_glb_with_buffers_in_files_is_read_and_written(place):
+    text = TEXT.encode() + b" " * (-len(TEXT.encode()) % 4)
+    head = b"glTF" + (2).to_bytes(4, "little") + (20 + len(text)).to_bytes(4, "little")
+    (place / "b.glb").write_bytes(head + len(text).to_bytes(4, "little") + b"JSON" + text)
+    assert run(["denoise", "b.glb", *FAST]) == 0
+    assert run(["denoise", "ball.gltf", *FAST]) == 0
+    assert (place / "b_denoised.bin").read_bytes() == (place / "ball_denoised.bin").read_bytes()
+
+
+@pytest.mark.parametrize("format", ["glb", "gltf"])
+def test_made_files_hold_colours_and_texture(format, tmp_path):
+    mesh = grid(3, 2)
+    count = len(mesh.vertices)
+    rng = np.random.default_rng(0)
+    colors = {n: rng.integers(0, 256, count).astype(np.uint8) for n in ("red", "green", "blue", "alpha")}
+    texture = {n: rng.integers(0, 9, count).astype(np.float32) / 8 for n in "st"}
+    content = Content(
+        mesh.vertices.astype(np.float32), Polygons.from_rows(mesh.faces.astype(np.int64)), {**colors, **texture}
+    )
+    data, lost = io.files.FORMATS[format].encode(content)
+    again = read(data).content()
+    assert lost == []
+    assert np.array_equal(again.positions, content.positions)
+    assert np.array_equal(again.polygons.corners, content.polygons.corners)
+    assert again.vertex_values.keys() == content.vertex_values.keys()
+    assert all(np.array_equal(again.vertex_values[n], v) for n, v in content.vertex_values.items())
+    (tmp_path / f"a.{format}").write_bytes(data)
+    assert np.array_equal(seen_by_trimesh(tmp_path / f"a.{format}"), mesh.vertices)
+
+
+def test_scenes_convert_with_transforms_and_mirrors():
+    text = document(glb())
+    half = 0.5**0.5
+    text["nodes"] = [
+        {"children": [1, 0], "translation": [1, 0, 0]},  # names itself: passed over
+        {"mesh": 0, "rotation": [0, 0, half, half], "scale": [2, 1, 1]},
+        {"mesh": 0, "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 3, 1]},
+    ]
+    text["scenes"] = [{"nodes": [0, 2]}]
+    size = int.from_bytes(glb()[12:16], "little")
+    text["buffers"][0]["uri"] = "data:;base64," + b64encode(glb()[28 + size : 28 + size + 252]).decode()
+    content = read(json.dumps(text).encode()).content()
+    quad = [(0, 0), (1, 0), (0, 1), (1, 0), (0, 1), (1, 1)]
+    assert np.allclose(content.positions[:6], [(1 - y, 2 * x, 0) for x, y in quad], atol=1e-7)
+    assert np.allclose(content.positions[6:], [(-x, y, 3) for x, y in quad])
+    triangles = content.positions[content.polygons.corners.reshape(-1, 3)]
+    assert (np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] > 0).all()
+
+
+def test_morphs_skins_and_animations_stay(tmp_path):
+    """Buffers of anything else than vertices are not even looked for."""
+    text = json.loads(
+        TEXT.replace("faces.bin", "data:;base64," + b64encode(BALL.faces.astype("<u2").tobytes()).decode())
+    )
+    points = np.concatenate([BALL.vertices] * 2).astype("<f4").tobytes()
+    text["buffers"][1]["uri"] = "data:;base64," + b64encode(points).decode()
+    text["buffers"].append({"uri": "animation.bin", "byteLength": 12})
+    text["bufferViews"].append({"buffer": 2, "byteLength": 12})
+    text["accessors"].append({"bufferView": 3, "count": 1, **VEC3, "min": [0, 0, 0], "max": [1, 1, 1]})
+    text["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 3}]
+    text["animations"] = [{"samplers": [{"input": 3, "output": 3}], "channels": []}]
+    (tmp_path / "a.gltf").write_text(json.dumps(text))
+    assert run(["denoise", str(tmp_path / "a.gltf"), *FAST]) == 0
+    found = json.loads((tmp_path / "a_denoised.gltf").read_text())
+    assert found["buffers"][2] == text["buffers"][2]
+    assert found["accessors"][3] == text["accessors"][3]
+    assert found["meshes"] == text["meshes"] and found["animations"] == text["animations"]
