@@ -16,6 +16,7 @@ from cascadenorm.baselines.operators import (
 )
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 Threshold = Annotated[
     float, Parameter("curvature at which diffusion falls to a half", "radians per mean edge length", above=0)
@@ -40,7 +41,7 @@ def anisotropic_diffusion(
 ) -> Vectors:
     """Diffuse the vertices with a tensor whose weight falls where, and across which, the normal turns."""
     time = step * mesh.mean_edge_length**2
-    for _ in range(iterations):
+    for _ in steps(iterations):
         normals = smoothed_normals(mesh, presmoothing)
         laplacian = anisotropic_laplacian(mesh, normals, threshold=threshold)
         mesh = mesh.moved(diffuse(laplacian, mesh.vertices, time=time, iterations=1, region=region))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 SpatialSpread = Annotated[float, Parameter("spread of the weight over distance", "mean edge lengths", minimum=1e-6)]
 RangeSpread = Annotated[
@@ -64,7 +65,7 @@ def bilateral_normals(
     weights = spatial_weights(mesh, rings, sigma_s)
     own = mesh.areas if center == "count" else np.zeros_like(mesh.areas)
     normals = mesh.normals
-    for _ in range(iterations):
+    for _ in steps(iterations):
         normals = joint_bilateral_pass(normals, normals, own, rings, weights, sigma_r)
     return normals
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.reach import each_alone, within
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 REACH = 2.0  # spreads beyond which a neighbour is left out
 
@@ -34,7 +35,7 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
     count, edge = len(mesh.vertices), mesh.mean_edge_length
     graph, alone = mesh.topology.vertex_neighbors, each_alone(count)
     height_spread = 0.0 if sigma_s is None else sigma_s * edge
-    for _ in range(iterations):
+    for _ in steps(iterations):
         spreads = shortest_edges(mesh) if sigma_c is None else np.full(count, sigma_c * edge)
         near = within(mesh.vertices, REACH * spreads, mesh.vertices, graph, alone)
         moved = np.empty_like(mesh.vertices)

@@ -6,6 +6,7 @@ from cascadenorm.baselines.diffusion import Moving, Scheme, diffuse
 from cascadenorm.baselines.operators import cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 
 @method("mean-curvature-flow", source="Desbrun, Meyer, Schröder, Barr 1999")
@@ -23,7 +24,7 @@ def mean_curvature_flow(
     outside the region, and those without a face, stay.
     """
     time = step * mesh.mean_edge_length**2
-    for _ in range(iterations):
+    for _ in steps(iterations):
         laplacian = cotangent_laplacian(mesh)
         mesh = mesh.moved(diffuse(laplacian, mesh.vertices, time=time, iterations=1, scheme=scheme, region=region))
     return mesh.vertices.copy()

@@ -14,6 +14,7 @@ from cascadenorm.baselines.operators import Laplacian, Weights, laplacian_of
 from cascadenorm.baselines.solvers import solve_once, solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
+from cascadenorm.steps import steps
 
 Order = Literal[1, 2, 3]
 Scheme = Literal["explicit", "implicit"]
@@ -92,7 +93,7 @@ def diffuse(
         return values.copy()
     if scheme == "explicit":
         cuts = _stable_cuts(laplacian, time, iterations, order)
-        for _ in range(iterations * cuts):
+        for _ in steps(iterations * cuts):
             values = values - np.where(free[:, None], (time / cuts) * laplacian.apply(values, order), 0.0)
         return values
     # (M + tP) d = -tPx for the displacement d, with P = M(-Δ)^p; rows and columns of values that stay are left out
@@ -108,7 +109,7 @@ def diffuse(
         root = mass + time ** (1 / order) * laplacian.stiffness[inside][:, inside]  # (1 + sk)^p is near 1 + tk^p
         solve = solver_of_rings(matrix, root, laplacian.mass[inside], laplacian.positions[inside], order=order)
     values = values.copy()
-    for _ in range(iterations):
+    for _ in steps(iterations):
         values[inside] += solve(-time * (power @ values)[inside])
     return values
 

@@ -18,6 +18,7 @@ from cascadenorm.baselines.reach import each_alone, within
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 Guidance = Annotated[
     Literal["patch", "gaussian"], Parameter("what tells features from noise: the most consistent patch, or a mean")
@@ -60,7 +61,7 @@ def guided_normal(
     if iterations is None:
         iterations = 10 if guidance == "patch" else 20
     neighbors = faces_within(mesh, 2 * centroid_distance(mesh) if radius is None else radius)
-    for _ in range(iterations):
+    for _ in steps(iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s
         guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, spread)
         weights = spatial_weights(mesh, neighbors, spread)

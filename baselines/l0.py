@@ -5,6 +5,7 @@ unwanted bend rises. The matrix changes with each step, since the operator follo
 that is found once, and conjugate gradients start from the last vertices, which lie close to the next ones.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy import sparse
 from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 FIRST_BETA, LAST_BETA = 1e-3, 1e3
 ACCURACY = 1e-6  # bound of the root mean square error of each solution, in mean edge lengths
@@ -50,7 +52,7 @@ def l0(
     vertices = mesh.vertices.copy()
     right, values = np.empty_like(vertices), np.empty(len(system.pattern.indices))
     tolerance = len(vertices) * (ACCURACY * edge) ** 2
-    while beta < LAST_BETA:
+    for _ in steps(math.ceil(math.log(LAST_BETA / FIRST_BETA, growth))):
         coefficients = edge_coefficients(vertices, system.quads, operator)
         _assemble(*system[1:], mesh.vertices, vertices, coefficients, alpha, beta, price, values, right)
         _conjugate_gradients(*system.pattern, values, right, vertices, tolerance, MOST_STEPS)

@@ -12,6 +12,7 @@ from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilatera
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 Threshold = Annotated[
     float,
@@ -36,7 +37,7 @@ def unilateral_normal(
     """Average each face normal with similar ones around it: n_f ← unit Σ_g max(<n_f, n_g> - T, 0)² n_g."""
     rings = mesh.topology.face_rings(1)
     normals = mesh.normals
-    for _ in range(iterations):
+    for _ in steps(iterations):
         normals = unilateral_pass(normals, rings, threshold)
     return recover_vertices(mesh, normals, sweeps=sweeps)
 
@@ -53,7 +54,7 @@ def random_walk_normal(
     """Average each face normal with those that a random walk from it visits; it likes to step to similar normals."""
     rings = mesh.topology.face_rings(1)
     normals = mesh.normals
-    for _ in range(iterations):
+    for _ in steps(iterations):
         normals = unit(walk_means(normals, rings, sigma_r=sigma_r, length=length), otherwise=normals)
     return recover_vertices(mesh, normals, sweeps=sweeps)
 

@@ -8,6 +8,7 @@ from cascadenorm.baselines.bilateral_normal import Passes
 from cascadenorm.mesh import Mesh, Vectors, kernel, over
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 Median = Annotated[
     Literal["vector", "angle"],
@@ -19,7 +20,7 @@ Median = Annotated[
 def median_normal(mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10) -> Vectors:
     """Replace each face normal by the weighted median of those around it, then move the vertices to them."""
     normals = mesh.normals
-    for _ in range(iterations):
+    for _ in steps(iterations):
         normals = median_pass(mesh, normals, median=median)
     return recover_vertices(mesh, normals, sweeps=sweeps)
 

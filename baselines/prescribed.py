@@ -10,6 +10,7 @@ from cascadenorm.baselines.diffusion import Moving, diffuse
 from cascadenorm.baselines.operators import cotangent_laplacian, sums
 from cascadenorm.mesh import Mesh, Vectors, unit
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 SMOOTHINGS = 5  # implicit steps that the diffusion of the curvature is made of
 SHARPNESS = 10.0  # r of the paper's edge weight: how fast it falls past the crease threshold
@@ -46,7 +47,7 @@ def prescribed_mean_curvature(
     smoother = anisotropic_laplacian(mesh, normals, threshold=threshold)
     curvature = smoother.inverse_mass * (area_gradient(mesh, weights) * normals).sum(axis=1)
     target = diffuse(smoother, curvature[:, None], time=smoothing / SMOOTHINGS * unit_time, iterations=SMOOTHINGS)
-    for _ in range(iterations):
+    for _ in steps(iterations):
         laplacian = cotangent_laplacian(mesh)
         normals = smoothed_normals(mesh, presmoothing)
         velocity = target * normals - laplacian.inverse_mass[:, None] * area_gradient(mesh, weights)

@@ -8,6 +8,7 @@ from cascadenorm.baselines.diffusion import Moving
 from cascadenorm.baselines.operators import uniform_laplacian
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
+from cascadenorm.steps import steps
 
 
 @method("taubin", source="Taubin 1995")
@@ -28,7 +29,7 @@ def taubin(
     laplacian = uniform_laplacian(mesh)
     free = laplacian.mass > 0 if region is None else region
     vertices = mesh.vertices.copy()
-    for _ in range(iterations):
+    for _ in steps(iterations):
         for size in (step, mu):
             vertices -= np.where(free[:, None], size * laplacian.apply(vertices), 0.0)
     return vertices

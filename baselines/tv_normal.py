@@ -11,6 +11,7 @@ from cascadenorm.baselines.solvers import solver
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, method
+from cascadenorm.steps import steps
 
 LEAST_AREA = 1e-6  # squared mean edges; faces without area get a normal from their neighbours
 PENALTY = 1.0  # of the tie between differences and normals; sets how fast it converges, not to what
@@ -28,7 +29,7 @@ def tv_normal(
 ) -> Vectors:
     """Find normals that vary little, but may jump, near the given ones, then move the vertices to them."""
     variation, normals = TotalVariation(mesh, fidelity=fidelity), mesh.normals
-    for _ in range(iterations):
+    for _ in steps(iterations):
         normals = unit(variation.least(normals, rounds=rounds).values, otherwise=normals)
     return recover_vertices(mesh, normals, sweeps=sweeps)
 

@@ -17,6 +17,7 @@ from cascadenorm.mesh import Mesh, Vectors, first_places, limit_threads
 from cascadenorm.orientation import oriented
 from cascadenorm.registry import Method, ParameterError
 from cascadenorm.rims import along_the_rim, rim_of
+from cascadenorm.steps import steps, told_to
 from cascadenorm.volume import with_volume_of
 
 Boundary = Literal["free", "smooth", "fixed"]
@@ -213,18 +214,14 @@ def _displacement(
     """Apply the method again and again; each vertex follows as far as its own strength says."""
     times = math.ceil(strengths.max()) if mesh.diagonal > 0 else 0
     displacement = np.zeros_like(mesh.vertices)
-    _report(progress, 0.0)
-    for time in range(times):
-        vertices = application(mesh)
-        displacement += np.clip(strengths - time, 0.0, 1.0)[:, None] * (vertices - mesh.vertices)
-        mesh = mesh.moved(vertices)
-        _report(progress, (time + 1) / times)
-    return displacement
-
-
-def _report(progress: Callable[[float], object] | None, share: float) -> None:
+    with told_to(progress):
+        for time in steps(times):
+            vertices = application(mesh)
+            displacement += np.clip(strengths - time, 0.0, 1.0)[:, None] * (vertices - mesh.vertices)
+            mesh = mesh.moved(vertices)
     if progress is not None:
-        progress(share)
+        progress(1.0)
+    return displacement
 
 
 def _read_length(name: str, text: float | str | None) -> tuple[float, bool]:

@@ -10,9 +10,10 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FOLDERS = {"cascadenorm": ROOT / "cascadenorm", "baselines": ROOT / "baselines", "data_gen": ROOT / "data_gen"}
 
-CLASSICAL = {"mesh", "registry", "recover", "volume"}
+CLASSICAL = {"mesh", "registry", "recover", "volume", "steps"}
 MAY_IMPORT = {
     "mesh": set(),
+    "steps": set(),
     "registry": {"mesh"},
     "recover": {"mesh", "registry"},
     "volume": {"mesh"},

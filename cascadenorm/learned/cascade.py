@@ -17,6 +17,7 @@ from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, ParameterError, method
+from cascadenorm.steps import steps
 
 FORMAT = "cascadenorm/1"
 
@@ -37,8 +38,8 @@ class Cascade:
     def steps(self, mesh: Mesh, *, sweeps: int = 20) -> Iterator[Mesh]:
         """Yield the mesh after each stage."""
         noisy = mesh
-        for stage in self.stages:
-            mesh = advanced(stage, mesh, noisy, sweeps=sweeps)
+        for number in steps(len(self.stages)):
+            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps)
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:

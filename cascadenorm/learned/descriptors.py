@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import spatial_weights
 from cascadenorm.mesh import Mesh, Vectors, kernel, over
+from cascadenorm.steps import steps
 
 SIGMA_S = (1.0, 2.0)
 """Spatial spreads of the filters, in mean edge lengths."""
@@ -68,10 +69,10 @@ def reaching_stack(mesh: Mesh) -> Stack:
     first = mesh.normals.astype(np.float32)
     normals = np.repeat(first[:, :, None], LANES, axis=2)
     kept = [first[:, None]]
-    for done in range(1, REACH_PASSES[-1] + 1):
+    for done in steps(REACH_PASSES[-1]):
         before, normals = normals, np.empty_like(normals)
         over(len(normals), _reach_range, before, own, rings.indptr, rings.indices, weights, spreads, normals)
-        if done in REACH_PASSES:
+        if done + 1 in REACH_PASSES:
             kept.append(normals.transpose(0, 2, 1))
     return np.concatenate(kept, axis=1)
 
