@@ -22,6 +22,7 @@ from cascadenorm.io.files import check_target
 from cascadenorm.mesh import Mesh, MeshError, bad_vertices, isolated
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, ParameterError, find, registered
+from cascadenorm.selection import selected
 
 DEFAULT_METHOD = "auto"
 
@@ -75,6 +76,7 @@ def denoise(
     strength: float = 1.0,
     mask: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
+    only: ArrayLike | None = None,
     boundary: Boundary = "free",
     creases: float | ArrayLike | None = None,
     keep_detail: float | str | None = None,
@@ -96,6 +98,7 @@ def denoise(
     strength : 0 nothing, 1 the method; between them a blend; above 1 the method is applied again to what came out
     mask : (n,) bool, or numbers from 0 to 1 that multiply the strength at each vertex; those with 0 keep their bits
     fixed : (n,) bool, or numbers of vertices, that keep their bits
+    only : (m,) bool, or numbers of faces: vertices all of whose faces are among them move, the others keep their bits
     boundary : "free" moves rims by the method; "smooth" only off the surface, while along it the rim is smoothed as a
         curve with its corners kept; "fixed" keeps their bits
     creases : edges across which nothing is mixed: (k, 2) pairs of vertices; or an angle in degrees, and edges sharper
@@ -110,6 +113,8 @@ def denoise(
         takes them, faces that touch them, and faces that name a vertex twice out of what the method sees, and denoises
         the rest; a bad vertex keeps its bits
     parameters : of the method, as `methods()` lists them, such as `iterations=5` or, for the cascade, `model=path`
+
+    For the path of a file mask, fixed, only and creases may be said in words, as in `denoise_file`.
 
     Returns
     -------
@@ -126,6 +131,7 @@ def denoise(
         strength=strength,
         mask=mask,
         fixed=fixed,
+        only=only,
         boundary=boundary,
         creases=creases,
         keep_detail=keep_detail,
@@ -169,8 +175,12 @@ def denoise_file(
     force : replace an existing file
     parameters : of the method
     on_bad : as in `denoise`; a bad face keeps its place in the file, with all that it holds
-    controls : strength, mask, fixed, boundary, creases, keep_detail, max_displacement, volume, threads, progress as in
-        `denoise`; masks count the vertices of the file with copies at seams joined
+    controls : strength, mask, fixed, only, boundary, creases, keep_detail, max_displacement, volume, threads, progress
+        as in `denoise`, over the vertices and triangles of `read(source).mesh`. In words, mask is a vertex attribute of
+        the file (uint8 in 0 … 255, else 0 … 1) or a file .npy or .txt with one number for each vertex; fixed such an
+        attribute, numbers of vertices like "0,5,7-20", or a file of them; only the name of a material, group, object
+        or mesh, or kind=name, or several in a list; creases an angle, or a file with two vertices in each row. All of
+        them count the vertices of the file from 0; where it splits a vertex at a seam, the smallest weight counts
 
     Raises
     ------
@@ -278,6 +288,7 @@ def _denoised_file(
     format = io.output_format(output, file.format)
     check_target(file, output, format=format, force=force)
     mesh = _mesh_of(file, _name(source))
+    controls = selected(controls, file)
     start = time.perf_counter()
     vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
     seconds = time.perf_counter() - start

@@ -52,6 +52,29 @@ def denoise(
     method: Method = "auto",
     model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
     strength: Strength = 1.0,
+    mask: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="Where to denoise: a vertex attribute 0…1, or a .npy or .txt file."),
+    ] = None,
+    fixed: Annotated[
+        str | None,
+        typer.Option(metavar="NUMBERS|NAME|FILE", help='Vertices that stay: "0,5,7-20" from 0, an attribute, a file.'),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[KIND=]NAME",
+            help="Only faces of this material, group, object, mesh, or face property; may be given several times.",
+        ),
+    ] = None,
+    creases: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DEGREES|FILE",
+            help="Mix nothing across edges sharper than this, of which noise makes some; or across those in a file, "
+            "two vertices a line.",
+        ),
+    ] = None,
     boundary: Annotated[
         str,
         typer.Option(
@@ -93,6 +116,10 @@ def denoise(
             on_bad=cast(Any, on_bad),  # the function holds what it may be
             force=force,
             strength=strength,
+            mask=mask,
+            fixed=fixed,
+            only=only or None,  # older versions of typer give an empty list
+            creases=creases,
             boundary=boundary,
             keep_detail=keep_detail,
             max_displacement=max_displacement,

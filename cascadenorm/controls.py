@@ -40,6 +40,7 @@ class Controls:
         came out: y = f(x), then y + (s - 1)(f(y) - y), and so on
     mask : (n,) bool, or numbers from 0 to 1 by which the strength is multiplied at each vertex; None: everywhere
     fixed : (n,) bool, or numbers of vertices, that stay where they are
+    only : (m,) bool, or numbers of faces: vertices all of whose faces are among them move, the others stay
     boundary : of the vertices on an edge with a single face. "free": they go where the method moves them; "smooth": so
         they do off the surface, and along it the rim is smoothed as a curve with its corners kept (see
         `along_the_rim`); "fixed": they stay
@@ -60,6 +61,7 @@ class Controls:
     strength: float = 1.0
     mask: ArrayLike | None = None
     fixed: ArrayLike | None = None
+    only: ArrayLike | None = None
     boundary: Boundary = "free"
     creases: float | ArrayLike | None = None
     keep_detail: float | str | None = None
@@ -83,7 +85,7 @@ class Controls:
     @property
     def hold_some(self) -> bool:
         """Whether some vertices may have to stay."""
-        return self.mask is not None or self.fixed is not None or self.boundary == "fixed"
+        return any(a is not None for a in (self.mask, self.fixed, self.only)) or self.boundary == "fixed"
 
 
 def controlled(
@@ -124,7 +126,7 @@ def controlled(
 
 
 def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
-    """Share of the strength at each vertex: the mask, less what is fixed, a fixed rim, and what no face uses."""
+    """Share of the strength at each vertex: the mask, less what is fixed, other regions, and what no face uses."""
     count = len(mesh.vertices)
     weights = np.zeros(count)
     weights[mesh.faces] = 1.0
@@ -141,23 +143,28 @@ def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
             )
         weights *= mask
     if controls.fixed is not None:
-        weights[_fixed(np.asarray(controls.fixed), count)] = 0.0
+        weights[_rows("fixed", np.asarray(controls.fixed), count, "vertex", "vertices")] = 0.0
+    if controls.only is not None:
+        others = np.ones(len(mesh.faces), bool)
+        others[_rows("only", np.asarray(controls.only), len(others), "face", "faces")] = False
+        weights[mesh.faces[others]] = 0.0
     if controls.boundary == "fixed":
         weights[rim_of(mesh).vertices] = 0.0
     return weights
 
 
-def _fixed(fixed: NDArray[Any], count: int) -> NDArray[Any]:
-    if fixed.dtype == bool and fixed.shape == (count,):
-        return fixed
-    if fixed.ndim != 1 or (fixed.dtype.kind not in "iu" and fixed.size > 0):
+def _rows(name: str, rows: NDArray[Any], count: int, one: str, several: str) -> NDArray[Any]:
+    """Return vertices or faces that are given by numbers or by (count,) bool."""
+    if rows.dtype == bool and rows.shape == (count,):
+        return rows
+    if rows.ndim != 1 or (rows.dtype.kind not in "iu" and rows.size > 0):
         raise ParameterError(
-            f"fixed has shape {fixed.shape} and type {fixed.dtype}; it must be ({count},) bool or numbers of vertices"
+            f"{name} has shape {rows.shape} and type {rows.dtype}; it must be ({count},) bool or numbers of {several}"
         )
-    bad = (fixed < 0) | (fixed >= count)
+    bad = (rows < 0) | (rows >= count)
     if bad.any():
-        raise ParameterError(f"fixed names vertex {fixed[bad][0]}; there are {count} vertices, counted from 0")
-    return fixed.astype(np.int64)
+        raise ParameterError(f"{name} names {one} {rows[bad][0]}; there are {count} {several}, counted from 0")
+    return rows.astype(np.int64)
 
 
 def in_frame(mesh: Mesh) -> tuple[Mesh, int]:

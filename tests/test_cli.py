@@ -78,6 +78,21 @@ def test_rims_and_detail_reach_the_controls(place, capsys):
     assert code == 2 and "must be one of free, smooth, fixed" in message
 
 
+def test_regions_and_creases_are_said_in_words(place, capsys):
+    corners = "\n".join(f"{a} {b} 0" for a, b in ((0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (2, 1)))
+    faces = "usemtl a\nf 1 2 3\nf 2 4 3\nusemtl b\nf 2 5 4\nf 5 6 4\n"
+    (place / "two.obj").write_text("v " + corners.replace("\n", "\nv ") + "\n" + faces)
+    np.save(place / "mask.npy", np.ones(6))
+    words = ["--mask", "mask.npy", "--fixed", "0", "--only", "a", "--only", "b", "--creases", "80"]
+    assert run(["denoise", "two.obj", "-o", "out.obj", *FAST, *words]) == 0
+    mesh = cn.read("two.obj").mesh
+    expected = cn.denoise(mesh, method="laplacian", fixed=[0]).vertices
+    np.testing.assert_allclose(cn.read("out.obj").mesh.vertices, expected, atol=1e-12)
+    capsys.readouterr()
+    code, message = refused(capsys, "denoise", "two.obj", *FAST, "--only", "c")
+    assert code == 2 and "no face is labelled 'c'; there are: material=a, material=b" in message
+
+
 def test_json_says_what_was_done(place, capsys):
     assert run(["denoise", "ball.ply", "-o", "out.obj", *FAST, "--set", "iterations=2", "--json"]) == 0
     out, _ = capsys.readouterr()

@@ -31,7 +31,8 @@ MAY_IMPORT = {
     "learned": {*CLASSICAL, "baselines", "data_gen"},
     "controls": {*CLASSICAL, "orientation", "rims", "creases", "detail"},
     "inspection": {"mesh", "io", "interop", "controls", "volume", "orientation", "nearest"},
-    "api": {*CLASSICAL, "baselines", "learned", "controls", "interop", "io", "metrics"},
+    "selection": {"controls", "io", "registry"},
+    "api": {*CLASSICAL, "baselines", "learned", "controls", "selection", "interop", "io", "metrics"},
 }
 """Parts that are held to a list; the others may import anything but the command line."""
 

@@ -138,10 +138,12 @@ def test_all_controls_work_together(name, boundary):
     """On an open box with its edges as creases, partly masked."""
     rim = OPEN.topology.boundary_vertices
     weights = np.clip(OPEN.vertices[:, 0] + 0.5, 0, 1)
+    inside = OPEN.centroids[:, 1] > -0.9
     options = {
         "strength": 1.5,
         "mask": weights,
         "fixed": [3, 50],
+        "only": inside,
         "boundary": boundary,
         "creases": OPEN.topology.edges[crease_edges(CLEAN_OPEN, 45)],
         "keep_detail": "5 edges",
@@ -152,6 +154,7 @@ def test_all_controls_work_together(name, boundary):
     assert one.tobytes() == two.tobytes()
     still = weights == 0
     still[[3, 50]] = True
+    still[OPEN.faces[~inside]] = True
     assert one[still].tobytes() == OPEN.vertices[still].tobytes()
     moves = np.linalg.norm(one - OPEN.vertices, axis=1)
     assert 0 < moves[~rim].max() <= 0.02 and moves.max() <= 0.02

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,6 +65,29 @@ class Content:
             face_values={name: values[~bad] for name, values in self.face_values.items()},
             left_out=(*self.left_out, f"{bad.sum()} faces that name vertices that do not exist"),
         )
+
+
+class Labels(NamedTuple):
+    """What the faces of a file are labelled with, of one kind.
+
+    Parameters
+    ----------
+    kind : "material", "group", "object", "mesh", or the name of a property of faces
+    values : (c,) names, or numbers, each once or more
+    of_faces : (p,) for each polygon the row of its value, -1 where it has none
+    """
+
+    kind: str
+    values: NDArray[Any]
+    of_faces: NDArray[np.int64]
+
+    def carrying(self, value: str) -> NDArray[np.bool_]:
+        """Return (p,) which polygons carry a label, which may be a number in words."""
+        try:
+            wanted = value if self.values.dtype.kind == "U" else float(value)
+        except ValueError:
+            return np.zeros(len(self.of_faces), bool)
+        return np.append(self.values == wanted, False)[self.of_faces]
 
 
 class MeshFile(ABC):
@@ -141,6 +164,15 @@ class MeshFile(ABC):
         here = type(self)(b"".join(self.pieces()), self.folder) if self._changed.any() else self
         here._isolates = self._isolates
         return here._read_content().without_misnamed()
+
+    def face_labels(self) -> list[Labels]:
+        """Return what the polygons are labelled with: their properties; in some formats also materials and the like.
+
+        A kind may come more than once, where a face has several labels of it.
+        """
+        properties = self._read_content().face_values
+        labels = [Labels(name, *np.unique(v, return_inverse=True)) for name, v in properties.items()]
+        return [label for label in labels if label.of_faces.shape == (len(self.polygons),)]
 
     @cached_property
     def triangles(self) -> NDArray[np.int64]:

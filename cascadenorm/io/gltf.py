@@ -16,7 +16,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
+from cascadenorm.io.contract import Content, Labels, MeshFile, Piece, ReadError
 from cascadenorm.io.gltf_accessors import Accessors, gathered
 from cascadenorm.io.gltf_buffers import Buffers, embedded, relative_name
 from cascadenorm.io.gltf_document import document_of
@@ -38,12 +38,14 @@ class Primitive(NamedTuple):
     Parameters
     ----------
     mesh : number of the mesh that it belongs to
+    material : number of its material; None where it has none
     attributes : name -> accessor
     positions, normals : byte of each in the buffers; no normals, or one for each position
     triangles : (m, 3) rows of both
     """
 
     mesh: int
+    material: int | None
     attributes: dict[str, int]
     positions: NDArray[np.int64]
     normals: NDArray[np.int64]
@@ -114,7 +116,12 @@ class GltfContainer(MeshFile):
                 "get a complete copy"
             )
         return Primitive(
-            mesh, attributes, positions, normals if len(normals) == len(positions) else normals[:0], triangles
+            mesh,
+            primitive.get("material"),
+            attributes,
+            positions,
+            normals if len(normals) == len(positions) else normals[:0],
+            triangles,
         )
 
     def _triangles(self, primitive: dict[str, Any], vertex_count: int) -> NDArray[np.int64]:
@@ -200,6 +207,20 @@ class GltfContainer(MeshFile):
         buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in replaced]
         names = [relative_name(part.get("uri")) for part in [*buffers, *document.get("images", [])]]
         return sorted({name for name in names if name is not None})
+
+    def face_labels(self) -> list[Labels]:
+        """Return the names of meshes and of materials."""
+        owner = np.repeat(np.arange(len(self._primitives)), [len(p.triangles) for p in self._primitives])
+        labels = []
+        with _explained():
+            for kind, numbers in (
+                ("mesh", [p.mesh for p in self._primitives]),
+                ("material", [p.material for p in self._primitives]),
+            ):
+                declared = self._json.document.get("meshes" if kind == "mesh" else "materials", [])
+                names = np.array(["" if n is None else declared[n].get("name", "") for n in numbers], str)
+                labels.append(Labels(kind, names, np.where(names[owner] == "", -1, owner)))
+        return labels
 
     def repacked(self, kind: type["GltfContainer"]) -> "GltfContainer":
         """Return this file in the other container, with all that is in it."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.colors import channels, from_words
-from cascadenorm.io.contract import Content, MeshFile, Piece
+from cascadenorm.io.contract import Content, Labels, MeshFile, Piece
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Places, Text, rows_of, spelled
@@ -23,6 +23,7 @@ KEPT_ELSEWHERE = {
     "p": "points",
 }
 TEXTURE = ("s", "t")
+LABELS = {"usemtl": "material", "o": "object", "g": "group"}
 
 
 class ObjFile(MeshFile):
@@ -114,6 +115,23 @@ class ObjFile(MeshFile):
         found = self._text.numbers(self._text.columns(lines, 2))
         used = np.where(of_position[:, None] >= 0, found[of_position], 0)
         return dict(zip(TEXTURE, used.T, strict=True))
+
+    def face_labels(self) -> list[Labels]:
+        """Return materials, objects and groups; a face that is in several groups has a label for each."""
+        labels = []
+        for keyword, kind in LABELS.items():
+            lines = self._text.lines_with(keyword.encode())
+            named = [self._names(line) for line in lines.tolist()]
+            rows = [words if kind == "group" else [" ".join(words)] for words in named]
+            of_faces = np.searchsorted(lines, self._faces) - 1  # the last such line before each face
+            for place in range(max(map(len, rows), default=0)):
+                values = np.array([words[place] if place < len(words) else "" for words in rows])
+                labels.append(Labels(kind, values, np.where(values[of_faces] == "", -1, of_faces)))
+        return labels
+
+    def _names(self, line: int) -> list[str]:
+        words = range(int(self._text.first[line]) + 1, int(self._text.stop[line]))
+        return [self._text.word(word).decode("utf-8", "replace") for word in words]
 
     @classmethod
     def encode(cls, content: Content) -> tuple[bytes, list[str]]:
