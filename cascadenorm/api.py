@@ -15,7 +15,7 @@ import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
 from cascadenorm.baselines.diffusion import Order
 from cascadenorm.baselines.holes import fill_holes
-from cascadenorm.controls import Boundary, Controls, controlled
+from cascadenorm.controls import Boundary, Controls, controlled, in_frame
 from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target
@@ -293,8 +293,9 @@ def _denoised_file(
     vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
     seconds = time.perf_counter() - start
     left_out = io.write(file.with_vertices(vertices), output, format=format, force=force)
-    moves = np.linalg.norm(vertices - mesh.vertices, axis=1)
-    in_edges = moves / mesh.mean_edge_length if mesh.mean_edge_length > 0 else moves
+    small, exponent = in_frame(mesh)  # squares of lengths overflow where coordinates are huge
+    moves = np.linalg.norm(np.ldexp(vertices - mesh.vertices, -exponent), axis=1)
+    in_edges = moves / small.mean_edge_length if small.mean_edge_length > 0 else moves
     return Report(
         source=_name(source),
         output=_name(output),
