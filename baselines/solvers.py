@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg, splu
 from threadpoolctl import ThreadpoolController
 
-from cascadenorm.mesh import kernel
+from cascadenorm.mesh import MeshError, kernel
 
 DIRECT_LIMIT = 1_000_000  # unknowns of a matrix with about 7 entries a row: some 2 GB of factors
 DENSE_LIMIT = 10_000_000  # entries of a matrix of two or three rings that is still factorised: some 3 GB of factors
@@ -32,6 +32,10 @@ class Factorisation:
     ----------
     matrix : (n, n) scipy sparse; only the symmetric part of its pattern is relied on
     positions : (n, 3) where in space the unknowns are
+
+    Raises
+    ------
+    MeshError : the matrix is singular
     """
 
     def __init__(self, matrix: Any, positions: Vector) -> None:
@@ -40,8 +44,16 @@ class Factorisation:
         self.order = np.empty(len(positions), np.int64)
         _nested_dissection(matrix.indptr, matrix.indices, np.ascontiguousarray(positions), LEAF, self.order)
         ordered = sparse.csc_array(matrix[self.order][:, self.order])
-        with one_blas_thread():
-            self.factors = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        try:
+            with one_blas_thread():
+                self.factors = splu(
+                    ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+                )
+        except RuntimeError as error:  # SuperLU: exactly singular
+            raise MeshError(
+                f"the equations of this method have no single solution for these {len(positions)} unknowns ({error}): "
+                "some faces have no area, or nothing holds a part; remove them, or take another method"
+            ) from None
 
     def solve(self, right: Vector) -> Vector:
         """Return the solution for one right-hand side (n,) or for several, (n, c)."""

@@ -176,6 +176,12 @@ def test_text_keeps_the_digits_of_far_coordinates():
     assert moved.mesh.vertices[1, 0] == 5000000.123456 + 0.001
 
 
+def test_text_beyond_the_type_in_its_header_can_be_converted():
+    for word in (b"nan", b"-inf", b"1e300"):
+        file = read(PLY_TEXT.replace(b"0 0.10 0 255", b"0 0.10 0 " + word))
+        assert len(file.content().vertex_values["red"]) == 5
+
+
 def test_whole_number_positions_can_move_between_whole_numbers():
     for order in ("ascii", "binary_little_endian"):
         header = f"ply\nformat {order} 1.0\nelement vertex 3\nproperty short x\nproperty short y\nproperty int z\n"

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from scipy import sparse
 from shapes import icosphere, noisy
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -6,6 +7,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from cascadenorm.baselines import solvers
 from cascadenorm.baselines.operators import cotangent_laplacian
 from cascadenorm.baselines.solvers import Factorisation, conjugate_gradients, one_blas_thread, solve_once, solver
+from cascadenorm.mesh import MeshError
 
 MESH = noisy(icosphere(3), 0.2)
 LAPLACIAN = cotangent_laplacian(MESH)
@@ -52,6 +54,11 @@ def test_blas_has_one_thread_inside_and_its_own_number_again_outside():
         with one_blas_thread():
             assert threads() == {1}
         assert threads() == {2}
+
+
+def test_a_singular_matrix_is_refused_in_words():
+    with pytest.raises(MeshError, match="no single solution"):
+        Factorisation(sparse.csr_array(np.diag([1.0, 0.0, 1.0])), np.eye(3))
 
 
 def test_right_hand_side_is_not_written():

@@ -136,7 +136,9 @@ class PlyFile(MeshFile):
             for p in element.properties:
                 known = (element.name == "vertex" and p.name in XYZ) or (element.name != "vertex" and p.name in CORNERS)
                 if element.name in ("vertex", "face") and p.count_kind is None and not known:
-                    values[element.name, p.name] = self._columns[element.name, p.name].read(self._body).astype(p.kind)
+                    with np.errstate(invalid="ignore"):  # a text may hold more than its header admits
+                        found = self._columns[element.name, p.name].read(self._body).astype(p.kind)
+                    values[element.name, p.name] = found
                 elif not known:
                     left_out.append(f"property '{p.name}' of '{element.name}'")
         if b"comment" in self.data[: self.header.length]:
