@@ -111,6 +111,7 @@ class MeshFile(ABC):
     format: ClassVar[str]
     counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
     _isolates = False
+    moving_loses: ClassVar[tuple[str, ...]] = ()  # what a moved file lacks, in words
 
     def __init__(self, data: bytes, folder: Path | None = None) -> None:
         self.data = data
@@ -145,7 +146,7 @@ class MeshFile(ABC):
 
     def pieces(self) -> Iterable[Piece]:
         """Return the bytes of the file with its present positions, in pieces."""
-        return self._moved_pieces() if self._changed.any() else [self.data]
+        return self._moved_pieces() if self.has_moved else [self.data]
 
     def files(self, path: Path) -> dict[Path, Iterable[Piece]]:
         """Return what is written for this file at a path: itself last, before it what it keeps in other files."""
@@ -161,7 +162,7 @@ class MeshFile(ABC):
 
     def content(self) -> Content:
         """Return what other formats can take over."""
-        here = type(self)(b"".join(self.pieces()), self.folder) if self._changed.any() else self
+        here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         here._isolates = self._isolates
         return here._read_content().without_misnamed()
 
@@ -279,6 +280,11 @@ class MeshFile(ABC):
         first = self._weld[1]
         moved.__dict__["mesh"] = mesh.moved(np.where(finite[first], moved.positions[first], mesh.vertices))
         return moved
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether a position differs from what was read."""
+        return bool(self._changed.any())
 
     @property
     def _changed(self) -> NDArray[np.bool_]:

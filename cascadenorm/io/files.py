@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from cascadenorm.io.atomic import check_output, is_special, write_atomically, write_together
 from cascadenorm.io.companions import companions
 from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
+from cascadenorm.io.foreign import NEEDS as TRIMESH_NEEDS
 from cascadenorm.io.foreign import foreign, foreign_formats, foreign_outputs
 from cascadenorm.io.glb import GlbFile
 from cascadenorm.io.gltf import GltfContainer, GltfFile
@@ -19,11 +20,15 @@ from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply import PlyFile
 from cascadenorm.io.polygons import Polygons
 from cascadenorm.io.stl import StlFile, is_binary_stl
+from cascadenorm.io.vtk import VtkFile, VtuFile, is_installed
 from cascadenorm.mesh import Mesh
 
 FORMATS: dict[str, type[MeshFile]] = {
     kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile)
 }
+
+NEEDS = {**TRIMESH_NEEDS, "vtk": "meshio", "vtu": "meshio"}
+"""Packages to be installed for a format."""
 
 Source = str | os.PathLike[str] | BinaryIO
 
@@ -53,7 +58,9 @@ def read(source: Source, format: str | None = None) -> MeshFile:
         chosen = (format or _sniffed(data) or Path(name).suffix).lower().lstrip(".")
         kind = _kind(chosen)
         if kind is None:
-            known = ", ".join([*FORMATS, *sorted({*foreign_formats()} - {*FORMATS})])
+            known = ", ".join(dict.fromkeys([*FORMATS, *_meshio_formats(), *foreign_formats()]))
+            if chosen in NEEDS:
+                raise ReadError(f"{chosen!r} files need further packages: pip install {NEEDS[chosen]}")
             raise ReadError(
                 f"{f'{chosen!r} is' if chosen else 'the content is'} no mesh format known here ({known}): "
                 "convert it, or name its format"
@@ -94,13 +101,28 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
         for copy in beside:
             copy.parent.mkdir(parents=True, exist_ok=True)
         write_together({**beside, **file.files(path)}, force=force)
-        return lost
-    pieces, lost = (file.pieces(), []) if file.format == chosen else _encoded(file, kind)
+        return [*lost, *_lost(file)]
+    pieces, lost = (file.pieces(), _lost(file)) if file.format == chosen else _encoded(file, kind)
     if path:
         write_atomically(path, pieces, force=force)
     else:
-        cast(BinaryIO, target).writelines(pieces)
+        _write_stream(cast(BinaryIO, target), pieces)
     return lost
+
+
+def _lost(file: MeshFile) -> list[str]:
+    """Return what a file in its own format cannot keep."""
+    return list(file.moving_loses) if file.has_moved else []
+
+
+def _write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
+    try:
+        stream.writelines(pieces)
+        stream.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"the stream cannot be written: {error.strerror or error}") from error
 
 
 def check_target(file: MeshFile, target: Source, *, format: str, force: bool) -> None:
@@ -126,16 +148,22 @@ def output_format(target: Source, otherwise: str = "") -> str:
     """
     extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
     chosen = (extension or otherwise).lower().lstrip(".")
-    known = [*FORMATS, *foreign_outputs()]
+    known = [*FORMATS, *_meshio_formats(), *foreign_outputs()]
     if not chosen:
         raise OutputError(f"the name {target} has no extension that says in which format to write: {', '.join(known)}")
+    if chosen in NEEDS and _kind(chosen) is None:
+        raise OutputError(f"'{chosen}' files need further packages: pip install {NEEDS[chosen]}")
     if chosen not in known:
         raise OutputError(f"'{chosen}' is no mesh format that can be written: choose one of {', '.join(known)}")
     return chosen
 
 
 def _kind(format: str) -> type[MeshFile] | None:
-    return FORMATS.get(format) or foreign(format)
+    return FORMATS.get(format) or _meshio_formats().get(format) or foreign(format)
+
+
+def _meshio_formats() -> dict[str, type[MeshFile]]:
+    return {kind.format: kind for kind in (VtkFile, VtuFile)} if is_installed() else {}
 
 
 def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], list[str]]:
@@ -181,6 +209,8 @@ def _sniffed(data: bytes) -> str | None:
     """Recognise a format by its content."""
     if data[:4] in (b"ply\n", b"ply\r", b"ply "):
         return "ply"
+    if data.startswith(b"# vtk DataFile"):
+        return "vtk"
     if data[:4] == b"glTF":
         return "glb"
     if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{") and b'"asset"' in data:

@@ -11,12 +11,25 @@ from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
 from cascadenorm.io.polygons import Polygons, triangulate
 
+NEEDS = {
+    "3dxml": "lxml networkx",
+    "3mf": "lxml networkx",
+    "dae": "pycollada",
+    "stp": "cascadio",
+    "step": "cascadio",
+    "xaml": "lxml",
+    "zae": "pycollada",
+}
+"""Packages to be installed for a format."""
+
 INPUTS = ("3dxml", "3mf", "ctm", "dae", "glb", "gltf", "step", "stp", "xaml", "xyz", "zae")
 OUTPUTS = ("3mf", "dae")  # beside the native ones; others that trimesh writes lose the faces
 
 
 class ForeignFile(MeshFile):
     """A scene of one or more meshes as trimesh holds it; positions are float64, in the frame of each mesh."""
+
+    moving_loses = ("what trimesh does not hold of it (units, metadata, names)",)
 
     def _parse(self) -> tuple[NDArray[np.float64], Polygons]:
         import trimesh
@@ -99,7 +112,7 @@ def foreign_outputs() -> list[str]:
 
 def _exported(scene: Any, format: str) -> bytes:
     try:
-        data = scene.export(file_type=format)
+        data = _exported_collada(scene) if format == "dae" else scene.export(file_type=format)
     except Exception as error:  # each of its writers raises what it likes
         raise OutputError(
             f"trimesh cannot write {format}: {error or type(error).__name__}: choose ply or obj"
@@ -109,3 +122,11 @@ def _exported(scene: Any, format: str) -> bytes:
     if not isinstance(data, bytes):
         raise OutputError(f"trimesh writes {format} as several files: choose glb, ply or obj")
     return data
+
+
+def _exported_collada(scene: Any) -> Any:
+    """Return the meshes of a scene where it shows them."""
+    from trimesh.exchange import dae
+
+    exporter: Any = dae
+    return exporter.export_collada(scene.dump() if hasattr(scene, "dump") else scene)

@@ -186,7 +186,7 @@ class GltfContainer(MeshFile):
 
     def files(self, path: Path) -> dict[Path, Iterable[Piece]]:
         """Return what is written for this file at a path: buffers that changed and are files get files beside it."""
-        if not self._changed.any():
+        if not self.has_moved:
             return super().files(path)
         names = self._buffer_names(path)
         pieces, buffers = self._replaced({number: beside.name for number, beside in names.items()})
@@ -203,7 +203,7 @@ class GltfContainer(MeshFile):
     def refers_to(self) -> list[str]:
         """Return the names of buffers and images that are files of their own and stay as they are."""
         document = self._json.document
-        replaced = self._moving_files if self._changed.any() else []
+        replaced = self._moving_files if self.has_moved else []
         buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in replaced]
         names = [relative_name(part.get("uri")) for part in [*buffers, *document.get("images", [])]]
         return sorted({name for name in names if name is not None})
@@ -224,7 +224,7 @@ class GltfContainer(MeshFile):
 
     def repacked(self, kind: type["GltfContainer"]) -> "GltfContainer":
         """Return this file in the other container, with all that is in it."""
-        here = type(self)(b"".join(self.pieces()), self.folder) if self._changed.any() else self
+        here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         document, chunk = copy.deepcopy(here._json.document), None
         if document.get("buffers"):
             begin, end = here._buffers.place(0)

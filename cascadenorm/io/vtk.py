@@ -1,0 +1,155 @@
+"""VTK in its legacy form and as XML (VTU), through meshio: the data of points and cells are kept."""
+
+import copy
+import importlib.util
+import re
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
+from cascadenorm.io.normals import Normals
+from cascadenorm.io.polygons import Polygons
+
+FACES = ("triangle", "quad", "polygon")
+BESIDE = ("line", "vertex", "polyline", "poly_vertex")
+NORMALS = ("Normals", "normals")
+
+
+class MeshioFile(MeshFile):
+    """A grid whose cells are polygons; positions are float32 or float64."""
+
+    moving_loses: ClassVar[tuple[str, ...]] = ("what meshio does not hold of it (title, layout, types of data)",)
+
+    def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        try:
+            self._grid = self._load()
+        except Exception as error:  # its parsers raise what they like
+            raise ReadError(f"meshio cannot read this as {self.format}: {error or type(error).__name__}") from None
+        points = np.asarray(self._grid.points)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ReadError(f"the points of this {self.format} file have {points.shape[-1]} coordinates, not 3")
+        other = sorted({block.type for block in self._grid.cells} - {*FACES, *BESIDE})
+        if other:
+            raise ReadError(f"the file holds cells of type {', '.join(other)}: extract the surface first")
+        blocks = [np.asarray(block.data, np.int64) for block in self._faces()]
+        counts = [np.full(len(block), block.shape[1]) for block in blocks]
+        none = np.zeros(0, np.int64)
+        corners = np.concatenate([none, *(block.ravel() for block in blocks)])
+        kind = np.float32 if points.dtype == np.float32 else np.float64
+        return points.astype(kind), Polygons.from_counts(np.concatenate([none, *counts]), corners)
+
+    def _faces(self) -> list[Any]:
+        return [block for block in self._grid.cells if block.type in FACES]
+
+    def _load(self) -> Any:
+        import meshio
+
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"grid.{self.format}"
+            path.write_bytes(self.data)
+            return getattr(meshio, self.format).read(path)
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        grid = copy.deepcopy(self._grid)
+        grid.points = self.positions
+        for name in NORMALS:
+            values = grid.point_data.get(name)
+            if values is not None and values.shape == self.positions.shape:
+                normals, _ = self._renewed(Normals(values.astype(np.float64), self.triangles))
+                grid.point_data[name] = normals.astype(values.dtype)
+            if name in grid.cell_data:
+                grid.cell_data[name] = self._renewed_cell_normals(grid.cell_data[name])
+        return [_written(grid, self.format, self._options())]
+
+    def _renewed_cell_normals(self, blocks: list[Any]) -> list[Any]:
+        """Return normals of cells, a block of them for each block of cells."""
+        faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACES]
+        if any(np.ndim(blocks[i]) != 2 or np.shape(blocks[i])[1] != 3 for i in faces):
+            return blocks
+        corners = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
+        stored = np.concatenate([np.asarray(blocks[i], np.float64) for i in faces])
+        normals, _ = self._renewed(Normals(stored, corners))
+        ends = np.cumsum([len(blocks[i]) for i in faces])[:-1]
+        new = dict(zip(faces, np.split(normals, ends), strict=True))
+        return [new[i].astype(block.dtype) if i in new else block for i, block in enumerate(blocks)]
+
+    def _options(self) -> dict[str, Any]:
+        """Return how to write: of VTK the version and the kind that were read."""
+        if self.format != "vtk":
+            return {}
+        lines = self.data[:1000].splitlines()
+        version = re.search(rb"Version (\d+)", lines[0])
+        old = version is not None and int(version[1]) < 5
+        return {"fmt_version": "4.2" if old else "5.1", "binary": lines[2].strip().upper() == b"BINARY"}
+
+    def _read_content(self) -> Content:
+        values, face_values, left_out = {}, {}, []
+        for name, value in self._grid.point_data.items():
+            if np.ndim(value) == 1:
+                values[name] = np.asarray(value)
+            else:
+                left_out.append(f"point data '{name}'")
+        faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACES]
+        for name, blocks in self._grid.cell_data.items():
+            if all(np.ndim(blocks[i]) == 1 for i in faces):
+                face_values[name] = np.concatenate([np.asarray(blocks[i]) for i in faces])
+            else:
+                left_out.append(f"cell data '{name}'")
+        if len(faces) < len(self._grid.cells):
+            left_out.append("points and lines")
+        return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+        """Write content with all values of vertices and faces; faces of as many corners follow each other."""
+        import meshio
+
+        counts, polygons = content.polygons.counts, content.polygons
+        cells: list[tuple[str, NDArray[np.int64]]] = []
+        chosen = [np.flatnonzero(counts == count) for count in np.unique(counts)]
+        for rows in chosen:
+            count = int(counts[rows[0]])
+            corners = polygons.corners[polygons.indptr[rows, None] + np.arange(count)]
+            cells.append(({3: "triangle", 4: "quad"}.get(count, "polygon"), corners))
+        grid = meshio.Mesh(
+            content.positions,
+            cells,
+            point_data=dict(content.vertex_values),
+            cell_data={name: [values[rows] for rows in chosen] for name, values in content.face_values.items()},
+        )
+        lost = ["the order of the faces"] if (np.diff(counts) < 0).any() else []
+        return _written(grid, cls.format, {}), lost
+
+
+class VtkFile(MeshioFile):
+    """A legacy VTK file that holds an unstructured grid."""
+
+    format = "vtk"
+
+
+class VtuFile(MeshioFile):
+    """A VTU file."""
+
+    format = "vtu"
+
+
+def is_installed() -> bool:
+    """Test whether meshio is there."""
+    return importlib.util.find_spec("meshio") is not None
+
+
+def _written(grid: Any, format: str, options: dict[str, Any]) -> bytes:
+    import meshio
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"grid.{format}"
+        try:
+            getattr(meshio, format).write(path, grid, **options)
+        except Exception as error:  # its writers raise what they like
+            raise OutputError(f"meshio cannot write {format}: {error or type(error).__name__}: choose ply") from None
+        return path.read_bytes()
