@@ -4,9 +4,12 @@ Results go to stdout, messages and progress to stderr. What a command uses is im
 starts at once.
 """
 
+import errno
 import os
+import signal
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn, cast
 
@@ -355,6 +358,10 @@ def render(
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit; every error becomes one line on stderr and an exit code here."""
+    signal.signal(signal.SIGTERM, _terminated)
+    for stream in (sys.stdout, sys.stderr):  # file names need not be in any encoding
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 
@@ -370,7 +377,7 @@ def run(arguments: Sequence[str]) -> int:
         _complain("interrupted; no file was left half written")
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _give_up_stdout()
         return FAILED
     except USAGE_ERROR as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
@@ -382,7 +389,22 @@ def run(arguments: Sequence[str]) -> int:
             raise
         code, message = _judged(error)
         _complain(message)
+        if code == OUTPUT:
+            _give_up_stdout()
         return code
+
+
+def _terminated(number: int, _: object) -> NoReturn:
+    """End as on an error, so that temporary files are removed."""
+    raise SystemExit(128 + number)
+
+
+def _give_up_stdout() -> None:
+    """Throw away what cannot be written to stdout, so that Python does not try again at its end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _judged(error: Exception) -> tuple[int, str]:
@@ -404,6 +426,8 @@ def _judged(error: Exception) -> tuple[int, str]:
     for kind, code in codes.items():
         if isinstance(error, kind):
             return code, str(error)
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO):
+        return OUTPUT, f"the output cannot be written: {error.strerror}"
     if isinstance(error, MemoryError):
         return FAILED, "there is not enough memory for this mesh"
     name = type(error).__name__
