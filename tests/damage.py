@@ -246,7 +246,10 @@ def read_damaged(format: str, data: bytes, rng: Generator, others: Sequence[byte
         assert b"".join(file.pieces()) == content, "unmoved, but not as it was"
         moved = file.with_vertices(file.mesh.vertices + 1)
         again = cn.read(io.BytesIO(b"".join(moved.pieces())), file.format)
-        assert np.array_equal(again.positions, moved.positions), "moved, but not read back so"
+        expected = moved.positions.astype(
+            again.positions.dtype
+        )  # a PLY text with few digits is read as single precision
+        assert np.array_equal(again.positions, expected), "moved, but not read back so"
         assert np.array_equal(again.polygons.corners, file.polygons.corners), "faces have changed"
         moved.content()
     except (cn.ReadError, cn.MeshError) as error:

@@ -343,6 +343,14 @@ def test_scenes_convert_with_transforms_and_mirrors():
     assert (np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] > 0).all()
 
 
+@pytest.mark.parametrize("scale", ["NaN", "1e308", "-Infinity"])
+def test_transforms_that_are_not_finite_are_refused(scale):
+    file = read(gltf().replace(b'"scale": [\n    2,', f'"scale": [{scale},'.encode()))
+    assert written(file.with_vertices(file.mesh.vertices + 1))
+    with pytest.raises(io.ReadError, match="transform of node 0 is not finite"):
+        file.content()
+
+
 def test_morphs_skins_and_animations_stay(tmp_path):
     """Buffers of anything else than vertices are not even looked for."""
     text = json.loads(

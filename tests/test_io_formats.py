@@ -12,7 +12,7 @@ from cascadenorm.io.contract import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.foreign import foreign
 from cascadenorm.io.polygons import Polygons, triangulate
-from cascadenorm.mesh import Mesh, unit
+from cascadenorm.mesh import Mesh, MeshError, unit
 
 
 def encoded(mesh: Mesh, format: str) -> io.MeshFile:
@@ -174,6 +174,20 @@ def test_text_keeps_the_digits_of_far_coordinates():
     file = read(PLY_TEXT.replace(b"1.000 0 0", b"5000000.123456 0 0"))
     moved = read(written(file.with_vertices(file.mesh.vertices + 0.001)))
     assert moved.mesh.vertices[1, 0] == 5000000.123456 + 0.001
+
+
+def test_text_beyond_single_precision_is_read_in_double():
+    file = read(PLY_TEXT.replace(b"1.000 0 0", b"1e300 0 0"))
+    assert file.mesh.vertices[1, 0] == 1e300
+    infinite = read(PLY_TEXT.replace(b"1.000 0 0", b"inf 0 0"))
+    with pytest.raises(MeshError, match="1 of 5 vertices are not finite"):
+        _ = infinite.mesh
+
+
+def test_colours_beyond_all_bounds_are_cut():
+    file = read(OBJ.replace(b"1.0 0.5 0.25", b"1e308 -1e308 nan"))
+    colors = file.content().vertex_values
+    assert [colors[name][0] for name in ("red", "green", "blue")] == [255, 0, 0]
 
 
 def test_text_beyond_the_type_in_its_header_can_be_converted():

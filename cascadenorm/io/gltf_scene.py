@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.colors import CHANNELS, channels
-from cascadenorm.io.contract import Content
+from cascadenorm.io.contract import Content, ReadError
 from cascadenorm.io.gltf_accessors import Accessors
 from cascadenorm.io.polygons import Polygons
 
 KEPT_ELSEWHERE = ("materials", "textures", "animations", "skins", "cameras")
+LARGEST = 1e30  # of the numbers of a transform
 
 Matrix = NDArray[np.float64]
 
@@ -92,7 +93,11 @@ def _shown(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
             continue
         seen.add(number)
         node = nodes[number]
-        matrix = outer @ _matrix(node)
+        with np.errstate(all="ignore"):
+            matrix = _matrix(node)
+        if not (np.abs(matrix) < LARGEST).all():
+            raise ReadError(f"the transform of node {number} is not finite: export the file again")
+        matrix = outer @ matrix
         if "mesh" in node:
             found.append((node["mesh"], np.eye(4) if "skin" in node else matrix))  # a skin places its mesh itself
         waiting += [(child, matrix) for child in reversed(node.get("children", []))]

@@ -61,7 +61,8 @@ class PlyFile(MeshFile):
         declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
         if self._text is not None and declared == {"f4"}:  # the text may say more than its header admits
             words = np.concatenate([np.asarray(self._columns["vertex", name].offsets) // WORD for name in XYZ])
-            return values.astype(np.float32 if self._text.significant_digits(words) <= 9 else np.float64)
+            short = self._text.significant_digits(words) <= 9 and not (np.abs(values) > np.finfo(np.float32).max).any()
+            return values.astype(np.float32 if short else np.float64)
         return values.astype(np.float32 if declared == {"f4"} else np.float64)
 
     def _polygons(self) -> Polygons:
