@@ -18,6 +18,8 @@ REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
 REACH_PASSES = (1, 4, 16, 64)
 CONTEXT_STEPS = (1, 2, 4, 8)
 LANES = len(REACH_SIGMA_R)
+LARGEST = 1000.0
+"""No face weighs more in `reaching_stack` than one of so many median areas: a spike must not be seen from afar."""
 FLOOR = 1e-4
 """Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
 
@@ -62,9 +64,10 @@ def reaching_stack(mesh: Mesh) -> Stack:
     (m, 1 + 16, 3) : the face normal first, then σ_r ascending within passes ascending
     """
     rings = mesh.topology.face_rings(1)
-    scale = mesh.areas.max(initial=0) or 1.0  # so that single precision holds areas of any size
-    weights = (spatial_weights(mesh, rings, 1.0) / scale).astype(np.float32)
-    own = (mesh.areas / scale).astype(np.float32)
+    middling = np.median(mesh.areas[mesh.areas > 0]) if mesh.areas.any() else 1.0
+    share = 1 / np.maximum(mesh.areas / (LARGEST * middling), 1)  # of its area that a face weighs
+    own = (share * mesh.areas / middling).astype(np.float32)
+    weights = (share[rings.indices] * spatial_weights(mesh, rings, 1.0) / middling).astype(np.float32)
     spreads = (0.5 / np.array(REACH_SIGMA_R) ** 2).astype(np.float32)
     first = mesh.normals.astype(np.float32)
     normals = np.repeat(first[:, :, None], LANES, axis=2)
