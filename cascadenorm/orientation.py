@@ -110,7 +110,7 @@ def _count_apexes(faces, around, a, b):  # type: ignore[no-untyped-def]
             second = apex
         else:
             return 3
-    return (first >= 0) + (second >= 0)
+    return int(first >= 0) + int(second >= 0)
 
 
 @kernel
