@@ -30,12 +30,13 @@ class Network(torch.nn.Module):
 
     def __init__(self, inputs: int, hidden: Sequence[int], outputs: int, generator: torch.Generator) -> None:
         super().__init__()
-        self.layers = torch.nn.ModuleList(torch.nn.Linear(i, o) for i, o in pairwise([inputs, *hidden, outputs]))
-        for layer in self.layers:
+        layers = [torch.nn.Linear(i, o) for i, o in pairwise([inputs, *hidden, outputs])]
+        for layer in layers:
             bound = layer.in_features**-0.5
             torch.nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
             torch.nn.init.zeros_(layer.bias)
-        torch.nn.init.constant_(self.layers[-1].bias, 1 / outputs)  # begins as the mean of the normals
+        torch.nn.init.constant_(layers[-1].bias, 1 / outputs)  # begins as the mean of the normals
+        self.layers = torch.nn.ModuleList(layers)
 
     def forward(self, numbers: torch.Tensor, stack: torch.Tensor) -> torch.Tensor:
         """Return unit normals, (m, 3)."""
