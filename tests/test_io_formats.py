@@ -138,6 +138,16 @@ def test_normals_far_from_what_moved_stay():
     assert np.flatnonzero(changed).tolist() == ring.tolist()
 
 
+@pytest.mark.parametrize("format", ["stl", "glb", "gltf"])
+def test_single_precision_is_never_exceeded(format):
+    sphere = icosphere(1)
+    with pytest.raises(io.OutputError, match=r"1 vertices lie beyond .* \(vertices 7\)"):
+        encoded(sphere.moved(np.where(np.arange(len(sphere.vertices))[:, None] == 7, 1e39, sphere.vertices)), format)
+    largest = float(np.finfo(np.float32).max)
+    file = encoded(sphere.moved(sphere.vertices / np.abs(sphere.vertices).max() * largest), format)
+    assert np.isfinite(file.positions).all()
+
+
 def test_ply_strips_alternate():
     header = b"ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
     header += b"element tristrips 1\nproperty list int int vertex_indices\nend_header\n"

@@ -66,6 +66,18 @@ class Content:
             left_out=(*self.left_out, f"{bad.sum()} faces that name vertices that do not exist"),
         )
 
+    def single_positions(self) -> NDArray[np.float32]:
+        """Return the positions in single precision; raises OutputError where one is beyond it."""
+        with np.errstate(over="ignore"):
+            single = self.positions.astype(np.float32)
+        bad = np.asarray((np.isinf(single) & np.isfinite(self.positions)).any(axis=1))
+        if bad.any():
+            raise OutputError(
+                f"{bad.sum()} vertices lie beyond the largest number of this format, 3.4e38 (vertices "
+                f"{first_places(bad)}): write ply, obj or off, or scale the mesh down"
+            )
+        return single
+
 
 class Labels(NamedTuple):
     """What the faces of a file are labelled with, of one kind.

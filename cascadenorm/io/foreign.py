@@ -35,7 +35,8 @@ class ForeignFile(MeshFile):
         import trimesh
 
         try:
-            self._scene = trimesh.load_scene(BytesIO(self.data), file_type=self.format, process=False)
+            with np.errstate(all="ignore"):
+                self._scene = trimesh.load_scene(BytesIO(self.data), file_type=self.format, process=False)
         except Exception as error:  # each of its parsers raises what it likes
             raise ReadError(f"trimesh cannot read this as {self.format}: {error or type(error).__name__}") from None
         self._meshes = [g for g in self._scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
@@ -112,7 +113,8 @@ def foreign_outputs() -> list[str]:
 
 def _exported(scene: Any, format: str) -> bytes:
     try:
-        data = _exported_collada(scene) if format == "dae" else scene.export(file_type=format)
+        with np.errstate(all="ignore"):
+            data = _exported_collada(scene) if format == "dae" else scene.export(file_type=format)
     except Exception as error:  # each of its writers raises what it likes
         raise OutputError(
             f"trimesh cannot write {format}: {error or type(error).__name__}: choose ply or obj"

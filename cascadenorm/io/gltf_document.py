@@ -17,8 +17,7 @@ TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
     """Return a document of one mesh with colours and texture coordinates of vertices, its buffer, and what is lost."""
     triangles, _ = triangulate(content.positions, content.polygons)
-    with np.errstate(over="ignore"):
-        positions = content.positions.astype("<f4")
+    positions = content.single_positions().astype("<f4")
     arrays = {"POSITION": positions}
     colors = channels(content.vertex_values)
     if colors:

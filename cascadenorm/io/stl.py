@@ -71,8 +71,8 @@ class StlFile(MeshFile):
         """Write content as binary STL."""
         triangles, owners = triangulate(content.positions, content.polygons)
         records = np.zeros(len(triangles), RECORD)
-        with np.errstate(over="ignore"):
-            records["corners"] = content.positions[triangles]
+        single = content.single_positions()
+        records["corners"] = single[triangles]
         records["normal"] = unit(area_vectors(content.positions, triangles))
         lost = [f"vertex property '{name}'" for name in content.vertex_values]
         lost += [f"face property '{name}'" for name in content.face_values if name != "attribute"]
@@ -80,7 +80,7 @@ class StlFile(MeshFile):
             records["attribute"] = content.face_values["attribute"][owners]
         if (content.polygons.counts != 3).any():
             lost.append("polygons (cut into triangles)")
-        if (content.positions.astype(np.float32) != content.positions).any():
+        if (single != content.positions).any():
             lost.append("digits of the positions beyond single precision")
         lost.append("the order of the vertices")
         return bytes(80) + len(records).to_bytes(4, "little") + records.tobytes(), lost
