@@ -18,25 +18,26 @@ def companions(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path,
 
     Returns
     -------
-    Contents by path, none if the target is in the folder of the file; and the names that could not be found
+    Contents by path, none if the target is in the folder of the file; and what was not found, or leads out of it
 
     Raises
     ------
-    OutputError : a name leads out of the folder, or other content lies at the target and force is not given
+    OutputError : a name that the file needs leads out of its folder, or other content lies in the way and force is
+        not given
     """
-    names = file.refers_to()
     there = target.resolve().parent
     if file.folder is not None and file.folder.resolve() == there:
         return {}, []
     copies: dict[Path, Iterable[Piece]] = {}
     missing = []
-    for name in names:
-        if file.folder is None or not os.path.isfile(file.folder / name):
+    for name, needed in file.refers_to().items():
+        copy = (there / name).resolve()
+        outside = not copy.is_relative_to(there)
+        if outside and needed:
+            raise OutputError(f"the file names {name!r}, outside its own folder: write the output beside the input")
+        if outside or file.folder is None or not os.path.isfile(file.folder / name):
             missing.append(f"the file {name!r} that it names")
             continue
-        copy = (there / name).resolve()
-        if not copy.is_relative_to(there):
-            raise OutputError(f"the file names {name!r}, outside its own folder: write the output beside the input")
         content = (file.folder / name).read_bytes()
         if copy.exists() and copy.read_bytes() == content:
             continue

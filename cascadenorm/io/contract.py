@@ -168,9 +168,9 @@ class MeshFile(ABC):
         """Return the paths that `files` may have, for other positions as well."""
         return [path]
 
-    def refers_to(self) -> list[str]:
-        """Return the names, relative to its folder, of the files that it needs and that stay as they are."""
-        return []
+    def refers_to(self) -> dict[str, bool]:
+        """Return the names, relative to its folder, of files that stay as they are: name -> needed to read this one."""
+        return {}
 
     def content(self) -> Content:
         """Return what other formats can take over."""

@@ -200,13 +200,14 @@ class GltfContainer(MeshFile):
         numbers = self._moving_files
         return {n: path.with_name(f"{path.stem}{f'_{n}' if len(numbers) > 1 else ''}.bin") for n in numbers}
 
-    def refers_to(self) -> list[str]:
-        """Return the names of buffers and images that are files of their own and stay as they are."""
+    def refers_to(self) -> dict[str, bool]:
+        """Return the names of images, and of buffers, which are needed, that are files and stay as they are."""
         document = self._json.document
         replaced = self._moving_files if self.has_moved else []
         buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in replaced]
-        names = [relative_name(part.get("uri")) for part in [*buffers, *document.get("images", [])]]
-        return sorted({name for name in names if name is not None})
+        images = {relative_name(part.get("uri")): False for part in document.get("images", [])}
+        names = {**images, **{relative_name(part.get("uri")): True for part in buffers}}
+        return {name: needed for name, needed in names.items() if name is not None}
 
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes and of materials."""

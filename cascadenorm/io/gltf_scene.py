@@ -94,10 +94,9 @@ def _shown(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
         seen.add(number)
         node = nodes[number]
         with np.errstate(all="ignore"):
-            matrix = _matrix(node)
+            matrix = outer @ _matrix(node)
         if not (np.abs(matrix) < LARGEST).all():
             raise ReadError(f"the transform of node {number} is not finite: export the file again")
-        matrix = outer @ matrix
         if "mesh" in node:
             found.append((node["mesh"], np.eye(4) if "skin" in node else matrix))  # a skin places its mesh itself
         waiting += [(child, matrix) for child in reversed(node.get("children", []))]

@@ -1,5 +1,6 @@
 """Wavefront OBJ: its lines, of which only the numbers of `v` and `vn` are ever replaced."""
 
+import os
 from collections.abc import Iterable
 from itertools import pairwise
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.contract import Content, Labels, MeshFile, Piece
+from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Places, Text, rows_of, spelled
@@ -87,6 +89,19 @@ class ObjFile(MeshFile):
         order = np.argsort(keys, kind="stable")
         wanted = self.triangle_polygons[:, None] * len(self.positions) + self.triangles
         return named[order[np.searchsorted(keys[order], wanted)]]
+
+    def refers_to(self) -> dict[str, bool]:
+        """Return the names of libraries of materials, and of their textures."""
+        text, names = self._text, list[str]()
+        for line in text.lines_with(b"mtllib"):
+            first, last = text.first[line] + 1, text.stop[line] - 1
+            if first > last:
+                continue
+            name = os.fsdecode(self.data[text.starts[first] : text.ends[last]])  # with spaces, one name
+            names.append(name)
+            if self.folder is not None and os.path.isfile(self.folder / name):
+                names += textures((self.folder / name).read_bytes(), name)
+        return dict.fromkeys(names, False)
 
     def _read_content(self) -> Content:
         text = self._text

@@ -1,5 +1,7 @@
 """PLY: a header, then tables in text or in either byte order; any element, property and comment is kept."""
 
+import os
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -129,6 +131,11 @@ class PlyFile(MeshFile):
                 kind = np.float32 if declared.kind == "f4" and values.dtype != np.float64 else np.float64
                 words.append(spelled(values[chosen[:, axis], axis].astype(kind)))
         return text.replaced(np.concatenate(places), np.concatenate(words))
+
+    def refers_to(self) -> dict[str, bool]:
+        """Return the names of textures that a comment gives."""
+        found = re.findall(rb"^comment[ \t]+TextureFile[ \t]+([^\r\n]*\S)", self.data[: self.header.length], re.M)
+        return dict.fromkeys(map(os.fsdecode, found), False)
 
     def _read_content(self) -> Content:
         values = {}

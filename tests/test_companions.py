@@ -1,0 +1,71 @@
+"""Files that a mesh file names: taken along into another folder, named where that cannot be."""
+
+import os
+
+import pytest
+from test_io import OBJ, PLY_TEXT
+
+from cascadenorm import io
+from cascadenorm.io.materials import textures
+
+MATERIALS = b"""newmtl steel\r
+Kd 0.5 0.5 0.5\r
+map_Kd -s 1 1 1 -o 0 0 -mm 0 1 maps/rust and dust.png\r
+  bump -bm 0.2 maps\\bumps.png\r
+map_Ks ../gloss.png
+# map_Ka old.png
+"""
+
+
+@pytest.fixture
+def place(tmp_path):
+    (tmp_path / "in" / "maps").mkdir(parents=True)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "gloss.png").write_bytes(b"gloss")
+    (tmp_path / "in" / "a.obj").write_bytes(OBJ)
+    (tmp_path / "in" / "some materials.mtl").write_bytes(MATERIALS)
+    (tmp_path / "in" / "maps" / "rust and dust.png").write_bytes(b"rust")
+    (tmp_path / "in" / "a.ply").write_bytes(
+        PLY_TEXT.replace(b"obj_info num", b"comment TextureFile caf\xe9.png\nobj_info num")
+    )
+    return tmp_path
+
+
+def names(folder) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_textures_are_found_behind_their_options():
+    assert textures(MATERIALS, "lib/a.mtl") == ["lib/../gloss.png", "lib/maps/bumps.png", "lib/maps/rust and dust.png"]
+
+
+def test_materials_and_textures_follow_an_obj(place):
+    lost = io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.obj")
+    assert names(place / "out") == ["b.obj", "maps/rust and dust.png", "some materials.mtl"]
+    assert (place / "out" / "some materials.mtl").read_bytes() == MATERIALS
+    assert sorted(lost) == ["the file '../gloss.png' that it names", "the file 'maps/bumps.png' that it names"]
+
+
+def test_nothing_is_copied_beside_the_input_or_into_another_format(place):
+    before = names(place / "in")
+    assert io.write(io.read(place / "in" / "a.obj"), place / "in" / "b.obj") == []
+    io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.ply")
+    assert names(place / "in") == sorted([*before, "b.obj"]) and names(place / "out") == ["b.ply"]
+
+
+def test_textures_follow_a_ply(place):
+    name = os.fsdecode(b"caf\xe9.png")
+    file = io.read(place / "in" / "a.ply")
+    assert io.write(file, place / "out" / "b.ply") == [f"the file {name!r} that it names"]
+    (place / "in" / name).write_bytes(b"picture")
+    assert io.write(file, place / "out" / "b.ply", force=True) == []
+    assert (place / "out" / name).read_bytes() == b"picture"
+
+
+def test_other_content_in_the_way_is_refused(place):
+    (place / "out" / "some materials.mtl").write_bytes(b"precious")
+    with pytest.raises(io.OutputError, match=r"in the way of a copy of 'some materials\.mtl'"):
+        io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.obj")
+    assert names(place / "out") == ["some materials.mtl"]
+    io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.obj", force=True)
+    assert (place / "out" / "some materials.mtl").read_bytes() == MATERIALS
