@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
-from cascadenorm.mesh import Mesh, Vectors, first_places, unit
+from cascadenorm.mesh import Mesh, Vectors, first_places
 from cascadenorm.registry import ParameterError
 
 HOLD = 0.02  # of a joined vertex to the mean of its copies; against 1 - cos of the angle between two sides
@@ -51,7 +51,7 @@ class Sides(NamedTuple):
         places, row = np.unique(self.owners[chosen], return_inverse=True)
         moves = vertices[chosen] - mesh.vertices[self.owners[chosen]]
         mean = _sums(row, moves) / np.bincount(row)[:, None]
-        normals = _normals(self.mesh.moved(vertices))[chosen]
+        normals = self.mesh.moved(vertices).vertex_normals[chosen]
         missing = np.einsum("ij,ij->i", normals, moves - mean[row])
         planes = _sums(row, (normals[:, :, None] * normals[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
         right = _sums(row, normals * missing[:, None])[:, :, None]
@@ -154,11 +154,6 @@ def _hanging_together(mesh: Mesh, edges: NDArray[np.bool_]) -> Any:
     return sparse.coo_array((np.ones(len(one), np.int8), (one, other)), (mesh.faces.size, mesh.faces.size))
 
 
-def _normals(mesh: Mesh) -> Vectors:
-    """Unit normals of the vertices: of the area around them."""
-    return unit(_sums(mesh.faces.ravel(), np.repeat(mesh.area_vectors, 3, axis=0), len(mesh.vertices)))
-
-
-def _sums(rows: NDArray[Any], values: NDArray[np.float64], count: int = 0) -> NDArray[np.float64]:
+def _sums(rows: NDArray[Any], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Add the rows of values that belong together."""
-    return np.stack([np.bincount(rows, column, count) for column in values.T], axis=1)
+    return np.stack([np.bincount(rows, column) for column in values.T], axis=1)

@@ -78,7 +78,7 @@ def along_the_rim(mesh: Mesh, rim: Rim, vertices: Vectors) -> Vectors:
     those whose way along it would turn a face over, are where the method moved them
     """
     inside = rim.vertices
-    normals = _normals(mesh.moved(vertices), inside)
+    normals = mesh.moved(vertices).vertex_normals[inside]
     moved = vertices[inside] - mesh.vertices[inside]
     along = _smoothed(mesh.vertices, rim)[inside] - mesh.vertices[inside]
     off = np.einsum("ij,ij->i", normals, moved - along)
@@ -94,12 +94,6 @@ def _unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
         if not turned.any():
             return vertices
         vertices[mesh.faces[turned]] = mesh.vertices[mesh.faces[turned]]
-
-
-def _normals(mesh: Mesh, chosen: NDArray[np.int32]) -> Vectors:
-    """Unit normals of some vertices: of the area around them."""
-    around = [np.bincount(mesh.faces.ravel(), np.repeat(a, 3), len(mesh.vertices)) for a in mesh.area_vectors.T]
-    return unit(np.stack(around, axis=1)[chosen])
 
 
 def _smoothed(vertices: Vectors, rim: Rim) -> Vectors:

@@ -8,7 +8,7 @@ import numpy as np
 from cascadenorm.data_gen.fields import Values
 from cascadenorm.data_gen.patterns import noise as drift
 from cascadenorm.data_gen.sensor import sensor_displacements
-from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.mesh import Mesh, Vectors
 
 NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "sensor", "none"]
 """What noise is like.
@@ -17,14 +17,6 @@ NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mi
 `impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
 `mixed`: two. `sensor`: the error of a depth camera, for sheets seen from one side.
 """
-
-
-def vertex_normals(mesh: Mesh) -> Vectors:
-    """Unit sum of the area vectors around each vertex."""
-    total = [
-        np.bincount(mesh.faces.ravel(), np.repeat(mesh.area_vectors[:, k], 3), len(mesh.vertices)) for k in range(3)
-    ]
-    return unit(np.stack(total, axis=1))
 
 
 def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.Generator) -> Vectors:
@@ -48,7 +40,7 @@ def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.G
 
 
 def _along_normals(mesh: Mesh, sizes: Values) -> Vectors:
-    return np.asarray(sizes[:, None] * vertex_normals(mesh))
+    return np.asarray(sizes[:, None] * mesh.vertex_normals)
 
 
 def _normal(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
