@@ -126,6 +126,14 @@ def test_normals_of_any_size_are_right(scale):
     assert (np.abs(np.einsum("ij,ij->i", found, sphere.vertices)) > 0.99).all()
 
 
+def test_normals_that_are_signalling_nans_are_renewed():
+    sphere = icosphere(1)
+    signalling = np.full(sphere.vertices.shape, 0x7F800001, np.uint32).view(np.float32)
+    file = ply_of(sphere.vertices, sphere.faces.astype(np.int64), signalling)
+    again = file.with_vertices(sphere.vertices * 2).content().vertex_values
+    assert np.allclose([again[n] for n in ("nx", "ny", "nz")], sphere.vertices.T, atol=0.1)
+
+
 def test_normals_far_from_what_moved_stay():
     sphere = icosphere(2)
     tilted = unit(sphere.vertices + np.array((0.3, 0, 0)))

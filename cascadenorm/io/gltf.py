@@ -154,7 +154,7 @@ class GltfContainer(MeshFile):
         """
         data = bytearray(self._buffers.data)
         _put(data, self._positions_at, self.positions)
-        stored = gathered(data, self._normals_at, *VECTOR).astype(np.float64)
+        stored = gathered(data, self._normals_at, *VECTOR)
         if len(stored):
             normals, renewed = self._renewed(Normals(stored, self._corner_normals))
             _put(data, self._normals_at[renewed], normals[renewed])

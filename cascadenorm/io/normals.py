@@ -18,7 +18,7 @@ class Normals(NamedTuple):
     corners : (m, 3) the normal that each corner of each triangle uses, or -1
     """
 
-    values: NDArray[np.float64]
+    values: NDArray[Any]
     corners: NDArray[np.int64]
 
 
@@ -45,6 +45,8 @@ def renewed_normals(
     -------
     (j, 3) unit normals, and (j,) which of them are new; the others are as read
     """
+    with np.errstate(invalid="ignore"):  # a NaN may be a signalling one
+        normals = normals._replace(values=normals.values.astype(np.float64))
     rows, columns = np.nonzero(normals.corners >= 0)
     slots = normals.corners[rows, columns]
     groups = _groups(normals, slots, welds[triangles[rows, columns]])

@@ -89,7 +89,7 @@ class PlyFile(MeshFile):
         for element, used in corners.items():
             values = self._read(element, NORMAL)
             if values is not None:
-                normals, renewed = self._renewed(Normals(values.astype(np.float64), used))
+                normals, renewed = self._renewed(Normals(values, used))
                 replaced.append((element, NORMAL, normals, np.repeat(renewed[:, None], 3, axis=1)))
         if self._text is not None:
             return self._spliced(self._text, replaced)

@@ -1,6 +1,7 @@
 """The header of a PLY file: which elements follow, and what each is made of."""
 
 import re
+from collections import Counter
 from typing import NamedTuple
 
 from cascadenorm.io.contract import ReadError
@@ -93,4 +94,7 @@ def parse_header(data: bytes) -> Header:
                 raise ReadError(f"line {number} of the PLY header cannot be understood: {text!r}")
     if byte_order is None:
         raise ReadError("the PLY header has no line 'format ascii 1.0' or 'format binary_… 1.0'")
+    repeated = [name for name, count in Counter(element.name for element in elements).items() if count > 1]
+    if repeated:
+        raise ReadError(f"the PLY header has more than one element {repeated[0]!r}: give each its own name")
     return Header(byte_order, elements, end.end())

@@ -105,10 +105,9 @@ def _facets(text: Text) -> tuple[Places, Places]:
             f"{len(solid_ends)} 'endsolid': it is truncated; get a complete copy"
         )
     corners = np.bincount(np.searchsorted(facets, vertices, "right"), minlength=len(facets) + 1)
-    if corners[0] or (corners[1:] != 3).any():
-        bad = int(np.flatnonzero(corners[1:] != 3)[0]) if not corners[0] else 0
-        line = text.line_number(text.starts[text.first[facets[bad]]])
-        raise ReadError(
-            f"line {line}: this facet does not have three corners: the file is damaged; get a complete copy"
-        )
+    wrong = vertices[:1] if corners[0] else facets[corners[1:] != 3]
+    if len(wrong):
+        line = text.line_number(text.starts[text.first[wrong[0]]])
+        what = "this corner is of no facet" if corners[0] else "this facet does not have three corners"
+        raise ReadError(f"line {line}: {what}: the file is damaged; get a complete copy")
     return facets, vertices

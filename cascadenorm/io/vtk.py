@@ -60,7 +60,7 @@ class MeshioFile(MeshFile):
         for name in NORMALS:
             values = grid.point_data.get(name)
             if values is not None and values.shape == self.positions.shape:
-                normals, _ = self._renewed(Normals(values.astype(np.float64), self.triangles))
+                normals, _ = self._renewed(Normals(values, self.triangles))
                 grid.point_data[name] = normals.astype(values.dtype)
             if name in grid.cell_data:
                 grid.cell_data[name] = self._renewed_cell_normals(grid.cell_data[name])
