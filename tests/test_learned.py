@@ -26,7 +26,8 @@ from cascadenorm.learned.descriptors import (
 )
 from cascadenorm.learned.networks import Network
 from cascadenorm.learned.regression import Regression, Standard, stage_stack
-from cascadenorm.mesh import Mesh, limit_threads, unit
+from cascadenorm.mesh import Mesh, in_blocks, limit_threads, unit
+from cascadenorm.mesh.threads import BLOCK
 from cascadenorm.registry import ParameterError
 
 MESH = noisy(icosphere(2), 0.2)
@@ -175,6 +176,13 @@ def test_same_bytes_for_any_number_of_threads():
         one = cascade.vertices(mesh)
     with limit_threads(5):
         assert cascade.vertices(mesh.moved(mesh.vertices)).tobytes() == one.tobytes()
+
+
+def test_blocks_cover_all_and_do_not_depend_on_the_threads():
+    wanted = [(0, BLOCK), (BLOCK, 2 * BLOCK), (2 * BLOCK, 2 * BLOCK + 3)]
+    for threads in (1, 3):
+        with limit_threads(threads):
+            assert in_blocks(2 * BLOCK + 3, lambda start, stop: (start, stop)) == wanted
 
 
 def test_weights_file_gives_the_same_cascade_back(tmp_path):

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack, pose_free, surroundings
-from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.mesh import Mesh, Vectors, in_blocks, unit
 
 Array = NDArray[np.float32]
 
@@ -40,10 +40,20 @@ class Standard:
         -------
         (m, d + 5 p)
         """
-        own: Array = (pose_free(stack) - self.mean) * self.scale
-        main: Array = own @ self.projection
-        context = (surroundings(main, mesh) - self.context_mean) * self.context_scale
-        return np.concatenate([own, context], axis=1)
+        context = self.context(stack, mesh)
+        return np.concatenate(in_blocks(len(stack), lambda i, j: self.joined(stack[i:j], context[i:j])))
+
+    def context(self, stack: Stack, mesh: Mesh) -> Array:
+        """Average the main directions around each face, (m, 5 p), not yet brought to mean 0 and deviation 1."""
+        main = in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
+        return surroundings(np.concatenate(main), mesh)
+
+    def joined(self, stack: Stack, context: Array) -> Array:
+        """Return the numbers of some faces, of their filtered normals and of what `context` gave for them."""
+        return np.concatenate([self._own(stack), (context - self.context_mean) * self.context_scale], axis=1)
+
+    def _own(self, stack: Stack) -> Array:
+        return np.asarray((pose_free(stack) - self.mean) * self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,14 +110,20 @@ class Regression:
         -------
         (m, 3) float64, unit; where the weighted sum vanishes, the normal of the face in `mesh`
         """
-        total = np.empty((len(stack), 3))
-        with threadpool_limits(1):  # so that the bytes of a product do not depend on the number of threads
-            x = self.standard.numbers(stack, mesh)
-            cluster = nearest(x, self.centers)
-            for c in range(len(self.centers)):
-                mine = cluster == c
-                total[mine] = np.einsum("mk,mkd->md", self._coefficients(c, x[mine]), stack[mine])
-        return unit(total, otherwise=stack[:, 0])
+        with threadpool_limits(1):  # the blocks are on several threads already
+            context = self.standard.context(stack, mesh)
+            total = in_blocks(len(stack), lambda i, j: self._sums(stack[i:j], context[i:j]))
+        return unit(np.concatenate(total), otherwise=stack[:, 0])
+
+    def _sums(self, stack: Stack, context: Array) -> Array:
+        """Return the weighted sums of the normals of some faces, (m, 3)."""
+        x = self.standard.joined(stack, context)
+        cluster = nearest(x, self.centers)
+        total = np.empty((len(stack), 3), np.float32)
+        for c in range(len(self.centers)):
+            mine = cluster == c
+            total[mine] = np.einsum("mk,mkd->md", self._coefficients(c, x[mine]), stack[mine])
+        return total
 
     def _coefficients(self, cluster: int, x: Array) -> Array:
         """Apply the network of a cluster."""

@@ -2,7 +2,7 @@
 
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated
 from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, first_places, unit
-from cascadenorm.mesh.threads import kernel, limit_threads, over, thread_count
+from cascadenorm.mesh.threads import in_blocks, kernel, limit_threads, over, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "bad_faces",
     "bad_vertices",
     "first_places",
+    "in_blocks",
     "isolated",
     "kernel",
     "limit_threads",

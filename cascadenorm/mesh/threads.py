@@ -13,6 +13,7 @@ from typing import Any
 
 import numba
 
+BLOCK = 8192
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
 SMALLEST_CHUNK = 512
 
@@ -56,3 +57,21 @@ def over(count: int, run: Callable[..., Any], *arguments: Any, smallest: int = S
         return [run(start, min(start + chunk, count), *arguments) for start in starts]
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(lambda start: run(start, min(start + chunk, count), *arguments), starts))
+
+
+def in_blocks(count: int, run: Callable[[int, int], Any]) -> list[Any]:
+    """Call run(start, stop) on blocks of 0 … count that do not depend on the threads, each on a thread of its own.
+
+    For what is no kernel, such as products of matrices, whose last bits may depend on their shape.
+
+    Returns
+    -------
+    what the calls returned, in the order of the blocks
+    """
+
+    def alone(start: int) -> Any:
+        with limit_threads(1):
+            return run(start, min(start + BLOCK, count))
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        return list(pool.map(alone, range(0, count, BLOCK)))
