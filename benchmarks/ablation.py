@@ -34,7 +34,6 @@ Meshes = list[tuple[Mesh, Mesh]]
 def variants(config: TrainConfig) -> dict[str, TrainConfig]:
     """Return the settings with one part changed at a time, by what is changed."""
     data, fit = config.data, config.fit
-    shapes = tuple(name for name in data.families if name != "view")
     return {
         WHOLE: config,
         "without what surrounds a face": replace(config, context=0),
@@ -42,8 +41,13 @@ def variants(config: TrainConfig) -> dict[str, TrainConfig]:
         "one network for all faces": replace(config, clusters=1),
         "the filters of the paper": replace(config, descriptors=TrainConfig().descriptors),
         "half the shapes": replace(config, data=replace(data, count=data.count // 2)),
-        "no depth views": replace(config, data=replace(data, families=shapes)),
+        "no depth views": replace(config, data=replace(data, families=without_views(data))),
     }
+
+
+def without_views(data: DatasetConfig) -> tuple[str, ...]:
+    """Families but those that a depth camera sees."""
+    return tuple(name for name in data.families if name != "view")
 
 
 def trained(config: TrainConfig, path: Path) -> Cascade:
@@ -78,12 +82,11 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, default=ROOT / "runs" / "ablation")
     options = parser.parse_args()
     options.keep.mkdir(parents=True, exist_ok=True)
-    config = read_config(ROOT / "configs" / "auto.toml")
-    config = replace(config, data=replace(config.data, count=options.count))
-    shapes = tuple(name for name in config.data.families if name != "view")
+    shipped = read_config(ROOT / "configs" / "auto.toml")
+    config = replace(shipped, data=replace(shipped.data, count=options.count))
     sets: list[Meshes] = [
         [(as_mesh(pair.noisy), as_mesh(pair.clean)) for pair in find_pairs([options.folder])],
-        generated(config.data, families=shapes),
+        generated(config.data, families=without_views(config.data)),
         generated(config.data, families=("view",), noise_kinds=("sensor",)),
     ]
     rows: dict[str, list[list[float]]] = {}
@@ -104,7 +107,7 @@ def main() -> None:
         "",
         "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over "
         f"{len(options.seeds)} seeds. Each model was trained with `configs/auto.toml` on {options.count} shapes in "
-        f"place of {read_config(ROOT / 'configs' / 'auto.toml').data.count}, with one part changed. Public models are "
+        f"place of {shipped.data.count}, with one part changed. Public models are "
         "those of the validation set of the standard synthetic benchmark; shapes and depth views are generated from "
         "a seed that no training has. Made by `python benchmarks/ablation.py DIR`.",
         "",

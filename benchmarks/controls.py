@@ -1,5 +1,6 @@
 """What rims and creases gain: python benchmarks/controls.py writes benchmarks/controls.md."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,38 +9,17 @@ import cascadenorm as cn
 from cascadenorm.mesh import Mesh
 from cascadenorm.metrics import measure
 
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from shapes import cube, grid, noisy
+
 METHODS = ("auto", "bilateral-normal", "laplacian")
 STEPS = 30  # edges along a side
-LEVELS = (0.1, 0.2)  # of the noise, in edge lengths, in all directions
-
-
-def sheet() -> Mesh:
-    """Return a flat square of STEPS × STEPS cells."""
-    y, x = np.divmod(np.arange((STEPS + 1) ** 2), STEPS + 1)
-    a = np.flatnonzero((x < STEPS) & (y < STEPS))
-    b, c, d = a + 1, a + STEPS + 2, a + STEPS + 1
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    return Mesh(np.stack([x, y, 0 * x], axis=1).astype(float), faces)
-
-
-def cube() -> Mesh:
-    """Return a closed cube of six such squares."""
-    flat, turns = sheet(), [np.roll(np.eye(3), k, axis=1) for k in range(3)]
-    low = [flat.vertices[:, [1, 0, 2]] @ turn for turn in turns]  # wound the other way round
-    high = [(flat.vertices + np.array([0, 0, STEPS])) @ turn for turn in turns]
-    corners = np.concatenate([side[flat.faces] for side in (*low, *high)]).reshape(-1, 3)
-    vertices, numbers = np.unique(corners.round(), axis=0, return_inverse=True)
-    return Mesh(vertices, numbers.reshape(-1, 3))
-
-
-def noisy(mesh: Mesh, level: float) -> Mesh:
-    """Return the mesh with noise."""
-    noise = np.random.default_rng(0).normal(size=mesh.vertices.shape)
-    return mesh.moved(mesh.vertices + level * mesh.mean_edge_length * noise)
+LEVELS = (0.1, 0.2)  # of the noise, in mean edge lengths, in all directions
 
 
 def rim_error(mesh: Mesh) -> float:
-    """Mean distance of the rim of a denoised sheet from its outline along the sheet, in edge lengths."""
+    """Mean distance of the rim of a denoised grid of unit squares from its outline, along the grid."""
     x, y = mesh.vertices[mesh.topology.boundary_vertices, :2].T
     return float(np.mean(np.min(np.abs([x, y, x - STEPS, y - STEPS]), axis=0)))
 
@@ -52,7 +32,7 @@ def sharp_edges(mesh: Mesh) -> np.ndarray:
 
 def main() -> None:
     """Measure, and write the tables."""
-    flat, box = sheet(), cube()
+    flat, box = grid(STEPS, STEPS), cube(STEPS)
     edges = sharp_edges(box)
     rims, creases = [], []
     for level in LEVELS:
@@ -67,7 +47,7 @@ def main() -> None:
     text = [
         "Made by `python benchmarks/controls.py`; noise in mean edge lengths, in all directions.",
         "",
-        f"A flat square of {STEPS} × {STEPS} cells: mean distance of its rim from the outline, in edge lengths.",
+        f"A flat square of {STEPS} × {STEPS} cells: mean distance of its rim from the outline, in sides of a cell.",
         "",
         '| method | noise | `boundary="free"` | `boundary="smooth"` |',
         "| --- | ---: | ---: | ---: |",

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import sparse
 
 from cascadenorm.mesh import Mesh, Vectors, first_places
 from cascadenorm.registry import ParameterError
@@ -84,9 +83,8 @@ def _turns(mesh: Mesh) -> NDArray[np.float64]:
     topology = mesh.topology
     pairs = topology.edge_faces.indices[topology.edge_faces.indptr[topology.interior_edges, None] + np.arange(2)]
     first, second = mesh.normals[pairs[:, 0]], mesh.normals[pairs[:, 1]]
-    rising = np.sign(np.roll(mesh.faces, -1, axis=1) - mesh.faces)
-    balance = np.bincount(topology.face_edges.ravel(), rising.ravel(), len(topology.edges))[topology.interior_edges]
-    second = np.where(balance[:, None] == 0, second, -second)  # both faces run along the edge the same way
+    alike = topology.balance[topology.interior_edges] != 0  # both faces run along the edge the same way
+    second = np.where(alike[:, None], -second, second)
     angles = np.zeros(len(topology.edges))
     chords = np.linalg.norm(first - second, axis=1)
     known = (first.any(axis=1)) & (second.any(axis=1))
@@ -129,8 +127,8 @@ def cut(mesh: Mesh, creases: NDArray[np.bool_]) -> Sides:
     touched[mesh.topology.edges[creases]] = True
     corners = np.flatnonzero(touched[faces.ravel()])
     vertices = faces.ravel()[corners]
-    _, part = sparse.csgraph.connected_components(_hanging_together(mesh, ~creases), directed=False)
-    copies, copy = np.unique(vertices.astype(np.int64) * faces.size + part[corners], return_inverse=True)
+    fans = mesh.topology.fans(~creases)
+    copies, copy = np.unique(vertices.astype(np.int64) * faces.size + fans[corners], return_inverse=True)
     owners = copies // faces.size
     further = np.concatenate([[False], owners[1:] == owners[:-1]])[: len(owners)]
     numbers = np.where(further, count - 1 + np.cumsum(further), owners)
@@ -140,18 +138,6 @@ def cut(mesh: Mesh, creases: NDArray[np.bool_]) -> Sides:
     if not further.any():
         return Sides(mesh, owners)
     return Sides(Mesh(mesh.vertices[owners], cut_faces.reshape(-1, 3)), owners)
-
-
-def _hanging_together(mesh: Mesh, edges: NDArray[np.bool_]) -> Any:
-    """Graph over the 3m corners of faces: joined where the chosen edges join two faces, at either end."""
-    sides = np.argsort(mesh.topology.face_edges, axis=None, kind="stable")
-    of_edge = mesh.topology.face_edges.ravel()[sides]
-    pairs = np.flatnonzero((of_edge[1:] == of_edge[:-1]) & edges[of_edge[1:]])
-    ends = np.stack([np.arange(mesh.faces.size), np.roll(np.arange(mesh.faces.size).reshape(-1, 3), -1, 1).ravel()], 1)
-    falling = mesh.faces.ravel()[ends[:, 0]] > mesh.faces.ravel()[ends[:, 1]]
-    ends[falling] = ends[falling, ::-1]  # the corner of the smaller vertex first
-    one, other = ends[sides[pairs]].ravel(), ends[sides[pairs + 1]].ravel()
-    return sparse.coo_array((np.ones(len(one), np.int8), (one, other)), (mesh.faces.size, mesh.faces.size))
 
 
 def _sums(rows: NDArray[Any], values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -27,9 +27,7 @@ class Parts(NamedTuple):
 def closed_parts(mesh: Mesh) -> Parts:
     """Find the components in which every edge has two faces that run through it in opposite directions."""
     topology = mesh.topology
-    sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    balance = np.bincount(topology.face_edges.ravel(), np.sign(sides[:, 1] - sides[:, 0]), len(topology.edges))
-    open_edges = (topology.edge_faces.counts != 2) | (balance != 0)
+    open_edges = (topology.edge_faces.counts != 2) | (topology.balance != 0)
     component = topology.components
     closed = np.zeros(component.max() + 1, bool)
     closed[component[mesh.faces[:, 0]]] = True
@@ -60,9 +58,8 @@ def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.flo
     if parts.total == 0:
         return vertices.copy()
     inside = parts.number >= 0
-    counts = np.bincount(parts.number[inside], minlength=parts.total)
-    wanted = _volumes(original, original.vertices - _centers(original.vertices, parts, counts), parts)
-    arms = vertices - _centers(vertices, parts, counts)
+    wanted = volumes(original, parts)
+    arms = vertices - _centers(vertices, parts)
     pull = np.where(inside, weights, 0.0)[:, None] * arms
     usable = wanted * _volumes(original, arms, parts) > 0
     factor = np.zeros(parts.total)  # arms + factor * pull
@@ -77,9 +74,15 @@ def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.flo
     return np.asarray(vertices + _each(np.where(reached, factor, 0.0), parts)[:, None] * pull)
 
 
-def _centers(vertices: Vectors, parts: Parts, counts: NDArray[np.int64]) -> Vectors:
+def volumes(mesh: Mesh, parts: Parts) -> NDArray[np.float64]:
+    """Return the signed volume of each part, (total,); negative where it is inside out."""
+    return _volumes(mesh, mesh.vertices - _centers(mesh.vertices, parts), parts)
+
+
+def _centers(vertices: Vectors, parts: Parts) -> Vectors:
     """Mean of the vertices of the part of each vertex; zero outside the parts."""
     inside = parts.number >= 0
+    counts = np.bincount(parts.number[inside], minlength=parts.total)
     sums = [np.bincount(parts.number[inside], vertices[inside, axis], parts.total) for axis in range(3)]
     centers = np.zeros_like(vertices)
     centers[inside] = (np.stack(sums, axis=1) / counts[:, None])[parts.number[inside]]

@@ -24,11 +24,8 @@ ATTEMPTS = 60  # shapes drawn for one index before giving up
 
 OWN = "own"  # in place of a family, where the mesh was not generated
 
-_SHAPE, _NOISE, _OWN = (
-    0,
-    1,
-    2,
-)  # streams of random numbers: noise settings leave the shapes as they are
+# streams of random numbers, separate so that noise settings leave the shapes as they are
+_SHAPE, _NOISE, _OWN = 0, 1, 2
 
 
 USUAL_KINDS: tuple[NoiseKind, ...] = (

@@ -18,23 +18,14 @@ THIN = 0.01
 
 def turned_edges(topology: Topology) -> Mask:
     """Return which edges have two faces that run along them the same way, (e,)."""
-    sides = np.stack([topology.faces, np.roll(topology.faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    ways = np.bincount(topology.face_edges.ravel(), np.sign(sides[:, 1] - sides[:, 0]), len(topology.edges))
-    return np.asarray((topology.edge_faces.counts == 2) & (ways != 0))
+    return np.asarray((topology.edge_faces.counts == 2) & (topology.balance != 0))
 
 
 def pinched_vertices(topology: Topology) -> Mask:
     """Return the vertices whose faces do not hang together across edges at that vertex, (n,): two fans or more."""
-    faces, count = topology.faces, topology.faces.size
-    order = np.argsort(topology.face_edges, axis=None, kind="stable")
-    same = np.flatnonzero(np.diff(topology.face_edges.ravel()[order]) == 0)
-    here, there = order[same], order[same + 1]  # sides at one edge; a side has the number of the corner it starts at
-    ends = np.stack([here, _next_corner(here)], axis=1), np.stack([there, _next_corner(there)], axis=1)
-    against = faces.ravel()[ends[0][:, 0]] != faces.ravel()[ends[1][:, 0]]
-    other = np.where(against[:, None], ends[1][:, ::-1], ends[1])
-    fans = _parts(count, ends[0].ravel(), other.ravel())
+    fans = topology.fans()
     vertex_of_fan = np.zeros(fans.max(initial=-1) + 1, np.int64)
-    vertex_of_fan[fans] = faces.ravel()
+    vertex_of_fan[fans] = topology.faces.ravel()
     return np.asarray(np.bincount(vertex_of_fan, minlength=topology.vertex_count) > 1)
 
 
@@ -62,10 +53,6 @@ def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:
     first = np.empty(len(rows), np.int64)
     first[order] = order[new][np.cumsum(new) - 1]
     return np.asarray(first != np.arange(len(rows))), first
-
-
-def _next_corner(corner: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.where(corner % 3 == 2, corner - 2, corner + 1)
 
 
 def _parts(count: int, starts: NDArray[Any], ends: NDArray[Any]) -> NDArray[np.int32]:

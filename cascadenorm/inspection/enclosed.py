@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.inspection.defects import pinched_vertices
 from cascadenorm.mesh import Mesh
-from cascadenorm.volume import closed_parts
+from cascadenorm.volume import closed_parts, volumes
 
 
 class Enclosed(NamedTuple):
@@ -29,18 +29,14 @@ class Enclosed(NamedTuple):
 
 def enclosed(mesh: Mesh) -> Enclosed:
     """Measure the closed parts of a mesh."""
-    number, total = closed_parts(mesh)
+    closed = closed_parts(mesh)
+    number, total = closed
     of_face, of_edge = number[mesh.faces[:, 0]], number[mesh.topology.edges[:, 0]]
     inside = np.flatnonzero(of_face >= 0)
     parts, first = np.unique(of_face[inside], return_index=True)
     assert len(parts) == total
-    first = inside[first]
-    arms = mesh.corners[inside] - mesh.vertices[mesh.faces[first, 0]][of_face[inside], None]
-    a, b, c = np.moveaxis(arms, 1, 0)
-    sixths = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
-    volumes = np.asarray(np.bincount(of_face[inside], sixths, total), np.float64)
     counts = [np.bincount(of[of >= 0], minlength=total) for of in (number, of_edge, of_face)]
     manifold = np.ones(total, bool)
     pinched = number[pinched_vertices(mesh.topology)]
     manifold[pinched[pinched >= 0]] = False
-    return Enclosed(first, volumes, counts[0] - counts[1] + counts[2], manifold)
+    return Enclosed(inside[first], volumes(mesh, closed), counts[0] - counts[1] + counts[2], manifold)

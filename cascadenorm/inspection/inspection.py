@@ -165,11 +165,12 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     """
     given = _given(mesh, faces)
     corners, count = given.faces, len(given.vertices)
-    misnamed = np.asarray(((corners < 0) | (corners >= count)).any(axis=1))
+    outside = np.asarray((corners < 0) | (corners >= count))
+    misnamed, not_finite = np.asarray(outside.any(axis=1)), bad_vertices(given.vertices)
     a, b, c = corners.T
     bad = bad_faces(given.vertices, corners)
     used = np.zeros(count + 1, bool)
-    used[np.where((corners < 0) | (corners >= count), count, corners)] = True
+    used[np.where(outside, count, corners)] = True
     report = _shape(given, isolated(given.vertices, corners), ~bad, self_intersections) if not bad.all() else NOTHING
     return Inspection(
         source=given.source,
@@ -179,10 +180,10 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
         file_vertices=given.file_vertices,
         faces=len(corners),
         bad_indices=given.at_faces(misnamed),
-        not_finite=given.at_vertices(bad_vertices(given.vertices)),
+        not_finite=given.at_vertices(not_finite),
         repeated_corners=given.at_faces(~misnamed & np.asarray((a == b) | (b == c) | (c == a))),
         unreferenced=given.at_vertices(~used[:-1]),
-        duplicate_vertices=given.at_vertices(repeats(given.vertices)[0] & ~bad_vertices(given.vertices)),
+        duplicate_vertices=given.at_vertices(repeats(given.vertices)[0] & ~not_finite),
         **report,
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, over
+from cascadenorm.mesh import Mesh, kernel, over
 
 SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
 FEWEST = 30  # edges below which nothing is said
@@ -45,7 +45,7 @@ def noise_level(mesh: Mesh) -> float | None:
         len(edges),
         _differences,
         mesh.vertices,
-        _vertex_vectors(mesh),
+        mesh.vertex_area_vectors,  # they do not depend on where the vertices themselves are
         edges,
         around.indptr,
         around.indices,
@@ -61,12 +61,6 @@ def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
     on_border[topology.edges[topology.edge_faces.counts != 2]] = True
     edges = topology.edges[topology.interior_edges]
     return np.ascontiguousarray(edges[~on_border[edges].any(axis=1)])
-
-
-def _vertex_vectors(mesh: Mesh) -> Vectors:
-    """(n, 3) sums of the area vectors around each vertex, which do not depend on where the vertex itself is."""
-    faces, vectors = mesh.faces.ravel(), np.repeat(mesh.area_vectors, 3, axis=0)
-    return np.stack([np.bincount(faces, vectors[:, axis], len(mesh.vertices)) for axis in range(3)], axis=1)
 
 
 def _clipped_deviation(differences: NDArray[np.float64]) -> float:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.learned.descriptors import DESCRIPTORS
+from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.recover import Sweeps, recover_vertices
@@ -39,7 +39,8 @@ class Cascade:
         """Yield the mesh after each stage."""
         noisy = mesh
         for number in steps(len(self.stages)):
-            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps)
+            stage = self.stages[number]
+            mesh = advanced(stage, mesh, stage_stack(stage.descriptor, mesh, noisy), sweeps=sweeps)
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:
@@ -84,10 +85,9 @@ class Cascade:
         return cls(tuple(stages), header["card"])
 
 
-def advanced(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int) -> Mesh:
-    """Return a mesh after one more stage: its normals regressed, its vertices moved to them."""
-    normals = stage.normals(mesh, stage_stack(stage.descriptor, mesh, noisy))
-    return mesh.moved(recover_vertices(mesh, normals, sweeps=sweeps))
+def advanced(stage: Regression, mesh: Mesh, stack: Stack, *, sweeps: int) -> Mesh:
+    """Return a mesh after one more stage: its normals regressed from its stack, its vertices moved to them."""
+    return mesh.moved(recover_vertices(mesh, stage.normals(mesh, stack), sweeps=sweeps))
 
 
 @cache

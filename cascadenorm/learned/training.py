@@ -21,14 +21,13 @@ from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
-from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.cascade import Cascade, advanced
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.descriptors import CONTEXT_STEPS, Stack, pose_free
 from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.progress import Progress, silent
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest, stage_stack
 from cascadenorm.mesh import Mesh, limit_threads, thread_count
-from cascadenorm.recover import recover_vertices
 
 KMEANS_FACES = 50_000
 
@@ -56,8 +55,7 @@ class _Sample:
 
     def advance(self, stage: Regression, sweeps: int) -> None:
         """Put the mesh behind a stage."""
-        normals = stage.normals(self.mesh, self.filtered(stage.descriptor))
-        self.mesh = self.mesh.moved(recover_vertices(self.mesh, normals, sweeps=sweeps))
+        self.mesh = advanced(stage, self.mesh, self.filtered(stage.descriptor), sweeps=sweeps)
         self.stack = self.stack[:0]
 
 

@@ -36,10 +36,11 @@ def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
     ------
     MeshError : wrong shape or type, or no face is left
     """
-    left = face_array(faces)[~bad_faces(vertices, faces)]
+    positions, corners = vertex_array(vertices), face_array(faces)
+    left = corners[~bad_faces(positions, corners)]
     if not len(left):
         raise MeshError(
-            f"none of {len(face_array(faces))} faces can be worked on: each names a vertex that does not exist or is "
+            f"none of {len(corners)} faces can be worked on: each names a vertex that does not exist or is "
             "not finite, or one vertex twice; write the mesh again where it came from"
         )
-    return Mesh(np.where(bad_vertices(vertices)[:, None], 0.0, vertex_array(vertices)), left)
+    return Mesh(np.where(bad_vertices(positions)[:, None], 0.0, positions), left)

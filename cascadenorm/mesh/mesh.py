@@ -69,12 +69,17 @@ class Mesh:
         return unit(self.area_vectors)
 
     @cached_property
-    def vertex_normals(self) -> Vectors:
-        """(n, 3) unit sum of the area vectors around each vertex; zero where they cancel."""
+    def vertex_area_vectors(self) -> Vectors:
+        """(n, 3) sum of the area vectors around each vertex."""
         around = [
             np.bincount(self.faces.ravel(), np.repeat(column, 3), len(self.vertices)) for column in self.area_vectors.T
         ]
-        return unit(np.stack(around, axis=1))
+        return np.stack(around, axis=1)
+
+    @cached_property
+    def vertex_normals(self) -> Vectors:
+        """(n, 3) unit sum of the area vectors around each vertex; zero where they cancel."""
+        return unit(self.vertex_area_vectors)
 
     @cached_property
     def mean_edge_length(self) -> float:

@@ -104,6 +104,31 @@ class Topology:
         return np.flatnonzero(self.edge_faces.counts == 2).astype(np.int32)
 
     @cached_property
+    def balance(self) -> NDArray[np.float64]:
+        """(e,) faces that run along each edge from its smaller vertex, less those that run from the larger one."""
+        rising = np.sign(np.roll(self.faces, -1, axis=1) - self.faces)
+        return np.asarray(np.bincount(self.face_edges.ravel(), rising.ravel(), len(self.edges)), np.float64)
+
+    def fans(self, across: NDArray[np.bool_] | None = None) -> NDArray[np.int32]:
+        """(3m,) fan of each corner of the faces: those at a vertex whose faces hang together there have one number.
+
+        Parameters
+        ----------
+        across : (e,) the edges across which faces hang together; None: all
+        """
+        order = np.argsort(self.face_edges, axis=None, kind="stable")
+        of_edge = self.face_edges.ravel()[order]
+        joined = of_edge[1:] == of_edge[:-1]
+        pairs = np.flatnonzero(joined if across is None else joined & across[of_edge[1:]])
+        corners = np.arange(self.faces.size).reshape(-1, 3)
+        ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)  # of each side
+        falling = self.faces.ravel()[ends[:, 0]] > self.faces.ravel()[ends[:, 1]]
+        ends[falling] = ends[falling, ::-1]  # the corner of the smaller vertex first
+        one, other = ends[order[pairs]].ravel(), ends[order[pairs + 1]].ravel()
+        graph = sparse.coo_array((np.ones(len(one), np.int8), (one, other)), (self.faces.size, self.faces.size))
+        return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], np.int32)
+
+    @cached_property
     def boundary_vertices(self) -> NDArray[np.bool_]:
         """(n,) whether a vertex lies on an edge with a single face."""
         mask = np.zeros(self.vertex_count, bool)
