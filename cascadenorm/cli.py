@@ -249,7 +249,7 @@ def generate(
 
     with report.progress_steps() as progress:
         pairs.write_pairs(folder, count=count, seed=seed, workers=workers, force=force, progress=progress)
-    print(f"{count} pairs in {folder}")
+    print(f"{report.counted(count, 'pair')} in {folder}")
 
 
 @app.command()
@@ -333,12 +333,12 @@ def fill_holes(
     force: Force = False,
 ) -> None:
     """Close the holes of a mesh by patches as dense as what is around them; writes triangles without attributes."""
-    from cascadenorm import api
+    from cascadenorm import api, report
 
     target = output or source.with_name(f"{source.stem}_filled{source.suffix}")
     kind = cast(Literal[1, 2, 3], order)  # typer holds the range
     before, after = api.fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
-    print(f"{target}: {after - before} faces added to {before}")
+    print(f"{target}: {report.counted(after - before, 'face')} added to {before}")
 
 
 @app.command()

@@ -39,43 +39,57 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
     """Print what was done to a file."""
     print(f"{done.source} -> {done.output}", file=file)
     print(
-        f"{done.method}: {done.faces} faces in {done.seconds:.2f} s; {done.moved} of {done.vertices} vertices moved, "
+        f"{done.method}: {counted(done.faces, 'face')} in {done.seconds:.2f} s; "
+        f"{done.moved} of {counted(done.vertices, 'vertex', 'vertices')} moved, "
         f"by {done.mean_displacement:.3g} mean edge lengths on average, {done.largest_displacement:.3g} at most",
         file=file,
     )
     if done.isolated_vertices or done.isolated_faces:
-        bad = f"{done.isolated_vertices} vertices that are not finite, {done.isolated_faces} faces"
+        vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
+        bad = f"{vertices}, {counted(done.isolated_faces, 'face')}"
         print(f"cascadenorm: left alone as bad: {bad}", file=sys.stderr)
     for loss in done.left_out:
         print(f"cascadenorm: left out: {loss}", file=sys.stderr)
 
 
 FINDINGS = {
-    "bad_indices": "faces name vertices that do not exist",
-    "not_finite": "vertices are not finite",
-    "repeated_corners": "faces name a vertex twice",
-    "non_manifold_edges": "edges have more than two faces",
-    "non_manifold_vertices": "vertices join faces that do not hang together there",
-    "turned_edges": "edges lie between faces of which one is turned over",
-    "inside_out": "closed parts are inside out, or cavities",
-    "zero_area": "faces have no area",
-    "slivers": "faces are slivers, less than 1 % as high as long",
-    "duplicate_faces": "faces repeat an earlier one",
-    "unreferenced": "vertices belong to no face",
-    "duplicate_vertices": "vertices lie where an earlier one does, but are not joined to it",
-    "crossing_faces": "faces pass through others",
+    "bad_indices": ("face names a vertex that does not exist", "faces name vertices that do not exist"),
+    "not_finite": ("vertex is not finite", "vertices are not finite"),
+    "repeated_corners": ("face names a vertex twice", "faces name a vertex twice"),
+    "non_manifold_edges": ("edge has more than two faces", "edges have more than two faces"),
+    "non_manifold_vertices": (
+        "vertex joins faces that do not hang together there",
+        "vertices join faces that do not hang together there",
+    ),
+    "turned_edges": (
+        "edge lies between faces of which one is turned over",
+        "edges lie between faces of which one is turned over",
+    ),
+    "inside_out": ("closed part is inside out, or a cavity", "closed parts are inside out, or cavities"),
+    "zero_area": ("face has no area", "faces have no area"),
+    "slivers": ("face is a sliver, less than 1 % as high as long", "faces are slivers, less than 1 % as high as long"),
+    "duplicate_faces": ("face repeats an earlier one", "faces repeat an earlier one"),
+    "unreferenced": ("vertex belongs to no face", "vertices belong to no face"),
+    "duplicate_vertices": (
+        "vertex lies where an earlier one does, but is not joined to it",
+        "vertices lie where an earlier one does, but are not joined to it",
+    ),
+    "crossing_faces": ("face passes through others", "faces pass through others"),
 }
-"""What is said of each finding of an inspection, after the number of places."""
+"""What is said of each finding of an inspection, after the number of places: of one, and of several."""
 
 
 def print_inspection(found: Inspection) -> None:
     """Print what a mesh is and what was found in it, a line each."""
-    kind = "closed" if found.closed else f"open: {found.rims} rims, {found.boundary_edges} edges long in all"
+    rims = f"{counted(found.rims, 'rim')}, {counted(found.boundary_edges, 'edge')} long in all"
+    kind = "closed" if found.closed else f"open: {rims}"
     handles = f", genus {found.genus}" if found.genus is not None else ""
     copies = found.file_vertices - found.vertices
-    print(f"{found.source}: {found.vertices} vertices, {found.faces} faces, {found.number_type}")
+    vertices = counted(found.vertices, "vertex", "vertices")
+    print(f"{found.source}: {vertices}, {counted(found.faces, 'face')}, {found.number_type}")
     if copies:
-        print(f"  the file splits vertices: it has {found.file_vertices}, of which {copies} are copies")
+        which = counted(copies, "is a copy", "are copies")
+        print(f"  the file splits vertices: it has {found.file_vertices}, of which {which}")
     if found.lower is not None and found.upper is not None:
         print(f"  parts: {found.parts}; {kind}; Euler characteristic {found.euler_characteristic}{handles}")
         print(f"  box from {_numbers(found.lower)} to {_numbers(found.upper)}")
@@ -93,13 +107,18 @@ def print_inspection(found: Inspection) -> None:
     for name, places in found.findings.items():
         first = ", ".join("-".join(map(str, p)) if isinstance(p, tuple) else str(p) for p in places.first)
         more = ", …" if places.count > len(places.first) else ""
-        print(f"  {places.count} {FINDINGS[name]}: {first}{more}")
+        print(f"  {counted(places.count, *FINDINGS[name])}: {first}{more}")
     if found.crossing_faces is None:
         print("  faces that pass through others were not looked for, there are too many; --self-intersections does")
     if not found.findings:
         print("  nothing is wrong with it")
     else:
         print(f"  (places are numbers of vertices or faces, counted from {found.counts_from})")
+
+
+def counted(count: int, one: str, several: str = "") -> str:
+    """Return a number with what it counts: of several what is given, or the word for one with an s."""
+    return f"{count} {one if count == 1 else several or f'{one}s'}"
 
 
 def _numbers(values: Sequence[float]) -> str:

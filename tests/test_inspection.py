@@ -13,6 +13,7 @@ from cascadenorm.data_gen.families import FAMILIES
 from cascadenorm.inspection import Found, Inspection, inspect, noise_level
 from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.mesh import Mesh
+from cascadenorm.report import FINDINGS, counted
 
 BALL = icosphere(2)
 ROUGH = noisy(BALL, 0.2)
@@ -270,8 +271,8 @@ def test_the_command_speaks_plainly(tmp_path, capsys):
     (tmp_path / "bad.obj").write_bytes(OBJ)
     assert run(["inspect", str(tmp_path / "bad.obj")]) == 0
     out = capsys.readouterr().out
-    assert "1 faces name vertices that do not exist: 2\n" in out and "counted from 1" in out
-    assert "open: 1 rims, 4 edges long in all" in out and "noise along the normal: not to be told" in out
+    assert "1 face names a vertex that does not exist: 2\n" in out and "counted from 1" in out
+    assert "open: 1 rim, 4 edges long in all" in out and "noise along the normal: not to be told" in out
     save_mesh(tmp_path / "far.ply", BALL.moved(BALL.vertices + 5e6))
     assert run(["inspect", str(tmp_path / "far.ply"), "--no-self-intersections"]) == 0
     out = capsys.readouterr().out
@@ -281,6 +282,26 @@ def test_the_command_speaks_plainly(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "float32 is too coarse at these coordinates" in out and "splits vertices: it has 960" in out
     assert run(["inspect", str(tmp_path / "absent.ply")]) == 3
+
+
+def test_one_is_said_otherwise_than_several(tmp_path, capsys):
+    sliver, stray = "v 0 {0} 0\nv 2 {0} 0\nv 1 {0}.001 0\nf -3 -2 -1\n", "v nan 0 0\n"
+    for count, said in (
+        (1, ("4 vertices, 1 face, ", "open: 1 rim, 3 edges", "1 vertex is not finite: 4", "1 face is a sliver, ")),
+        (2, ("8 vertices, 2 faces, ", "open: 2 rims, 6 edges", "2 vertices are not finite", "2 faces are slivers, ")),
+    ):
+        (tmp_path / "slivers.obj").write_text("".join(sliver.format(place) + stray for place in range(count)))
+        assert run(["inspect", str(tmp_path / "slivers.obj")]) == 0
+        out = capsys.readouterr().out
+        assert [text for text in said if text not in out] == [], out
+
+
+def test_every_finding_can_be_said_of_one_and_of_several():
+    found = inspect(BALL)
+    names = {name for name in Inspection.__dataclass_fields__ if isinstance(getattr(found, name), Found)}
+    assert set(FINDINGS) == names
+    for one, several in FINDINGS.values():
+        assert one != several and counted(1, one, several) == f"1 {one}" and counted(0, one, several) == f"0 {several}"
 
 
 def test_the_json_holds_every_field(tmp_path, capsys):
