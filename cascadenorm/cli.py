@@ -24,6 +24,13 @@ app = typer.Typer(
 )
 
 DONE, FAILED, USAGE, UNREADABLE, INVALID, OUTPUT, PARTLY, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
+SPELLINGS = {
+    "on_bad='isolate'": "--on-bad isolate",
+    "on_bad is": "--on-bad is",
+    "keep_detail is": "--keep-detail is",
+    "max_displacement is": "--max-displacement is",
+}
+"""What messages say of a control in Python, and what it is called here."""
 USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # click's own, or that of the copy in typer
 
 Method = Annotated[str, typer.Option(help="One of those that `cascadenorm methods` lists.")]
@@ -435,6 +442,8 @@ def _judged(error: Exception) -> tuple[int, str]:
 
 
 def _complain(message: str) -> None:
+    for in_python, here in SPELLINGS.items():
+        message = message.replace(in_python, here)
     print(f"cascadenorm: {' '.join(message.split())}", file=sys.stderr)
 
 

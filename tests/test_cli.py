@@ -239,7 +239,7 @@ def test_unwritable_folder(place, capsys):
         (["denoise", "ball.ply", *FAST, "--strength", "-1"], "--strength"),
         (["denoise", "ball.ply", *FAST, "--strength", "nan"], "strength"),
         (["denoise", "ball.ply", *FAST, "--threads", "0"], "--threads"),
-        (["denoise", "ball.ply", *FAST, "--max-displacement", "far"], "max_displacement is 'far'"),
+        (["denoise", "ball.ply", *FAST, "--max-displacement", "far"], "--max-displacement is 'far'"),
         (["denoise", "ball.ply", *FAST, "--colour"], "--colour"),
         (["denoise"], "IN"),
         (["paint"], "paint"),

@@ -214,7 +214,21 @@ def test_conversion_leaves_out_faces_that_name_nothing_and_says_so(tmp_path, cap
 def test_the_command_names_the_choice(tmp_path, capsys):
     save_mesh(tmp_path / "ball.ply", BALL)
     assert run(["denoise", str(tmp_path / "ball.ply"), "--on-bad", "drop"]) == 2
-    assert "on_bad is 'drop'" in capsys.readouterr().err
+    assert "--on-bad is 'drop'" in capsys.readouterr().err
+
+
+def test_the_way_out_is_spelled_as_where_it_is_asked_for(tmp_path, capsys):
+    vertices, faces, _ = spoiled()
+    not_finite, misnamed = tmp_path / "bad.ply", tmp_path / "named.ply"
+    not_finite.write_bytes(ply("ascii", vertices, BALL.faces))
+    misnamed.write_bytes(ply("ascii", BALL.vertices, faces))
+    for source in (not_finite, misnamed):
+        with pytest.raises(cn.MeshError, match="or denoise with on_bad='isolate'"):
+            cn.denoise(source)
+        for command in (["denoise", str(source)], ["compare", str(source), str(source)]):
+            assert run(command) == 4
+            err = capsys.readouterr().err
+            assert "or denoise with --on-bad isolate" in err and "on_bad" not in err
 
 
 def test_a_file_without_vertices_is_refused():
