@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TypeVar, get_args, overload
@@ -15,11 +15,11 @@ import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
 from cascadenorm.baselines.diffusion import Order
 from cascadenorm.baselines.holes import fill_holes
-from cascadenorm.controls import Boundary, Controls, controlled, in_frame
+from cascadenorm.controls import Boundary, Controls, controlled, faces_within, in_frame
 from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target
-from cascadenorm.mesh import Mesh, MeshError, bad_vertices, isolated
+from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, isolated
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, ParameterError, find, registered
 from cascadenorm.selection import selected
@@ -111,7 +111,7 @@ def denoise(
     progress : called with the share that is done, from 0 to 1; what it raises ends the work
     on_bad : "error" refuses vertices that are not finite and faces that name vertices that do not exist; "isolate"
         takes them, faces that touch them, and faces that name a vertex twice out of what the method sees, and denoises
-        the rest; a bad vertex keeps its bits
+        the rest; a bad vertex keeps its bits, and `only` counts all faces that are given
     parameters : of the method, as `methods()` lists them, such as `iterations=5` or, for the cascade, `model=path`
 
     For the path of a file mask, fixed, only and creases may be said in words, as in `denoise_file`.
@@ -176,11 +176,12 @@ def denoise_file(
     parameters : of the method
     on_bad : as in `denoise`; a bad face keeps its place in the file, with all that it holds
     controls : strength, mask, fixed, only, boundary, creases, keep_detail, max_displacement, volume, threads, progress
-        as in `denoise`, over the vertices and triangles of `read(source).mesh`. In words, mask is a vertex attribute of
-        the file (uint8 in 0 … 255, else 0 … 1) or a file .npy or .txt with one number for each vertex; fixed such an
-        attribute, numbers of vertices like "0,5,7-20", or a file of them; only the name of a material, group, object
-        or mesh, or kind=name, or several in a list; creases an angle, or a file with two vertices in each row. All of
-        them count the vertices of the file from 0; where it splits a vertex at a seam, the smallest weight counts
+        as in `denoise`, over the vertices and triangles of `read(source).mesh`, bad ones included. In words, mask is a
+        vertex attribute of the file (uint8 in 0 … 255, else 0 … 1) or a file .npy or .txt with one number for each
+        vertex; fixed such an attribute, numbers of vertices like "0,5,7-20", or a file of them; only the name of a
+        material, group, object or mesh, or kind=name, or several in a list; creases an angle, or a file with two
+        vertices in each row. All of them count the vertices of the file from 0; where it splits a vertex at a seam, the
+        smallest weight counts
 
     Raises
     ------
@@ -259,6 +260,9 @@ def _denoised(
     given = np.asarray(vertices)
     dtype = given.dtype if given.dtype.kind == "f" else np.dtype(np.float64)
     mesh = isolated(vertices, faces) if isolate else Mesh(vertices, faces)
+    if isolate and controls.only is not None:  # counts the faces that the mesh is without as well
+        left = ~bad_faces(vertices, faces)
+        controls = replace(controls, only=faces_within(controls.only, len(left))[left])
     denoised = controlled(method, mesh, parameters, controls, dtype=dtype)
     return np.where(bad_vertices(given)[:, None], given, denoised) if isolate else denoised
 

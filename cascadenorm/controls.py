@@ -145,12 +145,22 @@ def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
     if controls.fixed is not None:
         weights[_rows("fixed", np.asarray(controls.fixed), count, "vertex", "vertices")] = 0.0
     if controls.only is not None:
-        others = np.ones(len(mesh.faces), bool)
-        others[_rows("only", np.asarray(controls.only), len(others), "face", "faces")] = False
-        weights[mesh.faces[others]] = 0.0
+        weights[mesh.faces[~faces_within(controls.only, len(mesh.faces))]] = 0.0
     if controls.boundary == "fixed":
         weights[rim_of(mesh).vertices] = 0.0
     return weights
+
+
+def faces_within(only: ArrayLike, count: int) -> NDArray[np.bool_]:
+    """Return (count,) which faces are among those given, by numbers or by (count,) bool.
+
+    Raises
+    ------
+    ParameterError : neither of both, or a number that is not in 0 … count - 1
+    """
+    within = np.zeros(count, bool)
+    within[_rows("only", np.asarray(only), count, "face", "faces")] = True
+    return within
 
 
 def _rows(name: str, rows: NDArray[Any], count: int, one: str, several: str) -> NDArray[Any]:

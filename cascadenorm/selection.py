@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.controls import Controls
+from cascadenorm.controls import Controls, faces_within
 from cascadenorm.io import MeshFile
 from cascadenorm.registry import ParameterError
 
@@ -31,7 +31,8 @@ def selected(controls: Controls, file: MeshFile) -> Controls:
         or .txt with one such number for each vertex
         fixed: numbers of vertices such as "0,5,7-20"; or an attribute that is not 0 where they are fixed; or the name
         of a file with numbers of vertices
-        only: one or several labels of faces, each a name, or kind=name such as material=steel
+        only: one or several labels of faces, each a name, or kind=name such as material=steel; numbers and arrays
+        count all triangles of the file, those besides its mesh as well
         creases: an angle, or the name of a file with the two vertices of an edge in each row
     file : its attributes carry the names that PLY gives them; arrays of controls may have a value for each of its
         vertices, as well as for each of its mesh
@@ -48,6 +49,8 @@ def selected(controls: Controls, file: MeshFile) -> Controls:
     names = [controls.only] if isinstance(controls.only, str) else controls.only
     if isinstance(names, Sequence) and names and all(isinstance(name, str) for name in names):
         changed["only"] = faces_labelled(names, file)
+    elif controls.only is not None:  # counts the triangles that the mesh of the file is without as well
+        changed["only"] = faces_within(controls.only, len(file.triangles))[~file.left_out]
     if isinstance(controls.creases, str):
         changed["creases"] = _creases(controls.creases, file)
     return replace(controls, **changed)

@@ -46,6 +46,43 @@ def test_the_rest_is_denoised_as_if_the_bad_were_not_there():
     assert (expected != vertices[good]).any(axis=1).sum() > 140
 
 
+def test_only_counts_the_faces_as_they_are_given(tmp_path):
+    vertices, faces, touched = spoiled()
+    with np.errstate(invalid="ignore"):
+        upper = vertices[np.where((faces < 0) | (faces >= COUNT), 0, faces)].mean(axis=1)[:, 2] > 0
+    upper[[0, 51, 322]] = True, False, True
+    sound, left = isolated(vertices, faces), ~touched
+    expected = cn.denoise(sound, only=upper[left], **METHOD).vertices
+    moved = (expected != sound.vertices).any(axis=1)
+    assert moved.sum() > 50 and not moved[faces[left & ~upper]].any()
+    (tmp_path / "bad.ply").write_bytes(ply("binary_little_endian", vertices, faces))
+    for chosen in (upper, np.flatnonzero(upper)):
+        out = cn.denoise(vertices, faces, on_bad="isolate", only=chosen, **METHOD)
+        assert out[moved].tobytes() == expected[moved].tobytes()
+        assert out[~moved].tobytes() == vertices[~moved].tobytes()
+        out_file = tmp_path / "out.ply"
+        cn.denoise_file(tmp_path / "bad.ply", out_file, on_bad="isolate", only=chosen, force=True, **METHOD)
+        assert cn.read(out_file).positions.tobytes() == out.tobytes()
+    for wrong in (upper[left], [len(faces)]):
+        with pytest.raises(cn.ParameterError, match="only "):
+            cn.denoise(vertices, faces, on_bad="isolate", only=wrong, **METHOD)
+
+
+def test_only_by_a_material_among_bad_faces(tmp_path):
+    vertices, faces, touched = spoiled()
+    steel = np.arange(len(faces)) % 40 < 30
+    rows, *lines = obj(vertices, faces).split(b"\nf ")
+    for line, of_steel in zip(lines, steel, strict=True):
+        rows += (b"\nusemtl steel\nf " if of_steel else b"\nusemtl wood\nf ") + line
+    (tmp_path / "bad.obj").write_bytes(rows)
+    cn.denoise_file(tmp_path / "bad.obj", tmp_path / "out.obj", on_bad="isolate", only="steel", **METHOD)
+    before = cn.read(tmp_path / "bad.obj").positions
+    expected = cn.denoise(isolated(before, faces), only=steel[~touched], **METHOD).vertices
+    good = np.isfinite(before).all(axis=1)
+    assert cn.read(tmp_path / "out.obj").positions[good].tobytes() == expected[good].tobytes()
+    assert (expected[good] != before[good]).any()
+
+
 def test_single_precision_keeps_its_bits_too():
     vertices, faces, _ = spoiled()
     single = vertices.astype(np.float32)
