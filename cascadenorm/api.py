@@ -40,6 +40,8 @@ class Report:
     ----------
     source, output : names of the files, or of the streams
     method, parameters : what was applied, and what was set other than by default
+    controls : mask, fixed, only, boundary, creases, keep_detail, max_displacement, volume and on_bad, as they were
+        given; of arrays only their shapes, in words
     vertices, faces : their numbers; vertices that the file splits at seams count once
     isolated_vertices, isolated_faces : how many of the vertices, and how many faces besides, were left alone as bad
     moved : vertices that are elsewhere now
@@ -53,6 +55,7 @@ class Report:
     method: str
     parameters: dict[str, Any]
     strength: float
+    controls: dict[str, Any]
     vertices: int
     faces: int
     isolated_vertices: int
@@ -292,6 +295,7 @@ def _denoised_file(
     format = io.output_format(output, file.format)
     check_target(file, output, format=format, force=force)
     mesh = _mesh_of(file, _name(source))
+    given = {**controls.in_words(), "on_bad": "isolate" if isolate else "error"}
     controls = selected(controls, file)
     start = time.perf_counter()
     vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
@@ -306,6 +310,7 @@ def _denoised_file(
         method=method.name,
         parameters=parameters,
         strength=controls.strength,
+        controls=given,
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),
         isolated_vertices=int(file.bad_vertices.sum()),

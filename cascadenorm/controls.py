@@ -4,7 +4,7 @@ import math
 import numbers
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -86,6 +86,16 @@ class Controls:
     def hold_some(self) -> bool:
         """Whether some vertices may have to stay."""
         return any(a is not None for a in (self.mask, self.fixed, self.only)) or self.boundary == "fixed"
+
+    def in_words(self) -> dict[str, Any]:
+        """Return all but strength, threads and progress by name, as they were given; of an array only its shape."""
+        names = (f.name for f in fields(self) if f.name not in ("strength", "threads", "progress"))
+        return {name: _in_words(getattr(self, name)) for name in names}
+
+
+def _in_words(value: Any) -> Any:
+    array = np.asarray(value)
+    return value if array.ndim == 0 or array.dtype.kind == "U" else f"array of shape {array.shape}"
 
 
 def controlled(

@@ -35,6 +35,10 @@ def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None 
     print(json.dumps({"version": JSON_VERSION, "command": command, **content}, indent=2, default=str), file=file)
 
 
+UNTOUCHED = {"strength": 1.0, "boundary": "free", "on_bad": "error"}
+"""Controls that change nothing unless they are otherwise; all others do so unless they are None."""
+
+
 def print_denoised(done: Report, *, file: TextIO) -> None:
     """Print what was done to a file."""
     print(f"{done.source} -> {done.output}", file=file)
@@ -44,6 +48,10 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
         f"by {done.mean_displacement:.3g} mean edge lengths on average, {done.largest_displacement:.3g} at most",
         file=file,
     )
+    controls = {"strength": done.strength, **done.controls}
+    chosen = [f"{name.replace('_', '-')} {value}" for name, value in controls.items() if value != UNTOUCHED.get(name)]
+    if chosen:
+        print(f"controls: {', '.join(chosen)}", file=file)
     if done.isolated_vertices or done.isolated_faces:
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
         bad = f"{vertices}, {counted(done.isolated_faces, 'face')}"

@@ -13,6 +13,7 @@ from shapes import grid, icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.api import save_mesh
 from cascadenorm.cli import run
+from cascadenorm.controls import Controls
 
 CLEAN = icosphere(2)
 ROUGH = noisy(CLEAN, 0.2)
@@ -103,6 +104,44 @@ def test_json_says_what_was_done(place, capsys):
     moves = np.linalg.norm(cn.denoise(ROUGH, method="laplacian", iterations=2).vertices - ROUGH.vertices, axis=1)
     assert done["largest_displacement"] == pytest.approx(moves.max() / ROUGH.mean_edge_length)
     assert done["mean_displacement"] == pytest.approx(moves.mean() / ROUGH.mean_edge_length)
+
+
+NO_CONTROLS = {
+    **dict.fromkeys(("mask", "fixed", "only", "creases", "keep_detail", "max_displacement", "volume")),
+    "boundary": "free",
+    "on_bad": "error",
+}
+
+
+def test_json_says_which_controls_were_in_force(place, capsys):
+    vertices = "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\nv 0 1 0 1 1 1\n"
+    (place / "two.obj").write_text(f"{vertices}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n", encoding="ascii")
+    words = {
+        "--mask": "red",
+        "--fixed": "0,2-3",
+        "--only": "material=a",
+        "--boundary": "smooth",
+        "--creases": "40",
+        "--keep-detail": "4 edges",
+        "--max-displacement": "0.5 edges",
+        "--on-bad": "isolate",
+    }
+    expected = {option[2:].replace("-", "_"): value for option, value in words.items()} | {"only": ["material=a"]}
+    given = [word for pair in words.items() for word in pair]
+    assert run(["denoise", "two.obj", *FAST, *given, "--keep-volume", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["controls"] == {**expected, "volume": "keep"}
+    assert run(["denoise", "ball.ply", *FAST, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["controls"] == NO_CONTROLS
+    assert set(NO_CONTROLS) - {"on_bad"} == set(Controls.__dataclass_fields__) - {"strength", "threads", "progress"}
+
+
+def test_the_controls_in_force_are_printed(place, capsys):
+    assert run(["denoise", "ball.ply", "-o", "a.ply", *FAST, "--strength", "0.5", "--keep-detail", "4 edges"]) == 0
+    assert "controls: strength 0.5, keep-detail 4 edges\n" in capsys.readouterr().out
+    assert run(["denoise", "ball.ply", "-o", "b.ply", *FAST]) == 0
+    assert "controls" not in capsys.readouterr().out
+    done = cn.denoise_file("ball.ply", "c.ply", method="laplacian", mask=np.ones(162), creases=40.0)
+    assert done.controls == {**NO_CONTROLS, "mask": "array of shape (162,)", "creases": 40.0}
 
 
 def test_another_extension_converts_and_no_strength_copies(place):
