@@ -48,6 +48,7 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     ------
     MeshError : no face has a normal on both sides, or the true mesh has no extent
     """
+    mesh, reference = _together(mesh, reference)
     if reference.diagonal == 0 or reference.mean_edge_length == 0:
         raise MeshError("all vertices of the reference mesh are at one place: give a mesh that has an extent")
     surface = Surface(reference)
@@ -65,6 +66,23 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     )
 
 
+def _together(mesh: Mesh, reference: Mesh) -> tuple[Mesh, Mesh]:
+    """Scale both meshes by one power of two to about unit size, which changes no measure; squares do not overflow then.
+
+    Vertices that no face uses go where one is that a face uses.
+    """
+    largest = max(np.abs(_used_vertices(m)).max() for m in (mesh, reference))
+    exponent = int(np.frexp(largest)[1])
+
+    def scaled(mesh: Mesh) -> Mesh:
+        vertices = np.tile(mesh.vertices[mesh.faces[0, 0]], (len(mesh.vertices), 1))
+        used = _is_used(mesh)
+        vertices[used] = mesh.vertices[used]
+        return mesh.moved(np.ldexp(vertices, -exponent))
+
+    return scaled(mesh), scaled(reference)
+
+
 def _angles(mesh: Mesh, reference: Mesh, surface: Surface) -> NDArray[np.float64]:
     """Angles in degrees between normals that belong together; accurate near 0° and 180° as well."""
     ours, theirs = mesh.normals, reference.normals
@@ -78,10 +96,14 @@ def _angles(mesh: Mesh, reference: Mesh, surface: Surface) -> NDArray[np.float64
     return np.asarray(np.degrees(2 * np.arctan2(chord, sum_)))
 
 
-def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:
+def _is_used(mesh: Mesh) -> NDArray[np.bool_]:
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces] = True
-    return mesh.vertices[used]
+    return used
+
+
+def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:
+    return mesh.vertices[_is_used(mesh)]
 
 
 def _largest(nearest: Nearest) -> float:

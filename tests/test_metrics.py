@@ -112,3 +112,20 @@ def test_unused_vertices_do_not_count():
 def test_a_reference_without_extent_is_refused():
     with pytest.raises(MeshError, match="at one place"):
         measure(grid(1, 1), Mesh(np.zeros((3, 3)), [[0, 1, 2]]))
+
+
+@pytest.mark.parametrize("scale", [1e300, 1.5e308, 1e-300, 1e-310])
+def test_the_size_of_the_coordinates_does_not_matter(scale):
+    clean, rough = icosphere(2), noisy(icosphere(2), 0.1)
+    largest = max(np.abs(m.vertices).max() for m in (clean, rough))
+    small = [m.moved(m.vertices / largest) for m in (rough, clean)]
+    expected = measure(*small)
+    found = measure(*(m.moved(m.vertices * scale) for m in small))
+    for name, value in vars(expected).items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-9 if scale > 1e-308 else 1e-5), name
+
+
+def test_vertices_without_a_face_count_nowhere():
+    clean, rough = icosphere(2), noisy(icosphere(2), 0.1)
+    stray = [Mesh(np.concatenate([m.vertices, [[1e300, 0, 5]]]), m.faces) for m in (rough, clean)]
+    assert vars(measure(*stray)) == pytest.approx(vars(measure(rough, clean)), rel=1e-12)

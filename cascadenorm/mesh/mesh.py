@@ -83,9 +83,9 @@ class Mesh:
 
     @cached_property
     def mean_edge_length(self) -> float:
-        """Mean length of the undirected edges."""
-        ends = self.vertices[self.topology.edges]
-        return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
+        """Mean length of the undirected edges; infinite where it is beyond the largest number."""
+        ends, exponent = _near_one(self.vertices[self.topology.edges])
+        return _scaled(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean(), exponent)
 
     @property
     def area(self) -> float:
@@ -100,8 +100,20 @@ class Mesh:
 
     @cached_property
     def diagonal(self) -> float:
-        """Length of the diagonal of the bounding box."""
-        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+        """Length of the diagonal of the bounding box; infinite where it is beyond the largest number."""
+        box, exponent = _near_one(np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]))
+        return _scaled(np.linalg.norm(box[1] - box[0]), exponent)
+
+
+def _near_one(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+    """Return values · 2**-exponent, all within -1 … 1, squares of which do not overflow, and the exponent."""
+    exponent = int(np.frexp(np.abs(values).max())[1])
+    return np.ldexp(values, -exponent), exponent
+
+
+def _scaled(length: np.floating[Any], exponent: int) -> float:
+    with np.errstate(over="ignore"):
+        return float(np.ldexp(length, exponent))
 
 
 def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vectors:

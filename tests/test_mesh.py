@@ -1,0 +1,32 @@
+import numpy as np
+import pytest
+from shapes import icosphere, noisy
+
+from cascadenorm.mesh import Mesh
+
+BALL = noisy(icosphere(2), 0.1)
+
+
+@pytest.mark.parametrize("exponent", [1000, 996, -500, -1000])
+def test_lengths_scale_to_the_bit_with_the_mesh(exponent):
+    scaled = BALL.moved(np.ldexp(BALL.vertices, exponent))
+    assert scaled.mean_edge_length == np.ldexp(BALL.mean_edge_length, exponent)
+    assert scaled.diagonal == np.ldexp(BALL.diagonal, exponent)
+
+
+def test_lengths_of_denormal_coordinates():
+    tiny = BALL.moved(BALL.vertices * 1e-310)
+    assert tiny.mean_edge_length == pytest.approx(BALL.mean_edge_length * 1e-310, rel=1e-6, abs=0)
+    assert tiny.diagonal == pytest.approx(BALL.diagonal * 1e-310, rel=1e-6, abs=0)
+
+
+def test_lengths_beyond_the_largest_number_are_infinite():
+    far = Mesh(np.array([[-1.5e308, 0, 0], [1.5e308, 0, 0], [0, 1.5e308, 0]]), [[0, 1, 2]])
+    assert far.diagonal == np.inf
+    assert far.mean_edge_length == np.inf
+    assert Mesh(far.vertices / 3, [[0, 1, 2]]).mean_edge_length == pytest.approx(1e308 / 3 * (1 + np.sqrt(2)))
+
+
+def test_a_stray_vertex_does_not_spoil_the_edges():
+    stray = Mesh(np.concatenate([BALL.vertices, [[1e300, 0, 0]]]), BALL.faces)
+    assert stray.mean_edge_length == BALL.mean_edge_length
