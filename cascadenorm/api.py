@@ -15,11 +15,11 @@ import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
 from cascadenorm.baselines.diffusion import Order
 from cascadenorm.baselines.holes import fill_holes
-from cascadenorm.controls import Boundary, Controls, controlled, faces_within, in_frame
+from cascadenorm.controls import Boundary, Controls, controlled, faces_within
 from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target
-from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, isolated
+from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, in_frame, isolated
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, ParameterError, find, registered
 from cascadenorm.selection import selected

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from cascadenorm.creases import crease_edges, cut
 from cascadenorm.detail import finer_than
-from cascadenorm.mesh import Mesh, Vectors, first_places, limit_threads
+from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, limit_threads
 from cascadenorm.orientation import oriented
 from cascadenorm.registry import Method, ParameterError
 from cascadenorm.rims import along_the_rim, rim_of
@@ -185,16 +185,6 @@ def _rows(name: str, rows: NDArray[Any], count: int, one: str, several: str) -> 
     if bad.any():
         raise ParameterError(f"{name} names {one} {rows[bad][0]}; there are {count} {several}, counted from 0")
     return rows.astype(np.int64)
-
-
-def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
-    """Return the mesh centred and scaled by 2**-exponent, exactly; vertices without a face are at the origin."""
-    used = np.zeros(len(mesh.vertices), bool)
-    used[mesh.faces] = True
-    lower, upper = mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0)
-    exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
-    centered = np.where(used[:, None], mesh.vertices - (0.5 * upper + 0.5 * lower), 0.0)
-    return mesh.moved(np.ldexp(centered, -exponent)), exponent
 
 
 def _application(

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, MeshError
+from cascadenorm.mesh import Mesh, MeshError, scaled_alike
 from cascadenorm.nearest import Nearest, Surface
 from cascadenorm.volume import is_closed
+
+SMALLEST = 1e-90
+"""Size of a mesh, as a share of the other's, whose cube is still a number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,9 +49,12 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
 
     Raises
     ------
-    MeshError : no face has a normal on both sides, or the true mesh has no extent
+    MeshError : no face has a normal on both sides, the true mesh has no extent, or they differ in size beyond measure
     """
-    mesh, reference = _together(mesh, reference)
+    mesh, reference = scaled_alike(mesh, reference)  # which changes no measure
+    sizes = sorted([mesh.diagonal, reference.diagonal])
+    if 0 < sizes[0] < SMALLEST * sizes[1]:
+        raise MeshError(f"one mesh is over {1 / SMALLEST:.0e} times as large as the other: bring them to one unit")
     if reference.diagonal == 0 or reference.mean_edge_length == 0:
         raise MeshError("all vertices of the reference mesh are at one place: give a mesh that has an extent")
     surface = Surface(reference)
@@ -66,23 +72,6 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     )
 
 
-def _together(mesh: Mesh, reference: Mesh) -> tuple[Mesh, Mesh]:
-    """Scale both meshes by one power of two to about unit size, which changes no measure; squares do not overflow then.
-
-    Vertices that no face uses go where one is that a face uses.
-    """
-    largest = max(np.abs(_used_vertices(m)).max() for m in (mesh, reference))
-    exponent = int(np.frexp(largest)[1])
-
-    def scaled(mesh: Mesh) -> Mesh:
-        vertices = np.tile(mesh.vertices[mesh.faces[0, 0]], (len(mesh.vertices), 1))
-        used = _is_used(mesh)
-        vertices[used] = mesh.vertices[used]
-        return mesh.moved(np.ldexp(vertices, -exponent))
-
-    return scaled(mesh), scaled(reference)
-
-
 def _angles(mesh: Mesh, reference: Mesh, surface: Surface) -> NDArray[np.float64]:
     """Angles in degrees between normals that belong together; accurate near 0° and 180° as well."""
     ours, theirs = mesh.normals, reference.normals
@@ -96,14 +85,10 @@ def _angles(mesh: Mesh, reference: Mesh, surface: Surface) -> NDArray[np.float64
     return np.asarray(np.degrees(2 * np.arctan2(chord, sum_)))
 
 
-def _is_used(mesh: Mesh) -> NDArray[np.bool_]:
+def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces] = True
-    return used
-
-
-def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:
-    return mesh.vertices[_is_used(mesh)]
+    return mesh.vertices[used]
 
 
 def _largest(nearest: Nearest) -> float:

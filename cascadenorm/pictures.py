@@ -7,7 +7,7 @@ from typing import Any
 from cascadenorm.api import as_mesh
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output
-from cascadenorm.mesh import MeshError
+from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.render import Camera, render, save_png, side_by_side
 
 
@@ -30,7 +30,7 @@ def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = 
     if not meshes:
         raise MeshError("there are no meshes to draw: give at least one")
     names = [Path(mesh).name if isinstance(mesh, str | Path) else "" for mesh in meshes]
-    drawn = [as_mesh(mesh) for mesh in meshes]
+    drawn = scaled_alike(*(as_mesh(mesh) for mesh in meshes))
     view = Camera.looking_at(drawn[-1])
     sheet = side_by_side([render(mesh, view=view, size=(size, size)) for mesh in drawn], names)
     try:

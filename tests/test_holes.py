@@ -135,3 +135,23 @@ def test_chains_that_do_not_close_are_left_open():
 def test_bad_settings_are_refused(settings):
     with pytest.raises(ParameterError, match="must be"):
         fill_holes(without_cap(2, 0.5), **settings)
+
+
+@pytest.mark.parametrize("exponent", [996, -900])
+def test_the_size_of_the_coordinates_does_not_matter(exponent):
+    holed = without_cap(3, 0.8)
+    expected = fill_holes(holed)
+    scaled = holed.moved(np.ldexp(holed.vertices, exponent))
+    filled = fill_holes(scaled)
+    np.testing.assert_array_equal(filled.faces, expected.faces)
+    count = len(holed.vertices)
+    assert filled.vertices[:count].tobytes() == scaled.vertices.tobytes()
+    np.testing.assert_allclose(np.ldexp(filled.vertices, -exponent), expected.vertices, rtol=0, atol=1e-12)
+
+
+def test_far_from_the_origin_nothing_is_lost():
+    holed = without_cap(3, 0.8)
+    expected, shift = fill_holes(holed), np.array([5e6, 4e6, 0])
+    filled = fill_holes(holed.moved(holed.vertices + shift))
+    np.testing.assert_array_equal(filled.faces, expected.faces)
+    np.testing.assert_allclose(filled.vertices - shift, expected.vertices, rtol=0, atol=1e-7)

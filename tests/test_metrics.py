@@ -129,3 +129,11 @@ def test_vertices_without_a_face_count_nowhere():
     clean, rough = icosphere(2), noisy(icosphere(2), 0.1)
     stray = [Mesh(np.concatenate([m.vertices, [[1e300, 0, 5]]]), m.faces) for m in (rough, clean)]
     assert vars(measure(*stray)) == pytest.approx(vars(measure(rough, clean)), rel=1e-12)
+
+
+def test_meshes_of_sizes_beyond_measure_are_refused():
+    ball = icosphere(1)
+    with pytest.raises(MeshError, match=r"one mesh is over 1e\+90 times as large as the other"):
+        measure(ball, ball.moved(ball.vertices * 1e300))
+    with pytest.raises(MeshError, match="are at one place"):
+        measure(ball.moved(ball.vertices * 1e300), ball.moved(ball.vertices * 0))

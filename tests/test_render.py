@@ -6,6 +6,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.mesh import Mesh, limit_threads
+from cascadenorm.pictures import draw
 from cascadenorm.render import Camera, error_colors, error_legend, render, save_png, side_by_side
 from cascadenorm.render.lettering import lettering
 
@@ -182,3 +183,11 @@ def test_letters_grow_with_their_size_and_differ_from_each_other():
     assert lettering("é", size=20).tobytes() == lettering("?", size=20).tobytes()
     assert lettering("Hx", size=40).sum() == pytest.approx(4 * lettering("Hx", size=20).sum(), rel=0.02)
     assert lettering(" ", size=20).max() == 0
+
+
+@pytest.mark.parametrize("scale", [1e300, 1e-310])
+def test_the_size_of_the_coordinates_does_not_matter(tmp_path, scale):
+    for name, size in (("usual", 1.0), ("other", scale)):
+        draw([icosphere(2).moved(icosphere(2).vertices * size)], tmp_path / f"{name}.png", size=64)
+    usual, other = (decoded((tmp_path / f"{name}.png").read_bytes()) for name in ("usual", "other"))
+    assert (np.abs(usual.astype(int) - other) > 8).mean() < 0.01

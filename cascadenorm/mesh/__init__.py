@@ -1,5 +1,6 @@
 """Triangle meshes: arrays, topology, geometry, checks, and threads for the kernels that walk over them."""
 
+from cascadenorm.mesh.frame import in_frame, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated
 from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, first_places, unit
 from cascadenorm.mesh.threads import in_blocks, kernel, limit_threads, over, thread_count
@@ -15,10 +16,12 @@ __all__ = [
     "bad_vertices",
     "first_places",
     "in_blocks",
+    "in_frame",
     "isolated",
     "kernel",
     "limit_threads",
     "over",
+    "scaled_alike",
     "thread_count",
     "unit",
 ]
