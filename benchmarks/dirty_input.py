@@ -1,7 +1,7 @@
 """Run this package and others on meshes with one thing wrong each: python benchmarks/dirty_input.py [--python FILE]
 
-Each tool is run on each mesh in a process of its own, with a limit of computing time, on arrays in memory and at its
-defaults.
+Each tool is run on each mesh in a process of its own, with a limit of computing time and of memory, on arrays in memory
+and at its defaults.
 The table is printed, and written between the markers of docs/dirty-input.md. Tools that the Python given does not have
 get no column.
 """
@@ -20,6 +20,7 @@ from dirty_meshes import Dirty, dirty_meshes
 DOCUMENT = Path(__file__).parents[1] / "docs" / "dirty-input.md"
 BEGIN, END = "<!-- measured: written by benchmarks/dirty_input.py -->", "<!-- end of measured -->"
 LIMIT = 120  # seconds of computing for a mesh
+MEMORY = 8 << 30  # bytes of addresses for a mesh, code and libraries included
 PATIENCE = 60 * LIMIT  # seconds by the clock for all meshes
 LONGEST = 160  # characters of a message in the table
 FAR = 10  # mean edge lengths that no sound method moves a vertex of these meshes
@@ -64,6 +65,7 @@ warnings.simplefilter("ignore")
 
 def attempt(name):
     resource.setrlimit(resource.RLIMIT_CPU, ({limit}, {limit} + 1))
+    resource.setrlimit(resource.RLIMIT_AS, ({memory}, {memory}))
     given = numpy.load(name + ".npz")
     try:
         numpy.save(name + ".npy", numpy.asarray(denoise(given["vertices"], given["faces"])))
@@ -119,7 +121,7 @@ def measured(name: str, python: str) -> dict[str, str]:
         files = [Path(folder) / str(number) for number in range(len(meshes))]
         for file, dirty in zip(files, meshes.values(), strict=True):
             np.savez(f"{file}.npz", vertices=dirty.vertices, faces=dirty.faces)
-        code = TOOLS[name] + EACH_IN_A_PROCESS.format(limit=LIMIT)
+        code = TOOLS[name] + EACH_IN_A_PROCESS.format(limit=LIMIT, memory=MEMORY)
         subprocess.run([python, "-c", code, *map(str, files)], stdout=subprocess.DEVNULL, timeout=PATIENCE, check=True)
         outcomes = [outcome(file) for file in files]
     at_origin = outcomes[0]
