@@ -18,7 +18,8 @@ from cascadenorm.baselines.holes import fill_holes
 from cascadenorm.controls import Boundary, Controls, controlled, faces_within
 from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output, is_special
-from cascadenorm.io.files import check_target
+from cascadenorm.io.files import check_target, extensible
+from cascadenorm.io.patches import Patches
 from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, in_frame, isolated
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, ParameterError, find, registered
@@ -227,10 +228,27 @@ def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
     io.write(io.from_arrays(mesh.vertices, mesh.faces), path, force=force)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Filling:
+    """What was added to a file.
+
+    Parameters
+    ----------
+    faces, added : triangles that were there, and further ones
+    left_out : what the source holds and the output does not, in words
+    """
+
+    faces: int
+    added: int
+    left_out: tuple[str, ...]
+
+
 def fill_holes_file(
     source: Path, output: Path, *, order: Order = 2, max_edges: int | None = None, force: bool = False
-) -> tuple[int, int]:
-    """Fill the holes of a mesh file, as `fill_holes` does; the numbers of faces before and after.
+) -> Filling:
+    """Fill the holes of a mesh file, as `fill_holes` does; what is there stays, and the patches get values like it.
+
+    PLY and OBJ keep all that they hold, in other formats what is kept is what another format could take over.
 
     Raises
     ------
@@ -238,10 +256,16 @@ def fill_holes_file(
     """
     check_output(output, force=force)
     io.output_format(output)
-    mesh = as_mesh(source)
-    filled = fill_holes(mesh, order=order, max_edges=max_edges)
-    save_mesh(output, filled, force=force)
-    return len(mesh.faces), len(filled.faces)
+    read = io.read(source)
+    _mesh_of(read, _name(source))
+    file, lost = extensible(read)
+    filled = fill_holes(file.mesh, order=order, max_edges=max_edges)
+    added = len(filled.faces) - len(file.mesh.faces)
+    if added:
+        left_out = lost + io.write(file.with_patches(Patches(file, filled)), output, force=force)
+    else:
+        left_out = io.write(read, output, force=force)
+    return Filling(faces=len(file.mesh.faces), added=added, left_out=tuple(dict.fromkeys(left_out)))
 
 
 def _isolates(on_bad: str) -> bool:

@@ -339,13 +339,14 @@ def fill_holes(
     max_edges: Annotated[int | None, typer.Option(min=3, help="Leave longer holes open, an outer rim say.")] = None,
     force: Force = False,
 ) -> None:
-    """Close the holes of a mesh by patches as dense as what is around them; writes triangles without attributes."""
+    """Close the holes of a mesh by patches as dense as what is around them; what is there stays as it is."""
     from cascadenorm import api, report
 
     target = output or source.with_name(f"{source.stem}_filled{source.suffix}")
     kind = cast(Literal[1, 2, 3], order)  # typer holds the range
-    before, after = api.fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
-    print(f"{target}: {report.counted(after - before, 'face')} added to {before}")
+    done = api.fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
+    print(f"{target}: {report.counted(done.added, 'face')} added to {done.faces}")
+    report.print_left_out(done.left_out)
 
 
 @app.command()

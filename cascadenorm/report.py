@@ -56,7 +56,12 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
         bad = f"{vertices}, {counted(done.isolated_faces, 'face')}"
         print(f"cascadenorm: left alone as bad: {bad}", file=sys.stderr)
-    for loss in done.left_out:
+    print_left_out(done.left_out)
+
+
+def print_left_out(losses: Sequence[str]) -> None:
+    """Say what an output could not keep."""
+    for loss in losses:
         print(f"cascadenorm: left out: {loss}", file=sys.stderr)
 
 

@@ -115,6 +115,17 @@ def _lost(file: MeshFile) -> list[str]:
     return list(file.moving_loses) if file.has_moved else []
 
 
+def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile, list[str]]:
+    """Return a file that can take further vertices and faces, and what it lacks of the given one, in words.
+
+    PLY and OBJ files are returned as they are; others become PLY, with the scene as it is shown.
+    """
+    if isinstance(file, PlyFile | ObjFile):
+        return file, []
+    pieces, lost = _encoded(file, PlyFile)
+    return PlyFile(b"".join(pieces)), lost
+
+
 def _write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
     try:
         stream.writelines(pieces)

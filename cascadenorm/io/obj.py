@@ -11,6 +11,7 @@ from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.contract import Content, Labels, MeshFile, Piece
 from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
+from cascadenorm.io.patches import Patches
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Places, Text, rows_of, spelled
 
@@ -25,6 +26,7 @@ KEPT_ELSEWHERE = {
     "p": "points",
 }
 TEXTURE = ("s", "t")
+STATES = (b"o", b"g", b"usemtl", b"s")  # what holds for all faces until it is said anew
 LABELS = {"usemtl": "material", "o": "object", "g": "group"}
 
 
@@ -89,6 +91,38 @@ class ObjFile(MeshFile):
         order = np.argsort(keys, kind="stable")
         wanted = self.triangle_polygons[:, None] * len(self.positions) + self.triangles
         return named[order[np.searchsorted(keys[order], wanted)]]
+
+    def with_patches(self, patches: Patches) -> "ObjFile":
+        """Return this file with further vertices and triangles at its end; all of its bytes stay.
+
+        Colours are blended between those around. A triangle is of the object, group, material and smoothing group of
+        the nearest face; it has no texture coordinates and no normals.
+        """
+        rows = [b"v " + row for row in rows_of(patches.positions)]
+        width = (self._text.stop - self._text.first)[self._vertices] - 1
+        if width.min() > 3:
+            words = self._text.columns(self._vertices, int(width.min()) - 3, start=4)
+            further = [patches.blended(column) for column in self._text.numbers(words).T]
+            whole = not any(b"." in self._text.word(word) for word in words[:100].ravel().tolist())
+            values = np.stack(further, axis=1)
+            spellings = rows_of(np.rint(values).astype(np.int64) if whole else values.astype(np.float32))
+            rows = [row + b" " + more for row, more in zip(rows, spellings, strict=True)]
+        lines = [self._text.lines_with(keyword) for keyword in STATES]
+        now = [len(of) - 1 for of in lines]  # the last line of each keyword
+        states = np.stack([np.searchsorted(of, self._faces[patches.polygons]) - 1 for of in lines], axis=1)
+        for row in np.lexsort(states.T[::-1]).tolist():
+            for place, of in enumerate(lines):
+                wanted = int(states[row, place])
+                if wanted != now[place] and wanted >= 0:
+                    rows.append(self._line(int(of[wanted])))
+                    now[place] = wanted
+            rows.append(b"f %d %d %d" % tuple((patches.triangles[row] + 1).tolist()))
+        glue = b"" if self.data.endswith((b"\n", b"\r")) and not self.data.rstrip().endswith(b"\\") else b"\n"
+        return ObjFile(self.data + glue + b"\n".join(rows) + b"\n", self.folder)
+
+    def _line(self, line: int) -> bytes:
+        first, last = int(self._text.first[line]), int(self._text.stop[line]) - 1
+        return b" ".join(self._text.word(word) for word in range(first, last + 1))
 
     def refers_to(self) -> dict[str, bool]:
         """Return the names of libraries of materials, and of their textures."""

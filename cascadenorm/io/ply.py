@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
+from cascadenorm.io.colors import CHANNELS
+from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
 from cascadenorm.io.normals import Normals
-from cascadenorm.io.ply_header import NAMES, Property, parse_header
+from cascadenorm.io.patches import Patches
+from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply_table import Column, Kind, columns
 from cascadenorm.io.polygons import Polygons, strips
 from cascadenorm.io.scan import splice
@@ -37,10 +39,12 @@ class PlyFile(MeshFile):
         if self._text is not None:
             self._body = self._text.numbers(np.arange(len(self._text.starts))).astype("<f8").tobytes()
         self._columns: dict[tuple[str, str], Column] = {}
+        self._ends: dict[str, int] = {}
         start = header.length if header.byte_order else 0
         for element in header.elements:
             kinds = [_kind(p, header.byte_order) for p in element.properties]
             found, start = columns(self._body, element, start, kinds)
+            self._ends[element.name] = start
             for p, column in zip(element.properties, found, strict=True):
                 self._columns.setdefault((element.name, p.name), column)
         return self._positions(), self._polygons()
@@ -132,6 +136,82 @@ class PlyFile(MeshFile):
                 words.append(spelled(values[chosen[:, axis], axis].astype(kind)))
         return text.replaced(np.concatenate(places), np.concatenate(words))
 
+    def with_patches(self, patches: Patches) -> "PlyFile":
+        """Return this file with further vertices and triangles; of its bytes only the two numbers of rows change.
+
+        Numbers of vertices are blended between those around, where they are floating-point numbers or colours; other
+        numbers, and those of faces, are of the nearest vertex or face. Lists besides the corners are empty.
+
+        Raises
+        ------
+        OutputError : the type in which faces name vertices has no number for the last ones
+        """
+        if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
+            return PlyFile(self._widened(), self.folder).with_patches(patches)
+        header, inserted = self.data[: self.header.length], []
+        end_of_line = next(end for end in (b"\r\n", b"\n", b"\r") if end in header)
+        for element in self.header.elements:
+            if element.name == "vertex":
+                rows, values = len(patches.positions), self._patch_vertices(element, patches)
+            elif element.name in ("face", "tristrips") and any(p.name in CORNERS for p in element.properties):
+                rows, values = len(patches.triangles), self._patch_faces(element, patches)
+            else:
+                continue
+            count = re.search(
+                rb"[\r\n][ \t]*element[ \t]+" + re.escape(element.name.encode("latin-1")) + rb"[ \t]+(\d+)", header
+            )
+            assert count is not None
+            inserted.append((*count.span(1), b"%d" % (element.rows + rows)))
+            if self._text is None:
+                end, new = self._ends[element.name], _binary_rows(element, values, self.header.byte_order)
+            else:
+                end = int(self._text.ends[self._ends[element.name] // WORD - 1])
+                new = b"".join(end_of_line + row for row in _text_rows(element, values))
+            inserted.append((end, end, new))
+        parts, last = [], 0
+        for begin, end, new in sorted(inserted):
+            parts += [self.data[last:begin], new]
+            last = end
+        return PlyFile(b"".join([*parts, self.data[last:]]), self.folder)
+
+    def _patch_vertices(self, element: Element, patches: Patches) -> list[NDArray[Any]]:
+        """Return the values of further vertices by property, (a, 1), or (a, 0) for a list."""
+        own = dict(zip(XYZ, patches.positions.T, strict=True))
+        normals = self._read("vertex", NORMAL)
+        if normals is not None:
+            own |= zip(NORMAL, patches.vertex_normals(normals).T, strict=True)
+        found = []
+        for p in element.properties:
+            values = np.zeros((len(patches.positions), 0))
+            if p.count_kind is None:
+                stored = self._columns["vertex", p.name].read(self._body)
+                blends = p.kind[0] == "f" or p.name in CHANNELS
+                one = own[p.name] if p.name in own else (patches.blended if blends else patches.nearest)(stored)
+                values = (one if p.kind[0] == "f" else np.rint(one))[:, None]
+            found.append(values)
+        return found
+
+    def _patch_faces(self, element: Element, patches: Patches) -> list[NDArray[Any]]:
+        """Return the values of further faces by property: (b, 3) corners, (b, 1) numbers, (b, 0) for other lists."""
+        count = len(patches.triangles)
+        normals = self._read(element.name, NORMAL) if element.name == "face" else None
+        own = {} if normals is None else dict(zip(NORMAL, patches.face_normals(normals).T, strict=True))
+        found = []
+        for p in element.properties:
+            values: NDArray[Any] = np.zeros((count, 0 if p.count_kind else 1))
+            if p.name in CORNERS and p.count_kind:
+                values = patches.triangles
+                if p.kind[0] != "f" and patches.triangles.max(initial=0) > np.iinfo(p.kind).max:
+                    raise OutputError(
+                        f"the file names vertices by {NAMES[p.kind]}, which has no number for the last of them: "
+                        "write another format, or convert the file first"
+                    )
+            elif p.count_kind is None and element.name == "face":
+                stored = self._columns["face", p.name].read(self._body)
+                values = own.get(p.name, stored[patches.polygons])[:, None]
+            found.append(values)
+        return found
+
     def refers_to(self) -> dict[str, bool]:
         """Return the names of textures that a comment gives."""
         found = re.findall(rb"^comment[ \t]+TextureFile[ \t]+([^\r\n]*\S)", self.data[: self.header.length], re.M)
@@ -188,6 +268,31 @@ def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
         if bad.any():
             raise ReadError(f"a face names vertex {values[bad][0]}, which is not a whole number: write the file again")
     return values.astype(np.int64)
+
+
+def _binary_rows(element: Element, values: list[NDArray[Any]], byte_order: str) -> bytes:
+    """Return further rows of an element."""
+    lengths = [v.shape[1] for v in values]
+    kinds: list[Any] = []
+    for i, (p, length) in enumerate(zip(element.properties, lengths, strict=True)):
+        kinds += [(f"length {i}", byte_order + p.count_kind)] if p.count_kind else []
+        kinds += [(f"values {i}", byte_order + p.kind, (length,))]
+    rows = np.zeros(len(values[0]), kinds)
+    for i, (p, value) in enumerate(zip(element.properties, values, strict=True)):
+        rows[f"values {i}"] = value
+        if p.count_kind:
+            rows[f"length {i}"] = lengths[i]
+    return rows.tobytes()
+
+
+def _text_rows(element: Element, values: list[NDArray[Any]]) -> list[bytes]:
+    """Return further rows of an element, a line each."""
+    words: list[NDArray[np.bytes_]] = []
+    for p, value in zip(element.properties, values, strict=True):
+        words += [spelled(np.full(len(value), value.shape[1]))] if p.count_kind else []
+        kind = np.dtype("i8" if p.kind[0] != "f" else p.kind if value.dtype != np.float64 else "f8")
+        words += [spelled(column) for column in value.astype(kind).T]
+    return [b" ".join(row) for row in zip(*(column.tolist() for column in words), strict=True)]
 
 
 def _fields(values: Any) -> dict[str, NDArray[Any]]:

@@ -1,0 +1,82 @@
+"""Vertices and triangles that close the holes of a mesh file, and the values that they get."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cascadenorm.io.contract import MeshFile, Positions
+from cascadenorm.mesh import Mesh
+
+
+class Patches:
+    """What is added to a file to close its holes.
+
+    Parameters
+    ----------
+    file : k positions, p polygons
+    filled : the mesh of the file with further vertices and faces after its own
+
+    Attributes
+    ----------
+    positions : (a, 3) of the further vertices, in the type of the file
+    triangles : (b, 3) rows of the positions of the file, or of the further ones, which are counted after them; of a
+        vertex that the file splits the first copy
+    polygons : (b,) the polygon of the file that each triangle takes values from: the nearest, counted in edges
+    """
+
+    def __init__(self, file: MeshFile, filled: Mesh) -> None:
+        self._filled, self._own = filled, len(file.mesh.vertices)
+        self._first = np.unique(file.welds, return_index=True)[1]
+        count, faces = len(file.positions), len(file.mesh.faces)
+        further = count + np.arange(len(filled.vertices) - self._own)
+        self.positions: Positions = filled.vertices[self._own :].astype(file.positions.dtype)
+        self.triangles: NDArray[np.int64] = np.concatenate([self._first, further])[filled.faces[faces:]]
+        beside = np.argsort(filled.topology.face_edges, axis=None, kind="stable")
+        same = np.diff(filled.topology.face_edges.ravel()[beside]) == 0
+        pairs = np.stack([beside[:-1][same], beside[1:][same]], axis=1) // 3
+        self.polygons = file.triangle_polygons[_nearest(faces, len(filled.faces), pairs)]
+        self._nearest = _nearest(self._own, len(filled.vertices), filled.topology.edges)
+
+    def nearest(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return (a,) the value, of (k,), that the nearest vertex of the file has, counted in edges."""
+        return values[self._first[self._nearest]]
+
+    def blended(self, values: NDArray[Any]) -> NDArray[np.float64]:
+        """Return (a,) values that are each the mean of those around; the nearest where some are not finite."""
+        known = values[self._first].astype(np.float64)
+        if not len(self.positions) or not np.isfinite(known).all():
+            return self.nearest(values).astype(np.float64)
+        count, (i, j) = len(self._filled.vertices), self._filled.topology.edges.T
+        graph = sparse.coo_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), (count, count)).tocsr()
+        rows = graph[self._own :]
+        matrix = sparse.diags_array(rows.sum(axis=1)) - rows[:, self._own :]
+        return np.asarray(sparse.linalg.spsolve(matrix.tocsc(), rows[:, : self._own] @ known), np.float64)
+
+    def vertex_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
+        """Return (a, 3) unit normals of the further vertices, on the side on which those of the file, (k, 3), are."""
+        normals = self._filled.vertex_normals
+        return normals[self._own :] * _side(stored[self._first], normals[: self._own])
+
+    def face_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
+        """Return (b, 3) unit normals of the triangles, on the side on which those of the polygons, (p, 3), are."""
+        normals = self._filled.normals[-len(self.triangles) :]
+        return normals * _side(stored[self.polygons], normals)
+
+
+def _nearest(own: int, count: int, pairs: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return for each number from `own` on the nearest below it, along pairs of neighbours."""
+    nearest = np.where(np.arange(count) < own, np.arange(count), -1)
+    ends = np.concatenate([pairs, pairs[:, ::-1]])
+    while (nearest < 0).any():
+        told, asking = ends[(nearest[ends[:, 0]] >= 0) & (nearest[ends[:, 1]] < 0)].T
+        assert len(asking), "a patch hangs together with what is around it"
+        nearest[asking] = nearest[told]
+    return nearest[own:]
+
+
+def _side(stored: NDArray[Any], normals: NDArray[np.float64]) -> float:
+    """Return 1 where stored normals are mostly on the side of the others, else -1."""
+    with np.errstate(invalid="ignore"):
+        return -1.0 if np.nansum(np.sign((stored * normals).sum(axis=1))) < 0 else 1.0
