@@ -113,9 +113,9 @@ def test_of_several_files_none_is_new_unless_all_are_complete(tmp_path):
 
     for force in (False, True):
         with pytest.raises(OutputError, match="b cannot be written: No space left"):
-            write_together({tmp_path / "a": [b"new"], tmp_path / "b": broken()}, force=force)
+            write_together([(tmp_path / "a", [b"new"]), (tmp_path / "b", broken())], force=force)
         assert not os.listdir(tmp_path)
-    write_together({tmp_path / "a": [b"1"], tmp_path / "b": [b"2"]})
+    write_together([(tmp_path / "a", [b"1"]), (tmp_path / "b", [b"2"])])
     assert (tmp_path / "a").read_bytes() + (tmp_path / "b").read_bytes() == b"12"
 
 

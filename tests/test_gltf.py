@@ -1,6 +1,7 @@
 """glTF in its containers: JSON and buffers, in one file or in several."""
 
 import json
+import os
 import re
 import sys
 from base64 import b64decode, b64encode
@@ -153,6 +154,37 @@ def test_failing_write_takes_the_buffer_back(place, monkeypatch):
     before = names(place)
     assert run(["denoise", "ball.gltf", *FAST]) == 5
     assert names(place) == before
+
+
+@pytest.mark.parametrize("renames", range(6))
+def test_a_document_never_names_the_buffer_of_another_one(place, monkeypatch, renames):
+    """Whenever the work ends between two renames, the document and the buffer that it names belong together."""
+    assert run(["denoise", "ball.gltf", *FAST]) == 0
+    old, new = (cn.read(name).positions for name in ("ball_denoised.gltf", "ball.gltf"))
+    new = cn.denoise(new, cn.read("ball.gltf").mesh.faces, method="laplacian", strength=2)
+    before, done, replace = names(place), [], os.replace
+
+    def some(name, target):
+        if len(done) == renames:
+            raise KeyboardInterrupt
+        done.append(target)
+        replace(name, target)
+
+    monkeypatch.setattr("os.replace", some)
+    code = run(["denoise", "ball.gltf", *FAST, "--strength", "2", "--force"])
+    monkeypatch.undo()
+    monkeypatch.chdir(place)
+    found = cn.read("ball_denoised.gltf").positions
+    assert code == (130 if renames < 4 else 0)
+    assert found.tobytes() == (old if renames < 2 else new).tobytes()
+    bounds = [a for a in document((place / "ball_denoised.gltf").read_bytes())["accessors"] if a["type"] == "VEC3"]
+    assert any(np.array_equal(a["min"], found.min(axis=0)) for a in bounds)
+    extra = [name for name in names(place) if name not in before]
+    assert extra == [] if code == 0 else all(name.startswith(".ball_denoised.bin.") for name in extra)
+    if code == 0:
+        assert "ball_denoised.bin" in [
+            b["uri"] for b in json.loads((place / "ball_denoised.gltf").read_text())["buffers"]
+        ]
 
 
 def test_missing_pictures_are_named_and_names_that_lead_out_refused(place, capsys):

@@ -3,7 +3,7 @@
 import os
 import stat
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -48,22 +48,27 @@ def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False
     ------
     OutputError : the file exists and force is not given, or it cannot be written
     """
-    write_together({path: pieces}, force=force)
+    write_together([(path, pieces)], force=force)
 
 
-def write_together(files: Mapping[Path, Iterable[Piece]], *, force: bool = False) -> None:
+def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool = False) -> None:
     """Write several files as `write_atomically` does: none gets its name before all are complete.
+
+    Parameters
+    ----------
+    files : they get their names in this order; with `force` a path may come twice, as what it is meanwhile and at last
+    force : replace existing files
 
     Raises
     ------
     OutputError : one exists and force is not given, or cannot be written; none of them is new then
     """
-    for path in files:
+    for path, _ in files:
         check_output(path, force=force)
     staged: list[tuple[Path, str]] = []
     placed: list[Path] = []
     try:
-        for path, pieces in files.items():
+        for path, pieces in files:
             with _explained(path):
                 if is_special(path):
                     with path.open("wb") as stream:

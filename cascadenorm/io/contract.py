@@ -160,8 +160,11 @@ class MeshFile(ABC):
         """Return the bytes of the file with its present positions, in pieces."""
         return self._moved_pieces() if self.has_moved else [self.data]
 
-    def files(self, path: Path) -> dict[Path, Iterable[Piece]]:
-        """Return what is written for this file at a path: itself last, before it what it keeps in other files."""
+    def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
+        """Return what is written for this file at a path: itself last, before it what it keeps in other files.
+
+        The names of those are what `part_name` makes of their usual ones.
+        """
         return {path: self.pieces()}
 
     def may_write(self, path: Path) -> list[Path]:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from secrets import token_hex
 from typing import BinaryIO, cast
 
 import numpy as np
@@ -100,7 +101,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
         beside, lost = companions(file, path, force=force)
         for copy in beside:
             copy.parent.mkdir(parents=True, exist_ok=True)
-        write_together({**beside, **file.files(path)}, force=force)
+        _write_files(file, path, beside, force=force)
         return [*lost, *_lost(file)]
     pieces, lost = (file.pieces(), _lost(file)) if file.format == chosen else _encoded(file, kind)
     if path:
@@ -108,6 +109,21 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     else:
         _write_stream(cast(BinaryIO, target), pieces)
     return lost
+
+
+def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]], *, force: bool) -> None:
+    """Write a file with those that hold a part of it, and others beside it.
+
+    Where one of its parts is there already, the file names another one meanwhile: so at no moment does it name a part
+    of another file, or that of its former self.
+    """
+    files, aside = file.files(path), dict[Path, Iterable[Piece]]()
+    if any(part.exists() for part in files if part != path):
+        aside = file.files(path, part_name=f".{{}}.{token_hex(4)}.part")
+    write_together([*beside.items(), *aside.items(), *files.items()], force=force)
+    for part in aside:
+        if part != path:
+            part.unlink(missing_ok=True)
 
 
 def _lost(file: MeshFile) -> list[str]:

@@ -184,11 +184,11 @@ class GltfContainer(MeshFile):
                     values[(*path, "max")] = finite.max(axis=0).tolist()
         return values
 
-    def files(self, path: Path) -> dict[Path, Iterable[Piece]]:
+    def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
         """Return what is written for this file at a path: buffers that changed and are files get files beside it."""
         if not self.has_moved:
             return super().files(path)
-        names = self._buffer_names(path)
+        names = {n: beside.with_name(part_name.format(beside.name)) for n, beside in self._buffer_names(path).items()}
         pieces, buffers = self._replaced({number: beside.name for number, beside in names.items()})
         return {**{names[number]: [content] for number, content in buffers.items()}, path: pieces}
 
