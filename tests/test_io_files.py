@@ -185,3 +185,8 @@ def test_link_is_followed(tmp_path, tetrahedron):
 def test_device_is_written_to_and_not_replaced(tetrahedron):
     io.write(tetrahedron, os.devnull, format="ply")
     assert not stat.S_ISREG(os.stat(os.devnull).st_mode)
+
+
+def test_a_long_obj_is_known_without_its_name():
+    data = b"# scan\n" + b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" * 10_000 + b"f 1 2 3\n"
+    assert io.read(streams.BytesIO(data)).format == "obj"

@@ -246,9 +246,5 @@ def _sniffed(data: bytes) -> str | None:
         return "off"
     if is_binary_stl(data) or data.lstrip()[:6].lower() in (b"solid ", b"solid\n", b"solid\r"):
         return "stl"
-    lines = data[:100_000].split(b"\n")
-    return (
-        "obj"
-        if any(line.startswith(b"v ") for line in lines) and any(line.startswith(b"f ") for line in lines)
-        else None
-    )
+    has_vertices = any(line.startswith(b"v ") for line in data[:100_000].split(b"\n"))
+    return "obj" if has_vertices and (data.startswith(b"f ") or b"\nf " in data) else None
