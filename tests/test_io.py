@@ -4,6 +4,7 @@ import io as streams
 import json
 import re
 import struct
+import tracemalloc
 from base64 import b64encode
 
 import numpy as np
@@ -11,10 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from shapes import grid
 
 from cascadenorm import io
 from cascadenorm.io.contract import Content
 from cascadenorm.io.files import FORMATS
+from cascadenorm.io.obj import ObjFile
+from cascadenorm.io.off import OffFile
 from cascadenorm.io.polygons import Polygons
 from cascadenorm.mesh import MeshError
 
@@ -421,3 +425,26 @@ def test_conversion_keeps_the_surface(name, source, target, tmp_path):
     assert b.area == pytest.approx(a.area, rel=1e-6)
     assert len(a.faces) == len(b.faces) or "stl" in (source, target)
     assert bool(lost) == (source != target and (target == "stl" or bool(lost)))
+
+
+# memory
+
+
+@pytest.mark.parametrize("kind", [ObjFile, OffFile, "text"])
+def test_reading_a_text_takes_a_few_times_its_size(kind, monkeypatch):
+    monkeypatch.setattr("cascadenorm.io.text.BLOCK", 1 << 12)
+    sheet = grid(100, 100)
+    content = Content(sheet.vertices / 7, Polygons.from_rows(sheet.faces.astype(np.int64)))
+    if kind == "text":
+        data = b"ply\nformat ascii 1.0\nelement vertex %d\n" % len(sheet.vertices)
+        data += b"property double x\nproperty double y\nproperty double z\n"
+        data += b"element face %d\nproperty list uchar int vertex_indices\nend_header\n" % len(sheet.faces)
+        data += OffFile.encode(content)[0].split(b"\n", 2)[2]
+    else:
+        data = kind.encode(content)[0]
+    read(data)  # compiles, and imports
+    tracemalloc.start()
+    read(data)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 6 * len(data)

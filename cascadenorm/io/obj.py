@@ -13,7 +13,7 @@ from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.text import Places, Text, rows_of, spelled
+from cascadenorm.io.text import Places, Text, blocks, rows_of, spelled
 
 KEPT_ELSEWHERE = {
     "vn": "normals",
@@ -45,27 +45,36 @@ class ObjFile(MeshFile):
         self._words = text.columns(self._vertices, 3)
         self._faces = np.sort(np.concatenate([text.lines_with(b"f"), text.lines_with(b"fo")]))
         counts = (text.stop - text.first)[self._faces] - 1
-        self._corners = ranges(text.first[self._faces] + 1, counts)
-        self._slashes = np.flatnonzero(text.bytes == ord("/"))
+        self._corners = ranges(text.first[self._faces] + 1, counts).astype(text.starts.dtype)
+        slashes = np.flatnonzero(text.bytes == ord("/"))
+        self._slashes = np.append(slashes, [len(self.data)] * 3).astype(text.starts.dtype) if len(slashes) else slashes
         corners = self._references(0, self._vertices)
         return text.numbers(self._words), Polygons.from_counts(counts, corners)
 
     def _references(self, field: int, lines: Places) -> NDArray[np.int64]:
         """Return what each corner names in its field (of v/vt/vn), counted from 0 among the lines; -1 where nothing."""
-        text, words = self._text, self._corners
-        starts, ends = text.starts[words], text.ends[words]
-        if len(self._slashes):
-            next_slash = np.searchsorted(self._slashes, starts)
-            padded = np.append(self._slashes, [len(text.data)] * 3)
-            borders = np.stack([starts - 1, *(np.minimum(padded[next_slash + i], ends) for i in range(3))])
-            starts, ends = np.minimum(borders[field] + 1, ends), borders[field + 1]
-        elif field:
-            return np.full(len(words), -1)
-        given = np.ones(len(words), bool) if field == 0 else ends > starts
-        numbers = np.zeros(len(words), np.int64)
-        numbers[given] = text.integers_at(starts[given], ends[given])
-        before = np.searchsorted(text.first[lines], words) if (numbers < 0).any() else 0
-        return np.where(numbers < 0, np.maximum(numbers + before, -1), numbers - 1)
+        if field and not len(self._slashes):
+            return np.full(len(self._corners), -1)
+        numbers = np.zeros(len(self._corners), np.int64)
+        for block in blocks(len(numbers)):
+            starts, ends = self._field(field, self._corners[block])
+            given = ends > starts if field else np.ones(len(starts), bool)
+            numbers[block][given] = self._text.integers_at(starts[given], ends[given])
+        counted_back = numbers < 0
+        if counted_back.any():
+            before = np.searchsorted(self._text.first[lines], self._corners[counted_back])
+            numbers[counted_back] = np.maximum(numbers[counted_back] + before, -1)
+        numbers[~counted_back] -= 1
+        return numbers
+
+    def _field(self, field: int, words: Places) -> tuple[Places, Places]:
+        """Return where a field of words begins and ends; it may be empty."""
+        starts, ends = self._text.starts[words], self._text.ends[words]
+        if not len(self._slashes):
+            return starts, ends
+        next_slash = np.searchsorted(self._slashes, starts)
+        borders = np.stack([starts - 1, *(np.minimum(self._slashes[next_slash + i], ends) for i in range(3))])
+        return np.minimum(borders[field] + 1, ends), borders[field + 1]
 
     def _moved_pieces(self) -> Iterable[Piece]:
         text = self._text

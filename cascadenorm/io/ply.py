@@ -13,7 +13,7 @@ from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadE
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header
-from cascadenorm.io.ply_table import Column, Kind, columns
+from cascadenorm.io.ply_table import Body, Column, Kind, columns
 from cascadenorm.io.polygons import Polygons, strips
 from cascadenorm.io.scan import splice
 from cascadenorm.io.text import Text, spelled
@@ -35,9 +35,10 @@ class PlyFile(MeshFile):
         data = self.data
         self.header = header = parse_header(data)
         self._text = None if header.byte_order else Text(data, start=header.length)
-        self._body = data
+        self._body: Body = data
         if self._text is not None:
-            self._body = self._text.numbers(np.arange(len(self._text.starts))).astype("<f8").tobytes()
+            numbers = self._text.numbers_at(self._text.starts, self._text.ends)
+            self._body = numbers.astype("<f8", copy=False).view(np.uint8).data
         self._columns: dict[tuple[str, str], Column] = {}
         self._ends: dict[str, int] = {}
         start = header.length if header.byte_order else 0

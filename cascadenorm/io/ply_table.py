@@ -13,6 +13,8 @@ from cascadenorm.io.contract import ReadError
 from cascadenorm.io.ply_header import Element
 from cascadenorm.io.polygons import ranges
 
+Body = bytes | bytearray | memoryview
+
 
 class Kind(NamedTuple):
     """Numpy type of the values of a property and, if it is a list, of the length before them."""
@@ -35,7 +37,7 @@ class Column(NamedTuple):
     offsets: range | NDArray[np.int64]
     counts: int | NDArray[np.int64]
 
-    def view(self, body: bytes | bytearray) -> NDArray[Any]:
+    def view(self, body: Body) -> NDArray[Any]:
         """View the values in a body, (rows, values); for equal steps and counts only."""
         assert isinstance(self.offsets, range) and isinstance(self.counts, int)
         if not self.offsets or not self.counts:
@@ -49,7 +51,7 @@ class Column(NamedTuple):
         steps = ranges(np.zeros_like(counts), counts)
         return np.repeat(np.asarray(self.offsets, np.int64), counts) + steps * self.kind.itemsize
 
-    def read(self, body: bytes) -> NDArray[Any]:
+    def read(self, body: Body) -> NDArray[Any]:
         """Return all values, row after row, in the byte order of this machine."""
         if isinstance(self.offsets, range):
             return np.asarray(self.view(body).ravel().astype(self.kind.newbyteorder("=")))
@@ -67,7 +69,7 @@ class Column(NamedTuple):
         np.frombuffer(body, np.uint8)[cells] = raw
 
 
-def columns(body: bytes, element: Element, start: int, kinds: list[Kind]) -> tuple[list[Column], int]:
+def columns(body: Body, element: Element, start: int, kinds: list[Kind]) -> tuple[list[Column], int]:
     """Find the properties of all rows of an element.
 
     Parameters
@@ -100,7 +102,7 @@ def columns(body: bytes, element: Element, start: int, kinds: list[Kind]) -> tup
     return _walk(body, element, start, kinds, element.rows)
 
 
-def _has_equal_lengths(column: Column, kind: Kind, body: bytes) -> bool:
+def _has_equal_lengths(column: Column, kind: Kind, body: Body) -> bool:
     """Test whether each list of a column guessed from its first row is as long as the first."""
     if kind.length is None:
         return True
@@ -110,7 +112,7 @@ def _has_equal_lengths(column: Column, kind: Kind, body: bytes) -> bool:
     return bool((lengths.view(body) == column.counts).all())
 
 
-def _walk(body: bytes, element: Element, start: int, kinds: list[Kind], rows: int) -> tuple[list[Column], int]:
+def _walk(body: Body, element: Element, start: int, kinds: list[Kind], rows: int) -> tuple[list[Column], int]:
     """Find the first rows of an element one by one."""
     at, end = start, len(body)
     offsets: list[list[int]] = [[] for _ in kinds]

@@ -11,9 +11,9 @@ from cascadenorm.io.contract import ReadError
 from cascadenorm.io.scan import cut, decimals, splice
 from cascadenorm.mesh import over
 
-Places = NDArray[np.int64]
+Places = NDArray[np.signedinteger[Any]]
 
-BLOCK = 1 << 18  # words replaced at a time
+BLOCK = 1 << 18  # words worked on at a time
 
 
 class Text:
@@ -22,7 +22,7 @@ class Text:
     Attributes
     ----------
     data : the text, as it came
-    starts, ends : (w,) places of the words
+    starts, ends : (w,) places of the words; of half the size, int32, in texts below 2 GiB
     first, stop : (l,) the first word of each line, and the one after its last
     """
 
@@ -30,14 +30,15 @@ class Text:
         self.data = data
         self.bytes = np.frombuffer(data, np.uint8)
         continued = continued and b"\\" in data
-        none = np.zeros(0, np.int64)
+        kind = np.int32 if len(data) < 2**31 else np.int64
+        none = np.zeros(0, kind)
         words, lines = cut(self.bytes, start, continued, none, none, none)
-        self.starts, self.ends = np.zeros(words, np.int64), np.zeros(words, np.int64)
-        borders = np.full(lines + 1, words, np.int64)
+        self.starts, self.ends = np.zeros(words, kind), np.zeros(words, kind)
+        borders = np.full(lines + 1, words, kind)
         cut(self.bytes, start, continued, self.starts, self.ends, borders)
         self.first, self.stop = borders[:-1], borders[1:]
 
-    def lines_with(self, keyword: bytes) -> NDArray[np.int64]:
+    def lines_with(self, keyword: bytes) -> Places:
         """Return the lines whose first word is the keyword, in lower case or in capitals."""
         start, end = self.starts[self.first], self.ends[self.first]
         lines = np.flatnonzero(end - start == len(keyword))
@@ -65,7 +66,7 @@ class Text:
         """Return the text, in pieces, with words replaced."""
         order = np.argsort(words)
         last = 0
-        for block in (order[i : i + BLOCK] for i in range(0, len(order), BLOCK)):
+        for block in (order[part] for part in blocks(len(order))):
             starts, ends = self.starts[words[block]] - last, self.ends[words[block]] - last
             fixed = np.ascontiguousarray(spellings[block])
             lengths = np.char.str_len(fixed)
@@ -113,12 +114,15 @@ class Text:
 
     def integers_at(self, starts: Places, ends: Places) -> NDArray[np.int64]:
         """Return the whole numbers at places; raises ReadError at the first that is none."""
-        values = self.numbers_at(starts, ends)
-        bad = np.flatnonzero(~((values == np.rint(values)) & (np.abs(values) < 2**53)))
-        if len(bad):
-            start, end = int(starts.ravel()[bad[0]]), int(ends.ravel()[bad[0]])
-            raise ReadError(f"line {self.line_number(start)}: {_shown(self.data[start:end])} is not a whole number")
-        return values.astype(np.int64)
+        flat_starts, flat_ends, integers = starts.ravel(), ends.ravel(), np.empty(starts.size, np.int64)
+        for block in blocks(starts.size):
+            values = self.numbers_at(flat_starts[block], flat_ends[block])
+            bad = np.flatnonzero(~((values == np.rint(values)) & (np.abs(values) < 2**53)))
+            if len(bad):
+                start, end = int(flat_starts[block][bad[0]]), int(flat_ends[block][bad[0]])
+                raise ReadError(f"line {self.line_number(start)}: {_shown(self.data[start:end])} is not a whole number")
+            integers[block] = values
+        return integers.reshape(starts.shape)
 
     def _number(self, start: int, end: int, lax: bool) -> float:
         try:
@@ -141,7 +145,15 @@ def spelled(values: NDArray[Any]) -> NDArray[np.bytes_]:
     flat = values.ravel()
     if flat.dtype == np.float32:
         return flat.astype("S32")
-    return np.array([b"%r" % value for value in flat.tolist()], "S32")
+    words = np.empty(len(flat), "S32")
+    for block in blocks(len(flat)):
+        words[block] = [b"%r" % value for value in flat[block].tolist()]
+    return words
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Cut 0 … count into parts of which only one at a time needs memory for what is done with it."""
+    return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
 
 
 def rows_of(values: NDArray[Any]) -> list[bytes]:

@@ -42,22 +42,27 @@ def weld(
 
 def _same_place(positions: NDArray[Any]) -> NDArray[np.int64] | None:
     """Return for each position the number of some position with the same coordinates; None where all differ."""
-    bits = (positions.astype(np.float64) + 0.0).view(np.uint64)  # adding 0 makes -0 equal to 0
-    keys = np.zeros(len(bits), np.uint64)
-    for axis in range(bits.shape[1]):  # multiply and fold, so that every bit of every coordinate counts
-        keys = (keys ^ bits[:, axis]) * np.uint64(0x9E3779B97F4A7C15)
+    axes = range(positions.shape[1])
+    keys = np.zeros(len(positions), np.uint64)
+    for axis in axes:  # multiply and fold, so that every bit of every coordinate counts
+        keys = (keys ^ _bits(positions[:, axis])) * np.uint64(0x9E3779B97F4A7C15)
         keys ^= keys >> np.uint64(29)
     order = np.argsort(keys)
     ordered = keys[order]
     starts = np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)]
     if starts.all():
         return None
-    same = np.empty(len(bits), np.int64)
+    same = np.empty(len(positions), np.int64)
     same[order] = order[starts][np.cumsum(starts) - 1]
-    if (bits[same] != bits).any():  # two places share a key
-        _, first, inverse = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    if any((_bits(positions[:, axis])[same] != _bits(positions[:, axis])).any() for axis in axes):  # two share a key
+        rows = np.stack([_bits(positions[:, axis]) for axis in axes], axis=1)
+        _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         same = first[inverse.reshape(-1)]
     return same
+
+
+def _bits(coordinates: NDArray[Any]) -> NDArray[np.uint64]:
+    return (coordinates.astype(np.float64) + 0.0).view(np.uint64)  # adding 0 makes -0 equal to 0
 
 
 def _on_rim(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
