@@ -16,6 +16,7 @@ import cascadenorm as cn
 from cascadenorm import io
 from cascadenorm.cli import run
 from cascadenorm.io.contract import Content
+from cascadenorm.io.glb import GlbFile
 from cascadenorm.io.json_text import JsonText
 from cascadenorm.io.polygons import Polygons
 
@@ -401,3 +402,98 @@ def test_morphs_skins_and_animations_stay(tmp_path):
     assert found["buffers"][2] == text["buffers"][2]
     assert found["accessors"][3] == text["accessors"][3]
     assert found["meshes"] == text["meshes"] and found["animations"] == text["animations"]
+
+
+# positions in whole numbers (KHR_mesh_quantization)
+
+COARSE = noisy(icosphere(3), 0.3)
+
+
+def quantized(kind: str = "<u2", *, normalized: bool = False) -> bytes:
+    """A GLB file whose positions are whole numbers and whose normals are bytes; a node scales it back."""
+    largest = np.iinfo(kind).max
+    lower = np.zeros(3) if kind[1] == "u" else np.full(3, -largest)
+    size = np.ptp(COARSE.vertices, axis=0).max()
+    whole = np.rint((COARSE.vertices - COARSE.vertices.min(axis=0)) / size * (largest - lower) + lower).astype(kind)
+    cells = np.zeros((len(whole), -(-3 * whole.itemsize // 4) * 4), np.uint8)
+    cells[:, : 3 * whole.itemsize] = whole.view(np.uint8).reshape(len(whole), -1)
+    normals = np.zeros((len(whole), 4), np.int8)
+    normals[:, :3] = np.rint(COARSE.vertex_normals * 127)
+    faces = COARSE.faces.astype("<u2")
+    parts = [cells.tobytes(), normals.tobytes(), faces.tobytes()]
+    starts = np.cumsum([0, *map(len, parts)]).tolist()
+    strides = [cells.shape[1], 4, None]
+    code = {"<u2": 5123, "<i2": 5122, "<u1": 5121, "<i1": 5120}[kind]
+    described = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_mesh_quantization"],
+        "extensionsRequired": ["KHR_mesh_quantization"],
+        "nodes": [{"mesh": 0, "scale": [2.0, 2.0, 2.0], "translation": [1, 2, 3]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": code, "type": "VEC3", "count": len(whole), "normalized": normalized}
+            | {"min": whole.min(axis=0).tolist(), "max": whole.max(axis=0).tolist()},
+            {"bufferView": 1, "componentType": 5120, "type": "VEC3", "count": len(whole), "normalized": True},
+            {"bufferView": 2, "componentType": 5123, "type": "SCALAR", "count": faces.size},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start, "byteLength": len(part)} | ({"byteStride": stride} if stride else {})
+            for start, part, stride in zip(starts, parts, strides, strict=False)
+        ],
+        "buffers": [{"byteLength": starts[-1]}],
+    }
+    return GlbFile._made(described, b"".join(parts))
+
+
+@pytest.mark.parametrize("kind", ["<u2", "<i2", "<u1", "<i1"])
+@pytest.mark.parametrize("normalized", [False, True])
+def test_whole_numbers_are_read_as_they_are_and_written_rounded(kind, normalized):
+    data, largest = quantized(kind, normalized=normalized), np.iinfo(kind).max
+    file = read(data)
+    assert written(file) == data
+    step = 1 / largest if normalized else 1.0
+    assert np.ptp(file.positions) == pytest.approx(step * (largest if kind[1] == "u" else 2 * largest))
+    wanted = cn.denoise(file.mesh, method="laplacian", fixed=np.arange(100)).vertices
+    moved = file.with_vertices(wanted)
+    assert moved.positions[:100].tobytes() == file.positions[:100].tobytes()
+    assert np.abs(moved.positions - wanted).max() <= 0.51 * step  # rounded to single precision first
+    again = read(written(moved))
+    assert again.positions.tobytes() == moved.positions.tobytes()
+    bounds = document(written(moved))["accessors"][0]
+    whole = np.rint(again.positions / step)
+    assert (bounds["min"], bounds["max"]) == (whole.min(axis=0).tolist(), whole.max(axis=0).tolist())
+    assert all(isinstance(number, int) for number in bounds["min"])
+    normals = again._stored_normals.read(again._buffers.data)
+    assert (normals * again.mesh.vertex_normals).sum(axis=1)[100:].min() > 0.97
+
+
+def test_whole_numbers_end_at_those_of_their_type():
+    file = read(quantized())
+    out = file.with_vertices(3.0 * file.mesh.vertices - 50_000)
+    assert (out.positions.min(), out.positions.max()) == (0, 65535)
+    assert read(written(out)).positions.tobytes() == out.positions.tobytes()
+
+
+def test_what_whole_numbers_lose_is_said_and_elsewhere_the_scene_has_its_size(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ball.glb").write_bytes(quantized())
+    assert run(["denoise", "ball.glb", *FAST]) == 0
+    assert "left out: what is finer than the whole numbers in which it holds positions" in capsys.readouterr().err
+    assert run(["denoise", "ball.glb", *FAST, "-o", "ball.ply", "--strength", "0"]) == 0
+    expected = 2.0 * cn.read("ball.glb").positions + np.array([1, 2, 3])
+    np.testing.assert_allclose(cn.read("ball.ply").positions, expected)
+    assert run(["denoise", "ball.glb", *FAST, "--strength", "0", "-o", "same.glb"]) == 0
+    assert (tmp_path / "same.glb").read_bytes() == quantized() and "whole" not in capsys.readouterr().err
+
+
+def test_several_types_of_positions_in_a_mesh_are_refused():
+    described = document(quantized())
+    first = described["meshes"][0]["primitives"]
+    described["accessors"].append({**described["accessors"][0], "componentType": 5122, "bufferView": 3})
+    size = described["buffers"][0]["byteLength"]
+    described["bufferViews"].append({**described["bufferViews"][0], "byteOffset": size})
+    first.append({**first[0], "attributes": {"POSITION": 3}})
+    chunk = quantized()[-size:]
+    described["buffers"][0]["byteLength"] = 2 * size
+    with pytest.raises(cn.ReadError, match="in several types"):
+        read(GlbFile._made(described, chunk + chunk))

@@ -123,7 +123,7 @@ class MeshFile(ABC):
     format: ClassVar[str]
     counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
     _isolates = False
-    moving_loses: ClassVar[tuple[str, ...]] = ()  # what a moved file lacks, in words
+    moving_loses: tuple[str, ...] = ()  # what a moved file lacks, in words
 
     def __init__(self, data: bytes, folder: Path | None = None) -> None:
         self.data = data
@@ -285,8 +285,8 @@ class MeshFile(ABC):
             raise MeshError(f"vertices have shape {wanted.shape}; the mesh of this file has {mesh.vertices.shape}")
         copies = wanted[self.welds]
         with np.errstate(over="ignore"):
-            rounded = copies.astype(self.positions.dtype)
-        bad = ~np.isfinite(rounded).all(axis=1)
+            rounded = self._storable(copies.astype(self.positions.dtype))
+        bad = np.asarray(~np.isfinite(rounded).all(axis=1))
         if bad.any():
             raise MeshError(f"{bad.sum()} vertices are not finite as {rounded.dtype} (vertices {first_places(bad)})")
         moved = copy.copy(self)
@@ -295,6 +295,10 @@ class MeshFile(ABC):
         first = self._weld[1]
         moved.__dict__["mesh"] = mesh.moved(np.where(finite[first], moved.positions[first], mesh.vertices))
         return moved
+
+    def _storable(self, positions: Positions) -> Positions:
+        """Return positions as near as the file can store them, where that is coarser than their type."""
+        return positions
 
     @property
     def has_moved(self) -> bool:

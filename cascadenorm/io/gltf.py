@@ -16,8 +16,8 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import Content, Labels, MeshFile, Piece, ReadError
-from cascadenorm.io.gltf_accessors import Accessors, gathered
+from cascadenorm.io.contract import Content, Labels, MeshFile, Piece, Positions, ReadError
+from cascadenorm.io.gltf_accessors import STORED, Accessors, Vectors
 from cascadenorm.io.gltf_buffers import Buffers, embedded, relative_name
 from cascadenorm.io.gltf_document import document_of
 from cascadenorm.io.gltf_scene import Shape, content_of
@@ -27,9 +27,7 @@ from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, strips
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
-COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
-
-VECTOR = np.dtype("<f4"), 3
+COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 
 
 class Primitive(NamedTuple):
@@ -40,15 +38,15 @@ class Primitive(NamedTuple):
     mesh : number of the mesh that it belongs to
     material : number of its material; None where it has none
     attributes : name -> accessor
-    positions, normals : byte of each in the buffers; no normals, or one for each position
+    positions, normals : where they are in the buffers; no normals, or one for each position
     triangles : (m, 3) rows of both
     """
 
     mesh: int
     material: int | None
     attributes: dict[str, int]
-    positions: NDArray[np.int64]
-    normals: NDArray[np.int64]
+    positions: Vectors
+    normals: Vectors
     triangles: NDArray[np.int64]
 
 
@@ -86,33 +84,38 @@ class GltfContainer(MeshFile):
             for primitive in mesh["primitives"]
             if "POSITION" in primitive["attributes"]
         ]
-        none = np.zeros(0, np.int64)
-        self._positions_at = np.unique(np.concatenate([none, *(p.positions for p in self._primitives)]))
-        self._normals_at = np.unique(np.concatenate([none, *(p.normals for p in self._primitives)]))
-        places = np.sort(np.concatenate([self._positions_at, self._normals_at]))
-        self._moving_files = self._buffers.files_with(places)
-        if (np.diff(places) < VECTOR[0].itemsize * VECTOR[1]).any():
+        self._stored = Vectors.joined([p.positions for p in self._primitives])
+        self._stored_normals = Vectors.joined([p.normals for p in self._primitives])
+        places = np.concatenate([self._stored.at, self._stored_normals.at])
+        order = np.argsort(places)
+        self._moving_files = self._buffers.files_with(places[order])
+        if (places[order][1:] < np.concatenate([self._stored.ends, self._stored_normals.ends])[order][:-1]).any():
             raise ReadError("positions or normals of this glTF file overlap each other: export it again")
-        self.parts = np.zeros(len(self._positions_at), np.int64)
+        if (self._stored.kinds != 0).any():  # whole numbers
+            self.moving_loses = ("what is finer than the whole numbers in which it holds positions",)
+        self.parts = np.zeros(len(self._stored.at), np.int64)
         triangles, normals = [np.zeros((0, 3), np.int64)], [np.zeros((0, 3), np.int64)]
         for primitive in reversed(self._primitives):  # positions that meshes share belong to the first
             rows = self._rows(primitive)
             self.parts[rows] = primitive.mesh
             triangles.append(rows[primitive.triangles])
-            named = np.searchsorted(self._normals_at, primitive.normals)
+            named = np.searchsorted(self._stored_normals.at, primitive.normals.at)
             normals.append(named[primitive.triangles] if len(named) else np.full(primitive.triangles.shape, -1))
+        if len(np.unique(self.parts * len(STORED) + self._stored.kinds)) > len(np.unique(self.parts)):
+            raise ReadError("a mesh of this glTF file stores positions in several types, which open seams: use one")
         self._corner_normals = np.concatenate(normals[::-1])
-        positions = gathered(self._buffers.data, self._positions_at, *VECTOR)
+        positions = self._stored.read(self._buffers.data)
         return positions, Polygons.from_rows(np.concatenate(triangles[::-1]))
 
     def _primitive(self, mesh: int, primitive: dict[str, Any]) -> Primitive:
         attributes = primitive["attributes"]
         positions = self._accessors.vectors(attributes["POSITION"])
-        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else positions[:0]
-        triangles = self._triangles(primitive, len(positions))
-        if (triangles >= len(positions)).any():
+        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else Vectors.joined([])
+        count = len(positions.at)
+        triangles = self._triangles(primitive, count)
+        if (triangles >= count).any():
             raise ReadError(
-                f"a face names vertex {triangles.max()} of {len(positions)}, counted from 0: the glTF file is damaged; "
+                f"a face names vertex {triangles.max()} of {count}, counted from 0: the glTF file is damaged; "
                 "get a complete copy"
             )
         return Primitive(
@@ -120,7 +123,7 @@ class GltfContainer(MeshFile):
             primitive.get("material"),
             attributes,
             positions,
-            normals if len(normals) == len(positions) else normals[:0],
+            normals if len(normals.at) == count else Vectors.joined([]),
             triangles,
         )
 
@@ -142,7 +145,16 @@ class GltfContainer(MeshFile):
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
 
     def _rows(self, primitive: Primitive) -> NDArray[np.int64]:
-        return np.searchsorted(self._positions_at, primitive.positions)
+        return np.searchsorted(self._stored.at, primitive.positions.at)
+
+    def _storable(self, positions: Positions) -> Positions:
+        """Return positions rounded to the whole numbers in which the file stores them, if it does."""
+        if (self._stored.kinds == 0).all():
+            return positions
+        finite = np.asarray(np.isfinite(positions).all(axis=1))
+        data = bytearray(self._buffers.data)
+        self._stored.put(data, positions, finite)
+        return np.where(finite[:, None], self._stored.read(data), positions)
 
     def _moved_pieces(self) -> Iterable[Piece]:
         return self._replaced({})[0]
@@ -153,11 +165,11 @@ class GltfContainer(MeshFile):
         Buffers that are files and get no name are put into the JSON.
         """
         data = bytearray(self._buffers.data)
-        _put(data, self._positions_at, self.positions)
-        stored = gathered(data, self._normals_at, *VECTOR)
+        self._stored.put(data, self.positions, np.asarray(self._changed.any(axis=1)))
+        stored = self._stored_normals.read(data)
         if len(stored):
             normals, renewed = self._renewed(Normals(stored, self._corner_normals))
-            _put(data, self._normals_at[renewed], normals[renewed])
+            self._stored_normals.put(data, normals, renewed)
         values, chunk, files = self._new_bounds(data), None, {}
         for number, content in self._buffers.changed(data).items():
             uri = self._buffers.declared[number].get("uri")
@@ -175,9 +187,9 @@ class GltfContainer(MeshFile):
         values: dict[JsonPath, Any] = {}
         for primitive in self._primitives:
             for name, places in ("POSITION", primitive.positions), ("NORMAL", primitive.normals):
-                vectors = gathered(data, places, *VECTOR)
-                before = gathered(self._buffers.data, places, *VECTOR)
-                finite = vectors[np.isfinite(vectors).all(axis=1)].astype(float)
+                vectors, before = places.raw(data), places.raw(self._buffers.data)
+                finite = vectors[np.isfinite(vectors).all(axis=1)]
+                finite = finite.astype(float) if finite.dtype.kind == "f" else finite
                 if ((vectors != before) & ~np.isnan(before)).any() and len(finite):
                     path = "accessors", primitive.attributes[name]
                     values[(*path, "min")] = finite.min(axis=0).tolist()
@@ -256,12 +268,6 @@ def _explained() -> Iterator[None]:
         raise ReadError(
             f"the JSON of this file is no valid glTF 2 ({type(error).__name__}: {error}): export the file again"
         ) from None
-
-
-def _put(data: bytearray, places: NDArray[np.int64], vectors: NDArray[Any]) -> None:
-    """Replace the vectors that begin at these bytes."""
-    cells = np.ascontiguousarray(vectors, VECTOR[0]).view(np.uint8)
-    np.frombuffer(data, np.uint8)[places[:, None] + np.arange(cells.shape[1])] = cells
 
 
 class GltfFile(GltfContainer):

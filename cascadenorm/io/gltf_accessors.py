@@ -1,6 +1,7 @@
 """Where the numbers of glTF accessors lie in the buffers."""
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,69 @@ from cascadenorm.io.gltf_buffers import Buffers
 
 FLOAT = 5126
 KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
+WHOLE = [np.dtype(kind) for kind in ("<i1", "<u1", "<i2", "<u2")]
+STORED = [(np.dtype("<f4"), 1), *((kind, 1) for kind in WHOLE), *((kind, int(np.iinfo(kind).max)) for kind in WHOLE)]
+"""How vectors of three may be stored: the type, and the number of it that stands for 1."""
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+class Vectors(NamedTuple):
+    """Vectors of three numbers: where they lie in the buffers, and how each is stored.
+
+    Parameters
+    ----------
+    at : (k,) byte at which each begins, ascending
+    kinds : (k,) row of STORED
+    """
+
+    at: NDArray[np.int64]
+    kinds: NDArray[np.int64]
+
+    @classmethod
+    def joined(cls, parts: list["Vectors"]) -> "Vectors":
+        """Return all vectors once; raises ReadError where some overlap."""
+        none = np.zeros(0, np.int64)
+        kinds = np.concatenate([none, *(part.kinds for part in parts)])
+        at, first, inverse = np.unique(
+            np.concatenate([none, *(part.at for part in parts)]), return_index=True, return_inverse=True
+        )
+        if (kinds[first][inverse] != kinds).any():
+            raise ReadError("vectors of this glTF file overlap each other: export it again")
+        return cls(at, kinds[first])
+
+    @property
+    def ends(self) -> NDArray[np.int64]:
+        """(k,) the byte after each."""
+        return np.asarray(self.at + 3 * np.array([kind.itemsize for kind, _ in STORED])[self.kinds], np.int64)
+
+    def read(self, data: bytes | bytearray) -> NDArray[np.float32]:
+        """Return the vectors, (k, 3)."""
+        vectors = np.zeros((len(self.at), 3), np.float32)
+        for rows, kind, largest in self._alike():
+            stored = gathered(data, self.at[rows], kind, 3)
+            vectors[rows] = np.maximum(stored / largest, -1) if largest > 1 else stored
+        return vectors
+
+    def put(self, data: bytearray, vectors: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
+        """Replace the chosen vectors; whole numbers are rounded, and end at those of their type."""
+        for rows, kind, largest in self._alike(chosen):
+            stored = vectors[rows]
+            if kind.kind != "f":
+                limits = np.iinfo(kind)
+                stored = np.clip(np.rint(stored * largest), max(limits.min, -limits.max), limits.max)
+            cells = np.ascontiguousarray(stored, kind).view(np.uint8)
+            np.frombuffer(data, np.uint8)[self.at[rows, None] + np.arange(cells.shape[1])] = cells
+
+    def raw(self, data: bytes | bytearray) -> NDArray[Any]:
+        """Return the numbers as they are stored, (k, 3); all vectors are stored alike."""
+        return gathered(data, self.at, STORED[int(self.kinds[0])][0] if len(self.kinds) else STORED[0][0], 3)
+
+    def _alike(self, chosen: NDArray[np.bool_] | None = None) -> Iterator[tuple[NDArray[np.int64], np.dtype[Any], int]]:
+        """Return the chosen rows that are stored alike, their type, and the number that stands for 1."""
+        for number, (kind, largest) in enumerate(STORED):
+            rows = np.flatnonzero((self.kinds == number) & (True if chosen is None else chosen))
+            if len(rows):
+                yield rows, kind, largest
 
 
 class Accessors:
@@ -46,12 +109,16 @@ class Accessors:
                 raise ReadError(f"accessor {number} of the glTF document has gaps: export the file again")
         return found
 
-    def vectors(self, number: int) -> NDArray[np.int64]:
-        """Return the places of an accessor that has to be of three floats."""
+    def vectors(self, number: int) -> Vectors:
+        """Return where the vectors of an accessor lie, which have to be of three numbers."""
         accessor = self._document["accessors"][number]
-        if (accessor["componentType"], accessor["type"]) != (FLOAT, "VEC3"):
+        kind, largest = self._type(accessor), 1
+        if accessor.get("normalized") and kind.kind != "f":
+            largest = int(np.iinfo(kind).max)
+        if accessor["type"] != "VEC3" or (kind, largest) not in STORED:
             raise ReadError(f"accessor {number} of the glTF document is not of 3 floats: export the file without that")
-        return self.places(number)
+        places = self.places(number)
+        return Vectors(places, np.full(len(places), STORED.index((kind, largest))))
 
     def values(self, number: int) -> NDArray[Any]:
         """Return the numbers of an accessor, one vector a row."""

@@ -6,7 +6,7 @@ import re
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ NORMALS = ("Normals", "normals")
 class MeshioFile(MeshFile):
     """A grid whose cells are polygons; positions are float32 or float64."""
 
-    moving_loses: ClassVar[tuple[str, ...]] = ("what meshio does not hold of it (title, layout, types of data)",)
+    moving_loses = ("what meshio does not hold of it (title, layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         try:
