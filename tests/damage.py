@@ -266,6 +266,7 @@ def denoised(rng: Generator) -> str:
     AssertionError : a promise is broken
     """
     import cascadenorm as cn
+    from cascadenorm.mesh import bad_faces
 
     mesh = mean_mesh(rng)
     count = len(mesh.vertices)
@@ -280,8 +281,22 @@ def denoised(rng: Generator) -> str:
         fixed |= settings["fixed"]
     if rng.random() < 0.3:
         settings["max_displacement"] = str(rng.choice(["0.5 edges", "0", "1e-3", "1e300"]))
-    if rng.random() < 0.2:
-        settings["volume"] = "keep"
+    if rng.random() < 0.3:
+        settings["only"] = rng.random(len(mesh.faces)) < 0.7
+    for name, choices in (
+        ("boundary", ["smooth", "fixed"]),
+        ("creases", [0.0, 30.0, 180.0]),
+        ("keep_detail", ["0 edges", "3 edges", "1e-300", "inf"]),
+        ("volume", ["keep"]),
+        ("on_bad", ["isolate"]),
+    ):
+        if rng.random() < 0.2:
+            settings[name] = rng.choice(choices).item()
+    if "only" in settings:
+        holding = ~settings["only"]
+        if "on_bad" in settings:
+            holding &= ~bad_faces(*mesh)
+        fixed[mesh.faces[holding]] = True
     for name in cn.methods()[method].settings:
         if "iterations" in name or name in ("steps", "passes"):
             settings[name] = int(rng.integers(1, 4))
