@@ -9,10 +9,13 @@ from shapes import cube, icosphere, noisy
 
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.learned.cascade import FORMAT, Cascade
+from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import (
     CONTEXT_STEPS,
     DESCRIPTORS,
     FLOOR,
+    JOINT_PASSES,
+    JOINT_SIGMA_R,
     REACH_PASSES,
     REACH_SIGMA_R,
     RING,
@@ -20,6 +23,7 @@ from cascadenorm.learned.descriptors import (
     SIGMA_S,
     bilateral_stack,
     guided_stack,
+    joint_stack,
     pose_free,
     reaching_stack,
     surroundings,
@@ -55,10 +59,10 @@ def twin_stack(mesh: Mesh) -> np.ndarray:
     return np.stack([n, *plain, *guided], axis=1)
 
 
-def random_regression(descriptor: str, *, later: bool = False, seed: int = 0) -> Regression:
+def random_regression(descriptor: str, *, later: bool = False, seed: int = 0, activation: str = "tanh") -> Regression:
     """A stage with random weights; a later one sees the noisy normals too."""
     rng = np.random.default_rng(seed)
-    k, hidden, clusters, p = DESCRIPTORS[descriptor](MESH).shape[1] + later, 7, 3, 5
+    k, hidden, clusters, p = DESCRIPTORS[descriptor](MESH, MESH).shape[1] + later, 7, 3, 5
     d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1)
 
     def random(*shape: int) -> np.ndarray:
@@ -66,6 +70,7 @@ def random_regression(descriptor: str, *, later: bool = False, seed: int = 0) ->
 
     return Regression(
         descriptor=descriptor,
+        activation=activation,
         standard=Standard(
             mean=random(d), scale=np.full(d, 0.3, np.float32), projection=random(d, p) / d,
             context_mean=random(context), context_scale=np.ones(context, np.float32),
@@ -114,16 +119,36 @@ def test_reaching_stack_holds_the_bilateral_filter_after_its_passes():
         expected = bilateral_normals(MESH, sigma_s=1.0, sigma_r=np.inf, iterations=passes, center="count")
         np.testing.assert_allclose(got, expected, atol=5e-6)
     twin = MESH.normals
-    weights = MESH.areas[:, None].T * np.exp(
-        -0.5 * (np.linalg.norm(MESH.centroids[:, None] - MESH.centroids, axis=2) / MESH.mean_edge_length) ** 2
-    )
-    near = np.eye(len(twin), dtype=bool)
-    near[MESH.topology.face_rings(1).rows, MESH.topology.face_rings(1).indices] = True
     for _ in range(4):
-        u = 0.5 * ((twin[:, None] - twin) ** 2).sum(axis=2) / 0.35**2
-        twin = unit((weights * near * np.maximum(1 - u / 8, 0) ** 8) @ twin)
+        twin = unit((ring_weights(MESH) * compact(twin, 0.35)) @ twin)
     at = 1 + REACH_PASSES.index(4) * len(REACH_SIGMA_R) + REACH_SIGMA_R.index(0.35)
     np.testing.assert_allclose(stack[:, at], twin, atol=1e-5)
+
+
+def ring_weights(mesh: Mesh) -> np.ndarray:
+    """Area of a face times the Gaussian of its distance, where it is the row's own or touches it, (m, m)."""
+    distances = np.linalg.norm(mesh.centroids[:, None] - mesh.centroids, axis=2) / mesh.mean_edge_length
+    near = np.eye(len(mesh.faces), dtype=bool)
+    near[mesh.topology.face_rings(1).rows, mesh.topology.face_rings(1).indices] = True
+    return near * mesh.areas * np.exp(-0.5 * distances**2)
+
+
+def compact(guide: np.ndarray, sigma_r: float) -> np.ndarray:
+    """The weight (1 - u/8)^8 that stands for e^-u, (m, m)."""
+    u = 0.5 * ((guide[:, None] - guide) ** 2).sum(axis=2) / sigma_r**2
+    return np.maximum(1 - u / 8, 0) ** 8
+
+
+def test_joint_stack_averages_noisy_normals_where_the_better_ones_are_alike():
+    better = MESH.moved(0.6 * MESH.vertices + 0.4 * icosphere(2).vertices)
+    stack = joint_stack(better, MESH)
+    assert stack.shape == (len(MESH.faces), len(JOINT_PASSES) * len(JOINT_SIGMA_R), 3)
+    for r, sigma_r in enumerate(JOINT_SIGMA_R):
+        weights = ring_weights(better) * compact(better.normals, sigma_r)
+        weights /= weights.sum(axis=1, keepdims=True)
+        for p, passes in enumerate(JOINT_PASSES):
+            expected = unit(np.linalg.matrix_power(weights, passes) @ MESH.normals)
+            np.testing.assert_allclose(stack[:, p * len(JOINT_SIGMA_R) + r], expected, atol=1e-5)
 
 
 def test_surroundings_average_a_face_with_those_it_touches_and_with_all_that_is_connected():
@@ -142,14 +167,15 @@ def test_surroundings_average_a_face_with_those_it_touches_and_with_all_that_is_
     np.testing.assert_allclose(found[:, 3 * len(CONTEXT_STEPS) :], np.concatenate(parts), atol=1e-6)
 
 
-def test_array_path_equals_torch():
-    stage = random_regression("B+G")
+@pytest.mark.parametrize("activation", ["tanh", "silu"])
+def test_array_path_equals_torch(activation):
+    stage = random_regression("B+G", activation=activation)
     stack = stage_stack("B+G", MESH, MESH)
     x = stage.standard.numbers(stack, MESH)
     distances = np.linalg.norm(x[:, None] - stage.centers, axis=2)
     expected = np.empty((len(x), 3))
     for c in range(len(stage.centers)):
-        network = Network(x.shape[1], (7, 5), stack.shape[1], torch.Generator())
+        network = Network(x.shape[1], Fit(hidden=(7, 5), activation=activation), stack.shape[1], torch.Generator())
         with torch.no_grad():
             for layer, (weight, bias) in zip(network.layers, stage.layers, strict=True):
                 layer.weight.copy_(torch.from_numpy(weight[c].T))
@@ -160,18 +186,19 @@ def test_array_path_equals_torch():
     np.testing.assert_allclose(stage.normals(MESH, stack), expected, atol=1e-5)
 
 
-def test_regression_turns_with_the_mesh():
-    stage = random_regression("B", later=True)
+@pytest.mark.parametrize("descriptor", ["B", "reach+joint"])
+def test_regression_turns_with_the_mesh(descriptor):
+    stage = random_regression(descriptor, later=True)
     before = MESH.moved(0.9 * MESH.vertices + 0.1 * icosphere(2).vertices)
     turned, turned_before = (Mesh(m.vertices @ TURN.T, m.faces) for m in (MESH, before))
-    expected = stage.normals(before, stage_stack("B", before, MESH)) @ TURN.T
-    found = stage.normals(turned_before, stage_stack("B", turned_before, turned))
+    expected = stage.normals(before, stage_stack(descriptor, before, MESH)) @ TURN.T
+    found = stage.normals(turned_before, stage_stack(descriptor, turned_before, turned))
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
 def test_same_bytes_for_any_number_of_threads():
     mesh = noisy(icosphere(5), 0.2)
-    cascade = Cascade((random_regression("B+G"), random_regression("B", later=True)), {})
+    cascade = Cascade((random_regression("B+G"), random_regression("reach+joint", later=True)), {})
     with limit_threads(1):
         one = cascade.vertices(mesh)
     with limit_threads(5):
@@ -208,10 +235,15 @@ def test_files_that_hold_no_cascade_are_refused(tmp_path):
         Cascade.load(other)
     partial = tmp_path / "partial.safetensors"
     arrays = {f"stage0.{name}": a for name, a in random_regression("B").arrays().items() if name != "projection"}
-    header = {"format": FORMAT, "descriptors": ["B"], "card": {}}
+    header = {"format": FORMAT, "stages": [{"descriptor": "B", "activation": "tanh"}], "card": {}}
     save_file(arrays, partial, {"cascadenorm": json.dumps(header)})
     with pytest.raises(ParameterError, match="lacks 'projection' of stage 1"):
         Cascade.load(partial)
+    for stage, lacks in (({"descriptor": "C"}, "descriptor 'C'"), ({"activation": "relu"}, "activation 'relu'")):
+        later = header | {"stages": [header["stages"][0] | stage]}
+        save_file(arrays, partial, {"cascadenorm": json.dumps(later)})
+        with pytest.raises(ParameterError, match=f"needs the {lacks}, which this version lacks"):
+            Cascade.load(partial)
     truncated = tmp_path / "truncated.safetensors"
     truncated.write_bytes(Cascade((random_regression("B"),), {}).to_bytes()[:-5])
     with pytest.raises(ParameterError, match="is not a weights file"):

@@ -61,7 +61,11 @@ def test_training_lowers_the_loss():
     stack = bilateral_stack(noisy(clean, 0.25))
     faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
     losses: list[float] = []
-    train_network(faces, Fit(epochs=8, batch=64), seed=0, log=lambda epoch, loss, validation: losses.append(validation))
+
+    def log(epoch: int, loss: float, validation: float) -> None:
+        losses.append(validation)
+
+    train_network(faces, np.arange(len(faces.truth)), Fit(epochs=8, batch=64), seed=0, log=log)
     assert losses[-1] < 0.95 * losses[0]
 
 
@@ -77,9 +81,13 @@ def test_early_stopping_returns_the_best_pass():
     clean = icosphere(2)
     stack = bilateral_stack(noisy(clean, 0.3))
     faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
-    seen = []
+    seen: list[float] = []
+
+    def log(epoch: int, loss: float, validation: float) -> None:
+        seen.append(validation)
+
     fit = Fit(epochs=200, batch=16, hidden=(64,), patience=3)
-    train_network(faces, fit, seed=0, log=lambda epoch, loss, validation: seen.append(validation))
+    train_network(faces, np.arange(len(faces.truth)), fit, seed=0, log=log)
     assert len(seen) < 200
     assert np.argmin(seen) == len(seen) - 1 - fit.patience
 
@@ -132,6 +140,7 @@ def test_settings_are_read_from_toml(tmp_path):
         ('descriptors = ["C"]', "descriptors are"),
         ("[fit]\nepochs = 0", "epochs is 0"),
         ("[fit]\nhidden = []", r"fit\.hidden is \[\]"),
+        ('[fit]\nactivation = "relu"', "fit.activation is 'relu'"),
         ('[data]\nfamilies = ["teapot"]', "teapot"),
         ("clusters = = 3", "is not TOML"),
     ],

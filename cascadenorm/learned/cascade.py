@@ -13,13 +13,13 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
-from cascadenorm.learned.regression import Regression, stage_stack
+from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, ParameterError, method
 from cascadenorm.steps import steps
 
-FORMAT = "cascadenorm/1"
+FORMAT = "cascadenorm/2"
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ class Cascade:
     def to_bytes(self) -> bytes:
         """Return the content of a weights file: the same bytes for the same cascade."""
         tensors = {f"stage{s}.{name}": a for s, stage in enumerate(self.stages) for name, a in stage.arrays().items()}
-        header = {"format": FORMAT, "descriptors": [s.descriptor for s in self.stages], "card": self.card}
+        reads = [{"descriptor": stage.descriptor, "activation": stage.activation} for stage in self.stages]
+        header = {"format": FORMAT, "stages": reads, "card": self.card}
         return save(tensors, {"cascadenorm": json.dumps(header, sort_keys=True)})
 
     @classmethod
@@ -74,12 +75,13 @@ class Cascade:
         except (SafetensorError, json.JSONDecodeError):
             raise ParameterError(f"{fspath(path)} is not a weights file: train one with `cascadenorm train`") from None
         stages = []
-        for s, descriptor in enumerate(header["descriptors"]):
-            if descriptor not in DESCRIPTORS:
-                raise ParameterError(f"{fspath(path)} needs the descriptor {descriptor!r}, which this version lacks")
+        for s, stage in enumerate(header["stages"]):
+            for part, known in (("descriptor", DESCRIPTORS), ("activation", ACTIVATIONS)):
+                if stage[part] not in known:
+                    raise ParameterError(f"{fspath(path)} needs the {part} {stage[part]!r}, which this version lacks")
             mine = {name.split(".", 1)[1]: a for name, a in tensors.items() if name.startswith(f"stage{s}.")}
             try:
-                stages.append(Regression.from_arrays(descriptor, mine))
+                stages.append(Regression.from_arrays(stage["descriptor"], stage["activation"], mine))
             except KeyError as error:
                 raise ParameterError(f"{fspath(path)} lacks {error} of stage {s + 1}: train it again") from None
         return cls(tuple(stages), header["card"])

@@ -8,6 +8,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from cascadenorm.data_gen import DatasetConfig
 from cascadenorm.learned.descriptors import DESCRIPTORS
+from cascadenorm.learned.regression import ACTIVATIONS
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -28,6 +29,7 @@ class Fit:
     Parameters
     ----------
     hidden : widths of the hidden layers
+    activation : of the hidden layers, "tanh" or "silu"
     epochs : passes over the training part at most
     patience : passes without a better validation loss before it stops
     batch : faces to a step
@@ -35,6 +37,7 @@ class Fit:
     """
 
     hidden: tuple[int, ...] = (160,)
+    activation: str = "tanh"
     epochs: int = 20
     patience: int = 5
     batch: int = 1024
@@ -45,6 +48,8 @@ class Fit:
     def __post_init__(self) -> None:
         if not self.hidden or min(self.hidden) < 1:
             raise ConfigError(f"fit.hidden is {list(self.hidden)}; it must be the width of one layer or more")
+        if self.activation not in ACTIVATIONS:
+            raise ConfigError(f"fit.activation is {self.activation!r}; it must be one of {', '.join(ACTIVATIONS)}")
         for name in ("epochs", "patience", "batch", "learning_rate", "clip"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"fit.{name} is {getattr(self, name)}; it must be above 0")
@@ -73,7 +78,7 @@ class TrainConfig:
     seed : of the drawn faces, the clusters and the networks; that of the shapes and noise is data.seed
     faces_per_mesh : drawn from each mesh, without repetition
     clusters : networks in each stage
-    descriptors : what each stage reads, "B+G", "B" or "reach"; as many stages as entries
+    descriptors : what each stage reads, "B+G", "B", "reach" or "reach+joint"; as many stages as entries
     context : main directions of the descriptor that are averaged over the surroundings of a face
     sweeps : of the vertex update between the stages
     fit : settings of each network

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import spatial_weights
-from cascadenorm.mesh import Mesh, Vectors, kernel, over
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
 from cascadenorm.steps import steps
 
 SIGMA_S = (1.0, 2.0)
@@ -18,6 +18,8 @@ REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
 REACH_PASSES = (1, 4, 16, 64)
 CONTEXT_STEPS = (1, 2, 4, 8)
 LANES = len(REACH_SIGMA_R)
+JOINT_SIGMA_R = (0.2, 0.35)
+JOINT_PASSES = (1, 4, 16)
 LARGEST = 1000.0
 """No face weighs more in `reaching_stack` than one of so many median areas: a spike must not be seen from afar."""
 FLOOR = 1e-4
@@ -63,29 +65,54 @@ def reaching_stack(mesh: Mesh) -> Stack:
     -------
     (m, 1 + 16, 3) : the face normal first, then σ_r ascending within passes ascending
     """
-    rings = mesh.topology.face_rings(1)
-    middling = np.median(mesh.areas[mesh.areas > 0]) if mesh.areas.any() else 1.0
-    share = 1 / np.maximum(mesh.areas / (LARGEST * middling), 1)  # of its area that a face weighs
-    own = (share * mesh.areas / middling).astype(np.float32)
-    weights = (share[rings.indices] * spatial_weights(mesh, rings, 1.0) / middling).astype(np.float32)
-    spreads = (0.5 / np.array(REACH_SIGMA_R) ** 2).astype(np.float32)
-    first = mesh.normals.astype(np.float32)
-    normals = np.repeat(first[:, :, None], LANES, axis=2)
-    kept = [first[:, None]]
+    rings, own, weights = _ring_weights(mesh)
+    normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
+    kept = [normals[:, None, :, 0]]
     for done in steps(REACH_PASSES[-1]):
         before, normals = normals, np.empty_like(normals)
-        over(len(normals), _reach_range, before, own, rings.indptr, rings.indices, weights, spreads, normals)
+        over(len(normals), _reach_range, before, own, *rings, weights, _spreads(REACH_SIGMA_R), normals)
         if done + 1 in REACH_PASSES:
             kept.append(normals.transpose(0, 2, 1))
     return np.concatenate(kept, axis=1)
 
 
-DESCRIPTORS: dict[str, Callable[[Mesh], Stack]] = {
-    "B": bilateral_stack,
-    "B+G": guided_stack,
-    "reach": reaching_stack,
+def joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
+    """Normals of the noisy mesh, averaged over one ring JOINT_PASSES times where the normals of a better one are alike.
+
+    So what an earlier stage has smoothed away can come back (joint bilateral filter; Eisemann and Durand 2004). The
+    weights are those of `reaching_stack`, of the normals of `mesh`, and stay as they are from pass to pass.
+
+    Returns
+    -------
+    (m, 6, 3) : σ_r ascending, JOINT_SIGMA_R, within passes ascending
+    """
+    rings, own, weights = _ring_weights(mesh)
+    guide = mesh.normals.astype(np.float32)
+    lanes = np.empty((len(weights), len(JOINT_SIGMA_R)), np.float32)
+    over(len(guide), _joint_weights_range, guide, *rings, weights, _spreads(JOINT_SIGMA_R), lanes)
+    normals, kept = np.repeat(noisy.normals.astype(np.float32)[:, :, None], len(JOINT_SIGMA_R), axis=2), []
+    for done in range(JOINT_PASSES[-1]):
+        before, normals = normals, np.empty_like(normals)
+        over(len(normals), _joint_range, before, own, *rings, lanes, normals)
+        if done + 1 in JOINT_PASSES:
+            lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+            units = np.where(lengths > 0, normals / np.where(lengths > 0, lengths, 1), guide[:, :, None])
+            kept.append(units.transpose(0, 2, 1))
+    return np.concatenate(kept, axis=1)
+
+
+def far_and_joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
+    """`reaching_stack` without its first pass, then `joint_stack`, (m, 1 + 12 + 6, 3)."""
+    return np.concatenate([np.delete(reaching_stack(mesh), np.s_[1 : 1 + LANES], 1), joint_stack(mesh, noisy)], axis=1)
+
+
+DESCRIPTORS: dict[str, Callable[[Mesh, Mesh], Stack]] = {
+    "B": lambda mesh, noisy: bilateral_stack(mesh),
+    "B+G": lambda mesh, noisy: guided_stack(mesh),
+    "reach": lambda mesh, noisy: reaching_stack(mesh),
+    "reach+joint": far_and_joint_stack,
 }
-"""What a stage may read, by the name that configurations and weights use."""
+"""What a stage may read of a mesh and of how it was before the first stage, by the name in settings and weights."""
 
 
 def pose_free(stack: Stack) -> NDArray[np.float32]:
@@ -129,6 +156,20 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]
         if done in CONTEXT_STEPS:
             kept.append(values)
     return np.concatenate([*kept, whole[part]], axis=1)
+
+
+def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
+    """One ring of faces, what each face weighs in its own average, and what each of its neighbours does there."""
+    rings = mesh.topology.face_rings(1)
+    middling = np.median(mesh.areas[mesh.areas > 0]) if mesh.areas.any() else 1.0
+    share = 1 / np.maximum(mesh.areas / (LARGEST * middling), 1)  # of its area that a face weighs
+    own = (share * mesh.areas / middling).astype(np.float32)
+    weights = (share[rings.indices] * spatial_weights(mesh, rings, 1.0) / middling).astype(np.float32)
+    return rings, own, weights
+
+
+def _spreads(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
+    return (0.5 / np.array(sigma_r) ** 2).astype(np.float32)
 
 
 def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...]) -> Stack:
@@ -205,6 +246,36 @@ def _reach_range(start, stop, normals, own, indptr, indices, weights, spreads, o
             length = np.sqrt(total[0, r] ** 2 + total[1, r] ** 2 + total[2, r] ** 2)
             for d in range(3):
                 out[f, d, r] = total[d, r] / length if length > zero else normals[f, d, r]
+
+
+@kernel
+def _joint_weights_range(start, stop, guide, indptr, indices, weights, spreads, out):  # type: ignore[no-untyped-def]
+    one, eighth = np.float32(1), np.float32(0.125)
+    for f in range(start, stop):
+        for k in range(indptr[f], indptr[f + 1]):
+            g = indices[k]
+            x, y, z = guide[g, 0] - guide[f, 0], guide[g, 1] - guide[f, 1], guide[g, 2] - guide[f, 2]
+            chord = x * x + y * y + z * z
+            for r in range(len(spreads)):
+                out[k, r] = weights[k] * max(np.float32(0), one - eighth * spreads[r] * chord) ** 8
+
+
+@kernel
+def _joint_range(start, stop, normals, own, indptr, indices, weights, out):  # type: ignore[no-untyped-def]
+    """One pass of averages whose weights are given, side by side; iteration f alone writes out[f]."""
+    for f in range(start, stop):
+        for r in range(weights.shape[1]):
+            total = own[f]
+            for d in range(3):
+                out[f, d, r] = own[f] * normals[f, d, r]
+            for k in range(indptr[f], indptr[f + 1]):
+                g, w = indices[k], weights[k, r]
+                total += w
+                for d in range(3):
+                    out[f, d, r] += w * normals[g, d, r]
+            if total > 0:
+                for d in range(3):
+                    out[f, d, r] /= total
 
 
 @kernel

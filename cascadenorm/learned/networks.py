@@ -1,6 +1,6 @@
 """Training of one cluster's network in torch; nothing at run time imports this."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -20,17 +20,18 @@ class Faces(NamedTuple):
     stack: Stack
     truth: Array
 
-    def take(self, rows: NDArray[np.intp]) -> "Faces":
-        """Return some of the faces."""
-        return Faces(*(array[rows] for array in self))
+
+ACTIVATIONS = {"tanh": torch.tanh, "silu": torch.nn.functional.silu}
+"""As in `regression`, for torch."""
 
 
 class Network(torch.nn.Module):
-    """Hidden layers of tanh, from the numbers of a face to one coefficient a filtered normal."""
+    """Hidden layers, from the numbers of a face to one coefficient a filtered normal."""
 
-    def __init__(self, inputs: int, hidden: Sequence[int], outputs: int, generator: torch.Generator) -> None:
+    def __init__(self, inputs: int, fit: Fit, outputs: int, generator: torch.Generator) -> None:
         super().__init__()
-        layers = [torch.nn.Linear(i, o) for i, o in pairwise([inputs, *hidden, outputs])]
+        self.activation = ACTIVATIONS[fit.activation]
+        layers = [torch.nn.Linear(i, o) for i, o in pairwise([inputs, *fit.hidden, outputs])]
         for layer in layers:
             bound = layer.in_features**-0.5
             torch.nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
@@ -41,7 +42,7 @@ class Network(torch.nn.Module):
     def forward(self, numbers: torch.Tensor, stack: torch.Tensor) -> torch.Tensor:
         """Return unit normals, (m, 3)."""
         for layer in self.layers[:-1]:
-            numbers = torch.tanh(layer(numbers))
+            numbers = self.activation(layer(numbers))
         coefficients = self.layers[-1](numbers)
         return torch.nn.functional.normalize((coefficients[:, :, None] * stack).sum(dim=1), dim=1)
 
@@ -52,13 +53,19 @@ def chord(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
 
 
 def train_network(
-    faces: Faces, fit: Fit, *, seed: int, log: Callable[[int, float, float], None] = lambda *_: None
+    faces: Faces,
+    rows: NDArray[np.intp],
+    fit: Fit,
+    *,
+    seed: int,
+    log: Callable[[int, float, float], None] = lambda *_: None,
 ) -> dict[str, Array]:
-    """Train a network on 85 % of the faces, stop by the other 15 %, return the best weights.
+    """Train a network on 85 % of some faces, stop by the other 15 %, return the best weights.
 
     Parameters
     ----------
-    faces : of one cluster
+    faces : of all clusters
+    rows : those of one cluster
     fit : settings
     seed : of the split, the first weights and the order of the batches
     log : called after each pass with its number from 1, the training loss and the validation loss
@@ -69,10 +76,10 @@ def train_network(
     """
     generator = torch.Generator().manual_seed(seed)
     tensors = [torch.from_numpy(array) for array in faces]
-    order = torch.randperm(len(tensors[0]), generator=generator)
+    order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
     cut = max(1, int(0.85 * len(order)))
     training, validation = order[:cut], order[cut:] if cut < len(order) else order
-    network = Network(faces.numbers.shape[1], fit.hidden, faces.stack.shape[1], generator)
+    network = Network(faces.numbers.shape[1], fit, faces.stack.shape[1], generator)
     optimiser = torch.optim.AdamW(network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay)
     batches = -(-len(training) // fit.batch)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * batches)

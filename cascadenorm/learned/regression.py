@@ -1,15 +1,20 @@
 """One stage of the cascade at run time: nearest cluster centre, that cluster's network, the true normal."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack, pose_free, surroundings
 from cascadenorm.mesh import Mesh, Vectors, in_blocks, unit
 
 Array = NDArray[np.float32]
+
+ACTIVATIONS: dict[str, Callable[[Array], Array]] = {"tanh": np.tanh, "silu": lambda x: x * expit(x)}
+"""What is between the layers of a network, by the name that settings and weights use."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +71,15 @@ class Regression:
     Parameters
     ----------
     descriptor : which filtered normals it reads, a name in DESCRIPTORS
+    activation : what is between the layers, a name in ACTIVATIONS
     standard : what brings them to the numbers that centres and networks take
     centers : (c, d) cluster centres
     layers : weights (c, i, o) and biases (c, o) of each layer; the first takes d numbers, the last gives the
-        coefficients of the k normals, and tanh is in between
+        coefficients of the k normals
     """
 
     descriptor: str
+    activation: str
     standard: Standard
     centers: Array
     layers: tuple[tuple[Array, Array], ...]
@@ -88,11 +95,12 @@ class Regression:
         return {"centers": self.centers, **layers, **standard}
 
     @classmethod
-    def from_arrays(cls, descriptor: str, arrays: dict[str, Array]) -> "Regression":
+    def from_arrays(cls, descriptor: str, activation: str, arrays: dict[str, Array]) -> "Regression":
         """Rebuild a regression from what `arrays` returned; raises KeyError where one is missing."""
         count = max(1, sum(name.startswith("weight") for name in arrays))
         return cls(
             descriptor=descriptor,
+            activation=activation,
             standard=Standard(**{f.name: arrays[f.name] for f in fields(Standard)}),
             centers=arrays["centers"],
             layers=tuple((arrays[f"weight{n}"], arrays[f"bias{n}"]) for n in range(1, count + 1)),
@@ -128,14 +136,14 @@ class Regression:
     def _coefficients(self, cluster: int, x: Array) -> Array:
         """Apply the network of a cluster."""
         for weight, bias in self.layers[:-1]:
-            x = np.tanh(x @ weight[cluster] + bias[cluster])
+            x = ACTIVATIONS[self.activation](x @ weight[cluster] + bias[cluster])
         weight, bias = self.layers[-1]
         return np.asarray(x @ weight[cluster] + bias[cluster])
 
 
 def stage_stack(descriptor: str, mesh: Mesh, noisy: Mesh) -> Stack:
     """Filter the normals of a mesh for a stage; one after the first also sees the noisy normals, last in the stack."""
-    stack = DESCRIPTORS[descriptor](mesh)
+    stack = DESCRIPTORS[descriptor](mesh, noisy)
     if mesh is noisy:
         return stack
     return np.concatenate([stack, noisy.normals[:, None].astype(np.float32)], axis=1)

@@ -81,7 +81,7 @@ def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), pr
     with _one_thread_each():
         for number, descriptor in enumerate(config.descriptors):
             arrays = _train_stage(samples, config, checkpoint, number, descriptor, progress)
-            stage = Regression.from_arrays(descriptor, arrays)
+            stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
             stages.append(stage)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
             if number + 1 < len(config.descriptors):
@@ -114,9 +114,9 @@ def _train_stage(
                 note = f"{(cluster == c).sum()} faces, loss {loss:.4f}, validation {validation:.4f}"
                 progress(f"stage {number + 1} cluster {c + 1}", epoch, config.fit.epochs, note)
 
-            mine = faces.take(np.flatnonzero(cluster == c))
+            mine = np.flatnonzero(cluster == c)
             seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
-            _save(part, train_network(mine, config.fit, seed=int(seed), log=log))
+            _save(part, train_network(faces, mine, config.fit, seed=int(seed), log=log))
         return load_file(part)
 
     with ThreadPoolExecutor(thread_count()) as pool:
