@@ -21,7 +21,10 @@ class Faces(NamedTuple):
     truth: Array
 
 
-ACTIVATIONS = {"tanh": torch.tanh, "silu": torch.nn.functional.silu}
+ACTIVATIONS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {
+    "tanh": torch.tanh,
+    "silu": torch.nn.functional.silu,
+}
 """As in `regression`, for torch."""
 
 
