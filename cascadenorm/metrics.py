@@ -86,9 +86,7 @@ def _angles(mesh: Mesh, reference: Mesh, surface: Surface) -> NDArray[np.float64
 
 
 def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:
-    used = np.zeros(len(mesh.vertices), bool)
-    used[mesh.faces] = True
-    return mesh.vertices[used]
+    return mesh.vertices[mesh.topology.used_vertices]
 
 
 def _largest(nearest: Nearest) -> float:

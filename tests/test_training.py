@@ -61,11 +61,9 @@ def test_training_lowers_the_loss():
     stack = bilateral_stack(noisy(clean, 0.25))
     faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
     losses: list[float] = []
-
-    def log(epoch: int, loss: float, validation: float) -> None:
-        losses.append(validation)
-
-    train_network(faces, np.arange(len(faces.truth)), Fit(epochs=8, batch=64), seed=0, log=log)
+    train_network(
+        faces, np.arange(len(faces.truth)), Fit(epochs=8, batch=64), seed=0, log=lambda *said: losses.append(said[-1])
+    )
     assert losses[-1] < 0.95 * losses[0]
 
 
@@ -82,12 +80,8 @@ def test_early_stopping_returns_the_best_pass():
     stack = bilateral_stack(noisy(clean, 0.3))
     faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
     seen: list[float] = []
-
-    def log(epoch: int, loss: float, validation: float) -> None:
-        seen.append(validation)
-
     fit = Fit(epochs=200, batch=16, hidden=(64,), patience=3)
-    train_network(faces, np.arange(len(faces.truth)), fit, seed=0, log=log)
+    train_network(faces, np.arange(len(faces.truth)), fit, seed=0, log=lambda *said: seen.append(said[-1]))
     assert len(seen) < 200
     assert np.argmin(seen) == len(seen) - 1 - fit.patience
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import spatial_weights
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
 from cascadenorm.steps import steps
 
 SIGMA_S = (1.0, 2.0)
@@ -95,9 +95,7 @@ def joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
         before, normals = normals, np.empty_like(normals)
         over(len(normals), _joint_range, before, own, *rings, lanes, normals)
         if done + 1 in JOINT_PASSES:
-            lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-            units = np.where(lengths > 0, normals / np.where(lengths > 0, lengths, 1), guide[:, :, None])
-            kept.append(units.transpose(0, 2, 1))
+            kept.append(unit(normals.transpose(0, 2, 1), otherwise=guide[:, None]).astype(np.float32))
     return np.concatenate(kept, axis=1)
 
 

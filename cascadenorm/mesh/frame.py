@@ -1,14 +1,13 @@
 """Meshes scaled to about unit size, so that no square overflows or vanishes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.mesh.mesh import Mesh
 
 
 def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
     """Return the mesh centred and scaled by 2**-exponent, exactly; vertices without a face are at the origin."""
-    used = _used(mesh)
+    used = mesh.topology.used_vertices
     lower, upper = mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0)
     exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
     centered = np.where(used[:, None], mesh.vertices - (0.5 * upper + 0.5 * lower), 0.0)
@@ -25,15 +24,9 @@ def scaled_alike(*meshes: Mesh) -> list[Mesh]:
 
 
 def _exponent(mesh: Mesh) -> int:
-    return int(np.frexp(np.abs(mesh.vertices[_used(mesh)]).max())[1])
+    return int(np.frexp(np.abs(mesh.vertices[mesh.topology.used_vertices]).max())[1])
 
 
 def _scaled(mesh: Mesh, exponent: int) -> Mesh:
-    used = _used(mesh)[:, None]
+    used = mesh.topology.used_vertices[:, None]
     return mesh.moved(np.ldexp(np.where(used, mesh.vertices, mesh.vertices[mesh.faces[0, 0]]), -exponent))
-
-
-def _used(mesh: Mesh) -> NDArray[np.bool_]:
-    used = np.zeros(len(mesh.vertices), bool)
-    used[mesh.faces] = True
-    return used

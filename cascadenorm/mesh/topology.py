@@ -129,6 +129,13 @@ class Topology:
         return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], np.int32)
 
     @cached_property
+    def used_vertices(self) -> NDArray[np.bool_]:
+        """(n,) whether a face names a vertex."""
+        mask = np.zeros(self.vertex_count, bool)
+        mask[self.faces] = True
+        return mask
+
+    @cached_property
     def boundary_vertices(self) -> NDArray[np.bool_]:
         """(n,) whether a vertex lies on an edge with a single face."""
         mask = np.zeros(self.vertex_count, bool)
