@@ -486,6 +486,37 @@ def test_what_whole_numbers_lose_is_said_and_elsewhere_the_scene_has_its_size(tm
     assert (tmp_path / "same.glb").read_bytes() == quantized() and "whole" not in capsys.readouterr().err
 
 
+def with_attribute(name: str, values: np.ndarray, **described_too: object) -> bytes:
+    """The quantised ball with one more attribute of its vertices."""
+    data = quantized()
+    described = document(data)
+    size, kind = described["buffers"][0]["byteLength"], {"f": 5126, "u": 5123}[values.dtype.kind]
+    described["meshes"][0]["primitives"][0]["attributes"][name] = len(described["accessors"])
+    described["accessors"].append({"bufferView": 3, "componentType": kind, "count": len(values), **described_too})
+    described["bufferViews"].append({"buffer": 0, "byteOffset": size, "byteLength": values.nbytes})
+    described["buffers"][0]["byteLength"] += values.nbytes
+    return GlbFile._made(described, data[-size:] + values.tobytes())
+
+
+def test_texture_coordinates_in_whole_numbers_that_stand_for_parts_of_one_go_along(tmp_path, capsys):
+    stored = np.random.default_rng(0).integers(0, 65536, (len(COARSE.vertices), 2), np.uint16)
+    source, out = tmp_path / "ball.glb", tmp_path / "ball.ply"
+    source.write_bytes(with_attribute("TEXCOORD_0", stored, type="VEC2", normalized=True))
+    assert run(["denoise", str(source), *FAST, "-o", str(out)]) == 0
+    assert "TEXCOORD" not in capsys.readouterr().err
+    values = cn.read(out).content().vertex_values
+    np.testing.assert_allclose(np.stack([values["s"], 1 - values["t"]], axis=1), stored / 65535, atol=1e-6)
+
+
+def test_attributes_that_other_formats_cannot_hold_are_named(tmp_path, capsys):
+    whole = np.ones((len(COARSE.vertices), 2), np.uint16)
+    source = tmp_path / "ball.glb"
+    for name, values, kind in (("TEXCOORD_0", whole, "VEC2"), ("TANGENT", np.ones((len(whole), 4), "<f4"), "VEC4")):
+        source.write_bytes(with_attribute(name, values, type=kind))
+        assert run(["denoise", str(source), *FAST, "-o", str(tmp_path / "ball.ply"), "--force"]) == 0
+        assert f"left out: the attribute {name} of vertices" in capsys.readouterr().err
+
+
 def test_several_types_of_positions_in_a_mesh_are_refused():
     described = document(quantized())
     first = described["meshes"][0]["primitives"]

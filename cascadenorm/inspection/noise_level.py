@@ -1,8 +1,9 @@
 """How noisy a mesh is, estimated from the mesh alone."""
 
+from statistics import NormalDist
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from cascadenorm.mesh import Mesh, kernel, over
 
@@ -10,7 +11,8 @@ SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
 FEWEST = 30  # edges below which nothing is said
 START = 0.2  # share of the differences that are surely no creases
 CLIP = 1.5  # standard deviations beyond which a difference may belong to a crease
-KEPT_VARIANCE = 1 - 2 * CLIP * norm.pdf(CLIP) / (2 * norm.cdf(CLIP) - 1)  # of a Gaussian that is cut off there
+_NORMAL = NormalDist()
+KEPT_VARIANCE = 1 - 2 * CLIP * _NORMAL.pdf(CLIP) / (2 * _NORMAL.cdf(CLIP) - 1)  # of a Gaussian that is cut off there
 ROUNDS = 50
 
 
@@ -66,7 +68,7 @@ def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
 def _clipped_deviation(differences: NDArray[np.float64]) -> float:
     """Standard deviation about 0 of the Gaussian that the smaller differences come from."""
     sizes = np.abs(differences)
-    deviation = float(np.quantile(sizes, START) / norm.ppf(0.5 + START / 2))
+    deviation = float(np.quantile(sizes, START) / _NORMAL.inv_cdf(0.5 + START / 2))
     for _ in range(ROUNDS):
         within = sizes[sizes <= CLIP * deviation]
         deviation = float(np.sqrt(np.square(within).mean() / KEPT_VARIANCE)) if len(within) else 0.0

@@ -175,6 +175,8 @@ def output_format(target: Source, otherwise: str = "") -> str:
     """
     extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
     chosen = (extension or otherwise).lower().lstrip(".")
+    if chosen in FORMATS:
+        return chosen  # without loading the packages that know others
     known = [*FORMATS, *_meshio_formats(), *foreign_outputs()]
     if not chosen:
         raise OutputError(f"the name {target} has no extension that says in which format to write: {', '.join(known)}")

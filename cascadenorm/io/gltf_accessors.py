@@ -126,6 +126,15 @@ class Accessors:
         places = self.places(number)  # loads the buffer
         return gathered(self._buffers.data, places, self._type(accessor), WIDTHS[accessor["type"]])
 
+    def fractions(self, number: int) -> NDArray[np.float32] | None:
+        """Return the numbers of an accessor in floating point; None where they are whole and stand for themselves."""
+        values = self.values(number)
+        if values.dtype.kind == "f":
+            return values
+        if not self._document["accessors"][number].get("normalized"):
+            return None
+        return np.asarray(np.maximum(values / np.iinfo(values.dtype).max, -1), np.float32)
+
     @staticmethod
     def _type(accessor: dict[str, Any]) -> np.dtype[Any]:
         return np.dtype(KINDS[accessor["componentType"]])

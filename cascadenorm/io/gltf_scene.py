@@ -1,5 +1,6 @@
 """What a glTF scene shows and where, as one mesh for other formats."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,10 +43,14 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
     sizes = [len(shape.positions) for shape in shown]
     first = np.cumsum([0, *sizes])[:-1]
     triangles = [shape.triangles + start for shape, start in zip(shown, first, strict=True)]
-    colors, texture = _values(shown, "COLOR_0", accessors), _values(shown, "TEXCOORD_0", accessors)
+    colors = _values(shown, "COLOR_0", accessors.values)
+    texture = _values(shown, "TEXCOORD_0", accessors.fractions)
     values = {} if colors is None else channels(dict(zip(CHANNELS, colors.T, strict=False)))
-    if texture is not None and texture.dtype.kind == "f":
+    if texture is not None:
         values |= {"s": texture[:, 0], "t": 1 - texture[:, 1]}  # glTF counts from the top
+    names = {name for shape in shown for name in shape.attributes} - {"POSITION", "NORMAL"}
+    names -= {name for name, found in (("COLOR_0", colors), ("TEXCOORD_0", texture)) if found is not None}
+    left_out += [f"the attribute {name} of vertices" for name in sorted(names)]
     return Content(
         np.concatenate([np.zeros((0, 3), np.float32), *(shape.positions for shape in shown)]),
         Polygons.from_rows(np.concatenate([np.zeros((0, 3), np.int64), *triangles])),
@@ -65,12 +70,14 @@ def _placed(shape: Shape, matrix: Matrix) -> Shape:
     )
 
 
-def _values(shown: list[Shape], name: str, accessors: Accessors) -> NDArray[Any] | None:
-    """Return an attribute of all shapes, one vector a row; None where one of them lacks it."""
+def _values(shown: list[Shape], name: str, read: Callable[[int], NDArray[Any] | None]) -> NDArray[Any] | None:
+    """Return an attribute of all shapes, one vector a row; None where one of them lacks it, or holds it otherwise."""
     if not shown or any(name not in shape.attributes for shape in shown):
         return None
-    parts = [accessors.values(shape.attributes[name]) for shape in shown]
-    if any(len(part) != len(shape.positions) for part, shape in zip(parts, shown, strict=True)):
+    parts = [part for shape in shown if (part := read(shape.attributes[name])) is not None]
+    if len(parts) < len(shown) or any(
+        len(part) != len(shape.positions) for part, shape in zip(parts, shown, strict=True)
+    ):
         return None
     if len({part.dtype for part in parts}) > 1 or len({part.shape[1] for part in parts}) > 1:
         return None
