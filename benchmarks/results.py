@@ -32,12 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen.readme.write_text(between_markers(text, results_table(done, methods)), encoding="utf-8")
 
 
-def between_markers(text: str, table: str) -> str:
-    """Replace what stands between the two markers."""
-    if text.count(BEGIN) != 1 or text.count(END) != 1:
-        raise SystemExit(f"the text must hold '{BEGIN}' and '{END}' once each")
-    head, rest = text.split(BEGIN)
-    return f"{head}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}"
+def between_markers(text: str, table: str, begin: str = BEGIN, end: str = END) -> str:
+    """Replace what stands between two markers."""
+    if text.count(begin) != 1 or text.count(end) != 1:
+        raise SystemExit(f"the text must hold '{begin}' and '{end}' once each")
+    head, rest = text.split(begin)
+    return f"{head}{begin}\n{table}\n{end}{rest.split(end)[1]}"
 
 
 def results_table(done: Evaluation, methods: Sequence[str]) -> str:

@@ -15,6 +15,8 @@ from typing import Annotated, Any, Literal, NoReturn, cast
 
 import typer
 
+from cascadenorm.wording import counted
+
 app = typer.Typer(
     name="cascadenorm",
     help="Denoise triangle meshes by cascaded normal regression, or by one of the classical methods.",
@@ -256,7 +258,7 @@ def generate(
 
     with report.progress_steps() as progress:
         pairs.write_pairs(folder, count=count, seed=seed, workers=workers, force=force, progress=progress)
-    print(f"{report.counted(count, 'pair')} in {folder}")
+    print(f"{counted(count, 'pair')} in {folder}")
 
 
 @app.command()
@@ -345,7 +347,7 @@ def fill_holes(
     target = output or source.with_name(f"{source.stem}_filled{source.suffix}")
     kind = cast(Literal[1, 2, 3], order)  # typer holds the range
     done = api.fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
-    print(f"{target}: {report.counted(done.added, 'face')} added to {done.faces}")
+    print(f"{target}: {counted(done.added, 'face')} added to {done.faces}")
     report.print_left_out(done.left_out)
 
 

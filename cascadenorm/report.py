@@ -22,6 +22,7 @@ from cascadenorm.io.atomic import write_atomically
 from cascadenorm.learned import progress
 from cascadenorm.metrics import Measures
 from cascadenorm.registry import Method, Setting
+from cascadenorm.wording import counted
 
 JSON_VERSION = 1
 COARSE = 0.01
@@ -127,11 +128,6 @@ def print_inspection(found: Inspection) -> None:
         print("  nothing is wrong with it")
     else:
         print(f"  (places are numbers of vertices or faces, counted from {found.counts_from})")
-
-
-def counted(count: int, one: str, several: str = "") -> str:
-    """Return a number with what it counts: of several what is given, or the word for one with an s."""
-    return f"{count} {one if count == 1 else several or f'{one}s'}"
 
 
 def _numbers(values: Sequence[float]) -> str:

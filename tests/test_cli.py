@@ -178,7 +178,7 @@ BAD_FILES = {
     "text.ply": (b"Dear Sir or Madam,\n", 3, "text.ply"),
     "text.xyz": (b"1 2 3\n4 5 6\n", 3, "text.xyz"),
     "random.stl": (bytes(range(256)) * 4, 3, "random.stl"),
-    "index.off": (OFF.replace("3 2 0 3", "3 2 0 9").encode(), 4, "index.off: 1 faces use vertices that do not exist"),
+    "index.off": (OFF.replace("3 2 0 3", "3 2 0 9").encode(), 4, "index.off: 1 face uses vertices that do not exist"),
     "nan.off": (OFF.replace("0 0 1\n", "0 0 nan\n").encode(), 4, "nan.off: 1 of 4 vertices are not finite"),
     "points.off": (b"OFF\n2 0 0\n0 0 0\n1 1 1\n", 4, "points.off: the file has 2 vertices and no faces"),
 }

@@ -25,9 +25,9 @@ EDGE = cn.Mesh(*SOUND[:2]).mean_edge_length
 REFUSED = {
     "a vertex is not a number": r"1 of \d+ vertices are not finite \(vertices 7",
     "a vertex is infinite": r"1 of \d+ vertices are not finite \(vertices 7",
-    "a face names a vertex past the last": r"1 faces use vertices that do not exist \(faces 576",
-    "a face names vertex 1,000,000,000": r"1 faces use vertices that do not exist \(faces 576",
-    "a face names vertex -1": r"1 faces use vertices that do not exist \(faces 576",
+    "a face names a vertex past the last": r"1 face uses vertices that do not exist \(faces 576",
+    "a face names vertex 1,000,000,000": r"1 face uses vertices that do not exist \(faces 576",
+    "a face names vertex -1": r"1 face uses vertices that do not exist \(faces 576",
     "no vertices, no faces": "no faces",
     "points without faces": "no faces",
 }

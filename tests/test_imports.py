@@ -12,7 +12,8 @@ FOLDERS = {"cascadenorm": ROOT / "cascadenorm", "baselines": ROOT / "baselines",
 
 CLASSICAL = {"mesh", "registry", "recover", "volume", "steps"}
 MAY_IMPORT = {
-    "mesh": set(),
+    "wording": set(),
+    "mesh": {"wording"},
     "steps": set(),
     "registry": {"mesh"},
     "recover": {"mesh", "registry"},
@@ -23,7 +24,7 @@ MAY_IMPORT = {
     "orientation": {"mesh"},
     "nearest": {"mesh"},
     "metrics": {"mesh", "nearest", "volume"},
-    "io": {"mesh"},
+    "io": {"mesh", "wording"},
     "data_gen": {"mesh"},
     "render": {"mesh"},
     "interop": {"mesh"},

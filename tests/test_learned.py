@@ -24,6 +24,7 @@ from cascadenorm.learned.descriptors import (
     bilateral_stack,
     guided_stack,
     joint_stack,
+    openness,
     pose_free,
     reaching_stack,
     surroundings,
@@ -63,7 +64,7 @@ def random_regression(descriptor: str, *, later: bool = False, seed: int = 0, ac
     """A stage with random weights; a later one sees the noisy normals too."""
     rng = np.random.default_rng(seed)
     k, hidden, clusters, p = DESCRIPTORS[descriptor](MESH, MESH).shape[1] + later, 7, 3, 5
-    d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1)
+    d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1) + 1
 
     def random(*shape: int) -> np.ndarray:
         return rng.normal(size=shape).astype(np.float32)
@@ -167,6 +168,18 @@ def test_surroundings_average_a_face_with_those_it_touches_and_with_all_that_is_
     np.testing.assert_allclose(found[:, 3 * len(CONTEXT_STEPS) :], np.concatenate(parts), atol=1e-6)
 
 
+def test_openness_is_nothing_for_a_closed_part_and_one_for_a_flat_sheet():
+    closed, sheet = cube(4), Mesh([[0, 0, 3], [9, 0, 3], [9, 9, 3], [0, 9, 3]], [[0, 1, 2], [0, 2, 3]])
+    roof = Mesh([[0, 0, 5], [1, 0, 5], [0, 1, 5], [0, 0, 6]], [[0, 2, 1], [0, 1, 3]])  # two unit triangles, upright
+    vertices, faces = [closed.vertices], [closed.faces]
+    for part in (sheet, roof):
+        faces.append(part.faces + sum(len(v) for v in vertices))
+        vertices.append(part.vertices)
+    found = openness(Mesh(np.concatenate(vertices), np.concatenate(faces)))
+    expected = [*np.zeros(len(closed.faces)), 1, 1, np.sqrt(0.5), np.sqrt(0.5)]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("activation", ["tanh", "silu"])
 def test_array_path_equals_torch(activation):
     stage = random_regression("B+G", activation=activation)
@@ -186,7 +199,7 @@ def test_array_path_equals_torch(activation):
     np.testing.assert_allclose(stage.normals(MESH, stack), expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("descriptor", ["B", "reach+joint"])
+@pytest.mark.parametrize("descriptor", ["B", "near+joint"])
 def test_regression_turns_with_the_mesh(descriptor):
     stage = random_regression(descriptor, later=True)
     before = MESH.moved(0.9 * MESH.vertices + 0.1 * icosphere(2).vertices)
@@ -198,7 +211,7 @@ def test_regression_turns_with_the_mesh(descriptor):
 
 def test_same_bytes_for_any_number_of_threads():
     mesh = noisy(icosphere(5), 0.2)
-    cascade = Cascade((random_regression("B+G"), random_regression("reach+joint", later=True)), {})
+    cascade = Cascade((random_regression("B+G"), random_regression("near+joint", later=True)), {})
     with limit_threads(1):
         one = cascade.vertices(mesh)
     with limit_threads(5):

@@ -15,6 +15,7 @@ from cascadenorm.io.normals import Normals, renewed_normals
 from cascadenorm.io.polygons import Polygons, triangulate
 from cascadenorm.io.welding import weld
 from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, first_places, isolated
+from cascadenorm.wording import counted
 
 Positions = NDArray[Any]
 """(k, 3) float32 or float64, as the file holds them."""
@@ -207,8 +208,9 @@ class MeshFile(ABC):
             return triangulate(self._read_positions, self.polygons)
         if not self._isolates:
             faces, first = np.unique(self.polygons.owners[bad]), self.counts_from
+            which = f"{counted(len(faces), 'face uses', 'faces use')} vertices that do not exist"
             raise MeshError(
-                f"{len(faces)} faces use vertices that do not exist (faces {self._numbers(faces)}; the first names "
+                f"{which} (faces {self._numbers(faces)}; the first names "
                 f"vertex {self.polygons.corners[bad][0] + first}; there are {len(self.positions)}, counted from "
                 f"{first}): drop these faces, write the file again where it came from, or denoise with "
                 "on_bad='isolate'"

@@ -19,7 +19,7 @@ from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, ParameterError, method
 from cascadenorm.steps import steps
 
-FORMAT = "cascadenorm/2"
+FORMAT = "cascadenorm/3"
 
 
 @dataclass(frozen=True)

@@ -55,23 +55,23 @@ def guided_stack(mesh: Mesh) -> Stack:
     return np.concatenate([plain, _filtered(mesh, guides, SIGMA_R[:-1])], axis=1)
 
 
-def reaching_stack(mesh: Mesh) -> Stack:
-    """Normals after each of REACH_PASSES bilateral passes over one ring, for each of REACH_SIGMA_R.
+def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> Stack:
+    """Normals after each number of bilateral passes over one ring, for each of REACH_SIGMA_R.
 
     In place of e^-u the range weight is (1 - u/8)^8, which is near it and zero from u = 8 on: without an exponential
     all σ_r are filtered side by side, in 12 numbers of 4 bytes a neighbour.
 
     Returns
     -------
-    (m, 1 + 16, 3) : the face normal first, then σ_r ascending within passes ascending
+    (m, 1 + 4 p, 3) : the face normal first, then σ_r ascending within the p numbers of passes ascending
     """
     rings, own, weights = _ring_weights(mesh)
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
     kept = [normals[:, None, :, 0]]
-    for done in steps(REACH_PASSES[-1]):
+    for done in steps(passes[-1]):
         before, normals = normals, np.empty_like(normals)
         over(len(normals), _reach_range, before, own, *rings, weights, _spreads(REACH_SIGMA_R), normals)
-        if done + 1 in REACH_PASSES:
+        if done + 1 in passes:
             kept.append(normals.transpose(0, 2, 1))
     return np.concatenate(kept, axis=1)
 
@@ -99,16 +99,16 @@ def joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
     return np.concatenate(kept, axis=1)
 
 
-def far_and_joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
-    """`reaching_stack` without its first pass, then `joint_stack`, (m, 1 + 12 + 6, 3)."""
-    return np.concatenate([np.delete(reaching_stack(mesh), np.s_[1 : 1 + LANES], 1), joint_stack(mesh, noisy)], axis=1)
+def near_and_joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
+    """`reaching_stack` but for its longest reach, then `joint_stack`, (m, 1 + 12 + 6, 3)."""
+    return np.concatenate([reaching_stack(mesh, REACH_PASSES[:-1]), joint_stack(mesh, noisy)], axis=1)
 
 
 DESCRIPTORS: dict[str, Callable[[Mesh, Mesh], Stack]] = {
     "B": lambda mesh, noisy: bilateral_stack(mesh),
     "B+G": lambda mesh, noisy: guided_stack(mesh),
     "reach": lambda mesh, noisy: reaching_stack(mesh),
-    "reach+joint": far_and_joint_stack,
+    "near+joint": near_and_joint_stack,
 }
 """What a stage may read of a mesh and of how it was before the first stage, by the name in settings and weights."""
 
@@ -144,8 +144,7 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]
     (m, 5 p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
         then the mean over the connected part of the mesh
     """
-    rings, kept = mesh.topology.face_rings(1), []
-    part = mesh.topology.components[mesh.faces[:, 0]]
+    rings, kept, part = mesh.topology.face_rings(1), [], _parts(mesh)
     sizes = np.maximum(np.bincount(part), 1)
     whole = np.stack([np.bincount(part, column) / sizes for column in values.T], axis=1).astype(np.float32)
     for done in range(1, CONTEXT_STEPS[-1] + 1):
@@ -154,6 +153,26 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]
         if done in CONTEXT_STEPS:
             kept.append(values)
     return np.concatenate([*kept, whole[part]], axis=1)
+
+
+def openness(mesh: Mesh) -> NDArray[np.float32]:
+    """Return how far the connected part of each face is from closed, |Σ A n| / Σ A.
+
+    What a depth camera sees from one side has other errors than a closed surface, whose fine detail they resemble.
+
+    Returns
+    -------
+    (m,), from 0 where the part is closed to 1 where it is a flat sheet
+    """
+    part = _parts(mesh)
+    sums = np.stack([np.bincount(part, column) for column in (mesh.areas[:, None] * mesh.normals).T], axis=1)
+    areas = np.maximum(np.bincount(part, mesh.areas), np.finfo(float).tiny)
+    return np.asarray((np.linalg.norm(sums, axis=1) / areas)[part], np.float32)
+
+
+def _parts(mesh: Mesh) -> NDArray[np.int32]:
+    """Number of the connected part of each face."""
+    return mesh.topology.components[mesh.faces[:, 0]]
 
 
 def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
-from cascadenorm.learned.descriptors import DESCRIPTORS, Stack, pose_free, surroundings
+from cascadenorm.learned.descriptors import DESCRIPTORS, Stack, openness, pose_free, surroundings
 from cascadenorm.mesh import Mesh, Vectors, in_blocks, unit
 
 Array = NDArray[np.float32]
@@ -24,8 +24,9 @@ class Standard:
     Parameters
     ----------
     mean, scale : (d,) of the pose-free descriptor x: (x - mean) * scale
-    projection : (d, p) main directions of these numbers; their means around the face are its context
-    context_mean, context_scale : (5 p,) of the context
+    projection : (d, p) main directions of these numbers; their means around the face are its context, and how open
+        the mesh is; nothing is where p is 0
+    context_mean, context_scale : (5 p + 1,) of the context
     """
 
     mean: Array
@@ -43,15 +44,17 @@ class Standard:
 
         Returns
         -------
-        (m, d + 5 p)
+        (m, d + 5 p + 1), or (m, d) where p is 0
         """
         context = self.context(stack, mesh)
         return np.concatenate(in_blocks(len(stack), lambda i, j: self.joined(stack[i:j], context[i:j])))
 
     def context(self, stack: Stack, mesh: Mesh) -> Array:
-        """Average the main directions around each face, (m, 5 p), not yet brought to mean 0 and deviation 1."""
+        """Average the main directions around each face, and say how open the mesh is, (m, 5 p + 1) as they are."""
+        if not self.projection.size:
+            return np.empty((len(stack), 0), np.float32)
         main = in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
-        return surroundings(np.concatenate(main), mesh)
+        return np.concatenate([surroundings(np.concatenate(main), mesh), openness(mesh)[:, None]], axis=1)
 
     def joined(self, stack: Stack, context: Array) -> Array:
         """Return the numbers of some faces, of their filtered normals and of what `context` gave for them."""

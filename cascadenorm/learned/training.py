@@ -30,6 +30,7 @@ from cascadenorm.learned.regression import Array, Regression, Standard, nearest,
 from cascadenorm.mesh import Mesh, limit_threads, thread_count
 
 KMEANS_FACES = 50_000
+LEAST_DEVIATION = 0.1  # of a number: the logarithms are spread over 2 and more, openness over a third
 
 Result = TypeVar("Result")
 
@@ -157,7 +158,7 @@ def _described(
     covariance = sum(((x - mean) * scale).T.astype(np.float64) @ ((x - mean) * scale) for x in own)
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(context)])
-    none = np.zeros((len(CONTEXT_STEPS) + 1) * context, np.float32)
+    none = np.zeros((len(CONTEXT_STEPS) + 1) * context + 1 if context else 0, np.float32)
     first = Standard(
         mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
         context_mean=none, context_scale=none + 1,
@@ -188,9 +189,9 @@ def _each(samples: list[_Sample], work: Callable[[_Sample], Result]) -> Iterator
 
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
-    """Mean and reciprocal deviation of each column."""
+    """Mean and reciprocal deviation of each column; what hardly varied here must not matter much elsewhere."""
     mean, deviation = x.mean(axis=0, dtype=np.float64), x.std(axis=0, dtype=np.float64)
-    return mean.astype(np.float32), (1 / np.maximum(deviation, 1e-6)).astype(np.float32)
+    return mean.astype(np.float32), (1 / np.maximum(deviation, LEAST_DEVIATION)).astype(np.float32)
 
 
 def _generated(config: TrainConfig, progress: Progress) -> Iterator[Pair]:

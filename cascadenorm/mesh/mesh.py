@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.mesh.topology import Topology
+from cascadenorm.wording import counted
 
 Vectors = NDArray[np.float64]
 """(k, 3) float64: positions, normals or displacements."""
@@ -165,8 +166,9 @@ def _checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
         raise MeshError("the mesh has no faces: points alone cannot be denoised here")
     bad = np.asarray(((array < 0) | (array >= vertex_count)).any(axis=1))
     if bad.any():
+        which = f"{counted(int(bad.sum()), 'face uses', 'faces use')} vertices that do not exist"
         raise MeshError(
-            f"{bad.sum()} faces use vertices that do not exist (faces {first_places(bad)}; there are {vertex_count} "
+            f"{which} (faces {first_places(bad)}; there are {vertex_count} "
             "vertices): drop them, check whether the numbering starts at 0, or denoise with on_bad='isolate'"
         )
     array = np.array(array, np.int32, order="C")
