@@ -17,7 +17,7 @@ from cascadenorm.data_gen.noise import displacements
 from cascadenorm.metrics import measure
 from cascadenorm.pairs import find_pairs
 
-LEVELS = (0.0, 0.01, 0.03, 0.05)  # mean edge lengths
+LEVELS = (0.0, 0.01, 0.03)  # mean edge lengths
 BEGIN, END = "<!-- low noise: written by benchmarks/low_noise.py -->", "<!-- end of low noise -->"
 
 
