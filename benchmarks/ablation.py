@@ -38,8 +38,8 @@ def variants(config: TrainConfig) -> dict[str, TrainConfig]:
         WHOLE: config,
         "without what surrounds a face": replace(config, context=0),
         "one hidden layer": replace(config, fit=replace(fit, hidden=fit.hidden[:1])),
-        "four clusters, a network for each": replace(config, clusters=4),
-        "far reach in every stage, no filters along the stage before": replace(config, descriptors=("reach",) * 3),
+        "a network for each of four clusters": replace(config, clusters=4),
+        "the filters of the first stage in every stage": replace(config, descriptors=("reach",) * 3),
         "the filters of the paper": replace(config, descriptors=TrainConfig().descriptors),
         "half the shapes": replace(config, data=replace(data, count=data.count // 2)),
         "no depth views": replace(config, data=replace(data, families=without_views(data))),
@@ -93,7 +93,7 @@ def main() -> None:
     rows: dict[str, list[list[float]]] = {}
     for name, changed in variants(config).items():
         for seed in options.seeds:
-            path = options.keep / f"{name.replace(',', '').replace(' ', '-')}-{options.count}-{seed}.safetensors"
+            path = options.keep / f"{name.replace(' ', '-')}-{options.count}-{seed}.safetensors"
             seeded = replace(changed, seed=seed, data=replace(changed.data, seed=seed))
             after = [angles(trained(seeded, path), meshes) for meshes in sets]
             if name == WHOLE:

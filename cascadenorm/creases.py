@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, first_places
+from cascadenorm.mesh import Mesh, Vectors, first_places, row_sums
 from cascadenorm.registry import ParameterError
 
 HOLD = 0.02  # of a joined vertex to the mean of its copies; against 1 - cos of the angle between two sides
@@ -49,11 +49,11 @@ class Sides(NamedTuple):
         chosen = np.flatnonzero(split[self.owners])
         places, row = np.unique(self.owners[chosen], return_inverse=True)
         moves = vertices[chosen] - mesh.vertices[self.owners[chosen]]
-        mean = _sums(row, moves) / np.bincount(row)[:, None]
+        mean = row_sums(row, moves) / np.bincount(row)[:, None]
         normals = self.mesh.moved(vertices).vertex_normals[chosen]
         missing = np.einsum("ij,ij->i", normals, moves - mean[row])
-        planes = _sums(row, (normals[:, :, None] * normals[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
-        right = _sums(row, normals * missing[:, None])[:, :, None]
+        planes = row_sums(row, (normals[:, :, None] * normals[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
+        right = row_sums(row, normals * missing[:, None])[:, :, None]
         joined = vertices[:count].copy()
         joined[places] = mesh.vertices[places] + mean + np.linalg.solve(planes + HOLD * np.eye(3), right)[:, :, 0]
         return joined
@@ -138,8 +138,3 @@ def cut(mesh: Mesh, creases: NDArray[np.bool_]) -> Sides:
     if not further.any():
         return Sides(mesh, owners)
     return Sides(Mesh(mesh.vertices[owners], cut_faces.reshape(-1, 3)), owners)
-
-
-def _sums(rows: NDArray[Any], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Add the rows of values that belong together."""
-    return np.stack([np.bincount(rows, column) for column in values.T], axis=1)

@@ -91,7 +91,7 @@ def polygonised(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: n
 
 def largest_components(mesh: Mesh, *, share: float) -> Mesh:
     """Drop components with less than a share of the faces of the largest one, and vertices without faces."""
-    label = mesh.topology.components[mesh.faces[:, 0]]
+    label = mesh.topology.face_components
     counts = np.bincount(label)
     return compact(mesh.vertices, mesh.faces[(counts >= share * counts.max())[label]])
 

@@ -203,7 +203,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
     edge = float(np.ldexp(small.mean_edge_length, exponent))
     return {
-        "parts": len(np.unique(topology.components[mesh.faces[:, 0]])),
+        "parts": len(np.unique(topology.face_components)),
         "closed": bool((around > 1).all()),
         "rims": rim_count(topology),
         "boundary_edges": int((around == 1).sum()),

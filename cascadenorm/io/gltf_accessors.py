@@ -112,9 +112,7 @@ class Accessors:
     def vectors(self, number: int) -> Vectors:
         """Return where the vectors of an accessor lie, which have to be of three numbers."""
         accessor = self._document["accessors"][number]
-        kind, largest = self._type(accessor), 1
-        if accessor.get("normalized") and kind.kind != "f":
-            largest = int(np.iinfo(kind).max)
+        kind, largest = self._type(accessor), self._largest(accessor)
         if accessor["type"] != "VEC3" or (kind, largest) not in STORED:
             raise ReadError(f"accessor {number} of the glTF document is not of 3 floats: export the file without that")
         places = self.places(number)
@@ -128,12 +126,16 @@ class Accessors:
 
     def fractions(self, number: int) -> NDArray[np.float32] | None:
         """Return the numbers of an accessor in floating point; None where they are whole and stand for themselves."""
-        values = self.values(number)
+        values, largest = self.values(number), self._largest(self._document["accessors"][number])
         if values.dtype.kind == "f":
             return values
-        if not self._document["accessors"][number].get("normalized"):
-            return None
-        return np.asarray(np.maximum(values / np.iinfo(values.dtype).max, -1), np.float32)
+        return None if largest == 1 else np.asarray(np.maximum(values / largest, -1), np.float32)
+
+    @classmethod
+    def _largest(cls, accessor: dict[str, Any]) -> int:
+        """Return the number that stands for 1."""
+        kind = cls._type(accessor)
+        return int(np.iinfo(kind).max) if accessor.get("normalized") and kind.kind != "f" else 1
 
     @staticmethod
     def _type(accessor: dict[str, Any]) -> np.dtype[Any]:

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.mesh import row_sums
+
 MOST_APEXES = 64  # corners tried for a fan without folds; beyond, the fold stays
 
 
@@ -91,7 +93,7 @@ def _turned(positions: NDArray[Any], triangles: NDArray[np.int64], owners: NDArr
     """Return which triangles face against the mean normal of their polygon."""
     with np.errstate(all="ignore"):  # a position need not be finite here
         normals = area_vectors(positions, triangles)
-        sums = np.stack([np.bincount(owners, normals[:, axis]) for axis in range(3)], axis=1)
+        sums = row_sums(owners, normals)
         return np.asarray(np.einsum("ij,ij->i", normals, sums[owners]) < 0)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import spatial_weights
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, row_sums, unit
 from cascadenorm.steps import steps
 
 SIGMA_S = (1.0, 2.0)
@@ -144,9 +144,9 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]
     (m, 5 p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
         then the mean over the connected part of the mesh
     """
-    rings, kept, part = mesh.topology.face_rings(1), [], _parts(mesh)
+    rings, kept, part = mesh.topology.face_rings(1), [], mesh.topology.face_components
     sizes = np.maximum(np.bincount(part), 1)
-    whole = np.stack([np.bincount(part, column) / sizes for column in values.T], axis=1).astype(np.float32)
+    whole = (row_sums(part, values) / sizes[:, None]).astype(np.float32)
     for done in range(1, CONTEXT_STEPS[-1] + 1):
         before, values = np.ascontiguousarray(values), np.empty_like(values)
         over(len(values), _mean_range, before, rings.indptr, rings.indices, values)
@@ -164,15 +164,10 @@ def openness(mesh: Mesh) -> NDArray[np.float32]:
     -------
     (m,), from 0 where the part is closed to 1 where it is a flat sheet
     """
-    part = _parts(mesh)
-    sums = np.stack([np.bincount(part, column) for column in (mesh.areas[:, None] * mesh.normals).T], axis=1)
+    part = mesh.topology.face_components
+    sums = row_sums(part, mesh.areas[:, None] * mesh.normals)
     areas = np.maximum(np.bincount(part, mesh.areas), np.finfo(float).tiny)
     return np.asarray((np.linalg.norm(sums, axis=1) / areas)[part], np.float32)
-
-
-def _parts(mesh: Mesh) -> NDArray[np.int32]:
-    """Number of the connected part of each face."""
-    return mesh.topology.components[mesh.faces[:, 0]]
 
 
 def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:

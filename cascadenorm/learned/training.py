@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from cascadenorm.data_gen import Pair, pairs
 from cascadenorm.learned.cascade import Cascade, advanced
 from cascadenorm.learned.config import ConfigError, TrainConfig
-from cascadenorm.learned.descriptors import CONTEXT_STEPS, Stack, pose_free
+from cascadenorm.learned.descriptors import Stack, pose_free
 from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.progress import Progress, silent
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest, stage_stack
@@ -158,7 +158,7 @@ def _described(
     covariance = sum(((x - mean) * scale).T.astype(np.float64) @ ((x - mean) * scale) for x in own)
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(context)])
-    none = np.zeros((len(CONTEXT_STEPS) + 1) * context + 1 if context else 0, np.float32)
+    none = np.zeros(1, np.float32)
     first = Standard(
         mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
         context_mean=none, context_scale=none + 1,

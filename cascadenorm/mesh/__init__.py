@@ -2,7 +2,7 @@
 
 from cascadenorm.mesh.frame import in_frame, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated
-from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, first_places, unit
+from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, first_places, row_sums, unit
 from cascadenorm.mesh.threads import in_blocks, kernel, limit_threads, over, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
 
@@ -21,6 +21,7 @@ __all__ = [
     "kernel",
     "limit_threads",
     "over",
+    "row_sums",
     "scaled_alike",
     "thread_count",
     "unit",

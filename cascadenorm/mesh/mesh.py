@@ -124,6 +124,11 @@ def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vector
     return scaled if otherwise is None else np.where(length > 0, scaled, otherwise)
 
 
+def row_sums(groups: NDArray[Any], values: NDArray[Any]) -> NDArray[np.float64]:
+    """Add the rows of values that are of one group, (largest number of a group + 1, columns of values)."""
+    return np.stack([np.bincount(groups, column) for column in values.T], axis=1)
+
+
 def first_places(bad: NDArray[np.bool_]) -> str:
     """Name the first few true places: '17, 18, 40, …'."""
     places = np.flatnonzero(bad)

@@ -163,6 +163,11 @@ class Topology:
         )
         return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], np.int32)
 
+    @cached_property
+    def face_components(self) -> NDArray[np.int32]:
+        """(m,) number of the connected component of each face, as in `components`."""
+        return self.components[self.faces[:, 0]]
+
 
 @kernel
 def _fill_vertex_faces(faces, free, indices):  # type: ignore[no-untyped-def]
