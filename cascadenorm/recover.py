@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from cascadenorm.mesh import Mesh, Vectors, kernel
+from cascadenorm.mesh import Mesh, Vectors, kernel, over
 from cascadenorm.registry import Parameter
 
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
@@ -19,7 +19,7 @@ def recover_vertices(
     ----------
     mesh : n vertices, m faces
     normals : (m, 3), unit; a face with a zero row does not pull
-    sweeps : Gauss-Seidel sweeps over the vertices in their order; 0 returns a copy of the vertices
+    sweeps : Gauss-Seidel sweeps over the vertices, one group that shares no face after the other; 0 returns a copy of the vertices
     folds : "ignore" is the plain update; "avoid" shortens a step that would turn a face against its normal, and
         pulls the vertices of a face that is turned already toward the middle of their neighbours until it lies right
 
@@ -28,20 +28,20 @@ def recover_vertices(
     (n, 3) float64; a vertex without a face stays
     """
     vertices = mesh.vertices.copy()
-    around = mesh.topology.vertex_faces
+    around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
     for _ in range(sweeps):
-        _sweep(vertices, mesh.faces, normals, around.indptr, around.indices, folds == "avoid")
+        for color in range(len(colors.counts)):
+            mine = colors.row(color)
+            over(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, *around, folds == "avoid")
     return vertices
 
 
 @kernel
-def _sweep(vertices, faces, normals, vf_indptr, vf_indices, avoid_folds):  # type: ignore[no-untyped-def]
-    """Move each vertex in turn, in place; a later vertex sees where the earlier ones went."""
+def _sweep_range(start, stop, movable, vertices, faces, normals, vf_indptr, vf_indices, avoid_folds):  # type: ignore[no-untyped-def]
+    """Move vertices that share no face, in place; those moved later see where these went."""
     step, target = np.empty(3), np.empty(3)
-    for i in range(len(vertices)):
+    for i in movable[start:stop]:
         first, last = vf_indptr[i], vf_indptr[i + 1]
-        if first == last:
-            continue
         step[:] = 0.0
         for k in range(first, last):
             f = vf_indices[k]

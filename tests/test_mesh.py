@@ -30,3 +30,17 @@ def test_lengths_beyond_the_largest_number_are_infinite():
 def test_a_stray_vertex_does_not_spoil_the_edges():
     stray = Mesh(np.concatenate([BALL.vertices, [[1e300, 0, 0]]]), BALL.faces)
     assert stray.mean_edge_length == BALL.mean_edge_length
+
+
+def test_no_face_has_two_vertices_of_one_color():
+    rng = np.random.default_rng(0)
+    soup = rng.integers(0, 300, (800, 3)).astype(np.int32)  # repeated corners and non-manifold edges among them
+    for faces in (BALL.faces, soup):
+        topology = Mesh(np.zeros((300, 3)), faces).topology
+        color = np.full(300, -1)
+        color[topology.vertex_colors.indices] = topology.vertex_colors.rows
+        np.testing.assert_array_equal(color >= 0, topology.used_vertices)
+        assert len(topology.vertex_colors.indices) == topology.used_vertices.sum()
+        sides = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        ends = color[sides[sides[:, 0] != sides[:, 1]]]
+        assert (ends[:, 0] != ends[:, 1]).all()

@@ -67,13 +67,15 @@ def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> Stack:
     """
     rings, own, weights = _ring_weights(mesh)
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
-    kept = [normals[:, None, :, 0]]
+    after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
+    out[:, 0] = normals[:, :, 0]
     for done in steps(passes[-1]):
-        before, normals = normals, np.empty_like(normals)
-        over(len(normals), _reach_range, before, own, *rings, weights, _spreads(REACH_SIGMA_R), normals)
+        over(len(normals), _reach_range, normals, own, *rings, weights, _spreads(REACH_SIGMA_R), after)
+        normals, after = after, normals
         if done + 1 in passes:
-            kept.append(normals.transpose(0, 2, 1))
-    return np.concatenate(kept, axis=1)
+            first = 1 + LANES * passes.index(done + 1)
+            out[:, first : first + LANES] = normals.transpose(0, 2, 1)
+    return out
 
 
 def joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
@@ -91,24 +93,20 @@ def joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
     lanes = np.empty((len(weights), len(JOINT_SIGMA_R)), np.float32)
     over(len(guide), _joint_weights_range, guide, *rings, weights, _spreads(JOINT_SIGMA_R), lanes)
     normals, kept = np.repeat(noisy.normals.astype(np.float32)[:, :, None], len(JOINT_SIGMA_R), axis=2), []
+    after = np.empty_like(normals)
     for done in range(JOINT_PASSES[-1]):
-        before, normals = normals, np.empty_like(normals)
-        over(len(normals), _joint_range, before, own, *rings, lanes, normals)
+        over(len(normals), _joint_range, normals, own, *rings, lanes, after)
+        normals, after = after, normals
         if done + 1 in JOINT_PASSES:
             kept.append(unit(normals.transpose(0, 2, 1), otherwise=guide[:, None]).astype(np.float32))
     return np.concatenate(kept, axis=1)
 
 
-def near_and_joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
-    """`reaching_stack` but for its longest reach, then `joint_stack`, (m, 1 + 12 + 6, 3)."""
-    return np.concatenate([reaching_stack(mesh, REACH_PASSES[:-1]), joint_stack(mesh, noisy)], axis=1)
-
-
-DESCRIPTORS: dict[str, Callable[[Mesh, Mesh], Stack]] = {
-    "B": lambda mesh, noisy: bilateral_stack(mesh),
-    "B+G": lambda mesh, noisy: guided_stack(mesh),
-    "reach": lambda mesh, noisy: reaching_stack(mesh),
-    "near+joint": near_and_joint_stack,
+DESCRIPTORS: dict[str, Callable[[Mesh, Mesh], list[Stack]]] = {
+    "B": lambda mesh, noisy: [bilateral_stack(mesh)],
+    "B+G": lambda mesh, noisy: [guided_stack(mesh)],
+    "reach": lambda mesh, noisy: [reaching_stack(mesh)],
+    "near+joint": lambda mesh, noisy: [reaching_stack(mesh, REACH_PASSES[:-1]), joint_stack(mesh, noisy)],
 }
 """What a stage may read of a mesh and of how it was before the first stage, by the name in settings and weights."""
 
@@ -127,10 +125,10 @@ def pose_free(stack: Stack) -> NDArray[np.float32]:
     count = stack.shape[1]
     out = np.empty((len(stack), count * (count - 1) // 2), np.float32)
     over(len(stack), _pair_range, np.ascontiguousarray(stack), out)
-    return out
+    return np.log(out, out=out)
 
 
-def surroundings(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]:
+def surroundings(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np.float32]]:
     """Average numbers over CONTEXT_STEPS rounds of one ring, and over all that is connected.
 
     So a face knows what is around it at several scales, and how noisy the whole is.
@@ -141,18 +139,20 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]
 
     Returns
     -------
-    (m, 5 p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
+    5 of (m, p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
         then the mean over the connected part of the mesh
     """
     rings, kept, part = mesh.topology.face_rings(1), [], mesh.topology.face_components
     sizes = np.maximum(np.bincount(part), 1)
     whole = (row_sums(part, values) / sizes[:, None]).astype(np.float32)
+    spare = [np.empty_like(values), np.empty_like(values)]
     for done in range(1, CONTEXT_STEPS[-1] + 1):
-        before, values = np.ascontiguousarray(values), np.empty_like(values)
-        over(len(values), _mean_range, before, rings.indptr, rings.indices, values)
+        after = np.empty_like(values) if done in CONTEXT_STEPS else spare[done % 2]
+        over(len(values), _mean_range, values, rings.indptr, rings.indices, after)
+        values = after
         if done in CONTEXT_STEPS:
             kept.append(values)
-    return np.concatenate([*kept, whole[part]], axis=1)
+    return [*kept, whole[part]]
 
 
 def openness(mesh: Mesh) -> NDArray[np.float32]:
@@ -165,7 +165,7 @@ def openness(mesh: Mesh) -> NDArray[np.float32]:
     (m,), from 0 where the part is closed to 1 where it is a flat sheet
     """
     part = mesh.topology.face_components
-    sums = row_sums(part, mesh.areas[:, None] * mesh.normals)
+    sums = row_sums(part, mesh.area_vectors)
     areas = np.maximum(np.bincount(part, mesh.areas), np.finfo(float).tiny)
     return np.asarray((np.linalg.norm(sums, axis=1) / areas)[part], np.float32)
 
@@ -306,7 +306,7 @@ def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-u
 
 @kernel
 def _pair_range(start, stop, stack, out):  # type: ignore[no-untyped-def]
-    """1 - cos as half the squared chord, which keeps its digits where two normals nearly agree."""
+    """1 - cos + FLOOR, cos by half the squared chord, which keeps its digits where two normals nearly agree."""
     for f in range(start, stop):
         p = 0
         for i in range(stack.shape[1]):
@@ -314,5 +314,5 @@ def _pair_range(start, stop, stack, out):  # type: ignore[no-untyped-def]
                 x = stack[f, i, 0] - stack[f, j, 0]
                 y = stack[f, i, 1] - stack[f, j, 1]
                 z = stack[f, i, 2] - stack[f, j, 2]
-                out[f, p] = np.log(np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR))
+                out[f, p] = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
                 p += 1

@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack, openness, pose_free, surroundings
@@ -13,7 +12,7 @@ from cascadenorm.mesh import Mesh, Vectors, in_blocks, unit
 
 Array = NDArray[np.float32]
 
-ACTIVATIONS: dict[str, Callable[[Array], Array]] = {"tanh": np.tanh, "silu": lambda x: x * expit(x)}
+ACTIVATIONS: dict[str, Callable[[Array], Array]] = {"tanh": np.tanh, "silu": lambda x: 0.5 * x * (1 + np.tanh(0.5 * x))}
 """What is between the layers of a network, by the name that settings and weights use."""
 
 
@@ -47,18 +46,22 @@ class Standard:
         (m, d + 5 p + 1), or (m, d) where p is 0
         """
         context = self.context(stack, mesh)
-        return np.concatenate(in_blocks(len(stack), lambda i, j: self.joined(stack[i:j], context[i:j])))
+        return np.concatenate(in_blocks(len(stack), lambda i, j: self.joined(stack, context, i, j)))
 
-    def context(self, stack: Stack, mesh: Mesh) -> Array:
-        """Average the main directions around each face, and say how open the mesh is, (m, 5 p + 1) as they are."""
+    def context(self, stack: Stack, mesh: Mesh) -> list[Array]:
+        """Average the main directions around each face, and say how open the mesh is: 5 of (m, p), then (m, 1)."""
         if not self.projection.size:
-            return np.empty((len(stack), 0), np.float32)
+            return []
         main = in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
-        return np.concatenate([surroundings(np.concatenate(main), mesh), openness(mesh)[:, None]], axis=1)
+        return [*surroundings(np.concatenate(main), mesh), openness(mesh)[:, None]]
 
-    def joined(self, stack: Stack, context: Array) -> Array:
-        """Return the numbers of some faces, of their filtered normals and of what `context` gave for them."""
-        return np.concatenate([self._own(stack), (context - self.context_mean) * self.context_scale], axis=1)
+    def joined(self, stack: Stack, context: list[Array], start: int, stop: int) -> Array:
+        """Return the numbers of the faces start … stop, of all filtered normals and of what `context` gave for them."""
+        own = self._own(stack[start:stop])
+        if not context:
+            return own
+        around = np.concatenate([part[start:stop] for part in context], axis=1)
+        return np.concatenate([own, (around - self.context_mean) * self.context_scale], axis=1)
 
     def _own(self, stack: Stack) -> Array:
         return np.asarray((pose_free(stack) - self.mean) * self.scale)
@@ -123,12 +126,13 @@ class Regression:
         """
         with threadpool_limits(1):  # the blocks are on several threads already
             context = self.standard.context(stack, mesh)
-            total = in_blocks(len(stack), lambda i, j: self._sums(stack[i:j], context[i:j]))
+            total = in_blocks(
+                len(stack), lambda i, j: self._sums(stack[i:j], self.standard.joined(stack, context, i, j))
+            )
         return unit(np.concatenate(total), otherwise=stack[:, 0])
 
-    def _sums(self, stack: Stack, context: Array) -> Array:
-        """Return the weighted sums of the normals of some faces, (m, 3)."""
-        x = self.standard.joined(stack, context)
+    def _sums(self, stack: Stack, x: Array) -> Array:
+        """Return the weighted sums of the normals of some faces, which x describes, (m, 3)."""
         cluster = nearest(x, self.centers)
         total = np.empty((len(stack), 3), np.float32)
         for c in range(len(self.centers)):
@@ -146,10 +150,10 @@ class Regression:
 
 def stage_stack(descriptor: str, mesh: Mesh, noisy: Mesh) -> Stack:
     """Filter the normals of a mesh for a stage; one after the first also sees the noisy normals, last in the stack."""
-    stack = DESCRIPTORS[descriptor](mesh, noisy)
-    if mesh is noisy:
-        return stack
-    return np.concatenate([stack, noisy.normals[:, None].astype(np.float32)], axis=1)
+    parts = DESCRIPTORS[descriptor](mesh, noisy)
+    if mesh is not noisy:
+        parts.append(noisy.normals[:, None].astype(np.float32))
+    return np.concatenate(parts, axis=1)
 
 
 def nearest(x: Array, centers: Array) -> NDArray[np.intp]:

@@ -164,12 +164,13 @@ def _described(
         context_mean=none, context_scale=none + 1,
     )  # fmt: skip
     del own
-    numbers = []
-    for described in _each(samples, lambda sample: first.numbers(sample.stack, sample.mesh)[sample.rows]):
-        numbers.append(described)
-        progress(task, len(samples) + len(numbers), 2 * len(samples))
-    x = np.concatenate(numbers)
-    del numbers
+    ends = np.cumsum([len(sample.rows) for sample in samples])
+    every = _each(samples, lambda sample: first.numbers(sample.stack, sample.mesh)[sample.rows])
+    for done, (described, end) in enumerate(zip(every, ends, strict=True), 1):
+        if done == 1:
+            x = np.empty((ends[-1], described.shape[1]), np.float32)
+        x[end - len(described) : end] = described
+        progress(task, len(samples) + done, 2 * len(samples))
     context_mean, context_scale = _mean_and_scale(x[:, len(mean) :])
     x[:, len(mean) :] = (x[:, len(mean) :] - context_mean) * context_scale
     standard = replace(first, context_mean=context_mean, context_scale=context_scale)

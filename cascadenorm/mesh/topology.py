@@ -154,6 +154,18 @@ class Topology:
         return Csr(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
 
     @cached_property
+    def vertex_colors(self) -> Csr:
+        """Vertices with a face, in groups none of which holds two of one face; each takes the first group it can.
+
+        So what moves the vertices of a group, and reads their faces alone, may do so in any order.
+        """
+        colors = np.full(self.vertex_count, -1, np.int32)
+        _color_vertices(self.faces, *self.vertex_faces, colors)
+        order = np.argsort(colors, kind="stable").astype(np.int32)
+        counts = np.bincount(colors + 1)
+        return Csr(np.cumsum(counts) - counts[0], order[counts[0] :])
+
+    @cached_property
     def components(self) -> NDArray[np.int32]:
         """(n,) number of the connected component of each vertex; a vertex without a face is one of its own."""
         neighbors = self.vertex_neighbors
@@ -176,6 +188,23 @@ def _fill_vertex_faces(faces, free, indices):  # type: ignore[no-untyped-def]
             v = faces[f, corner]
             indices[free[v]] = f
             free[v] += 1
+
+
+@kernel
+def _color_vertices(faces, vf_indptr, vf_indices, colors):  # type: ignore[no-untyped-def]
+    taken = np.full(len(colors) + 1, -1, np.int32)  # by which vertex a colour was last seen in a neighbour
+    for i in range(len(colors)):
+        first, last = vf_indptr[i], vf_indptr[i + 1]
+        for k in range(first, last):
+            for corner in range(3):
+                color = colors[faces[vf_indices[k], corner]]
+                if color >= 0:
+                    taken[color] = i
+        color = 0
+        while taken[color] == i:
+            color += 1
+        if last > first:
+            colors[i] = color
 
 
 @kernel
