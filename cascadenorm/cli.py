@@ -284,6 +284,7 @@ def train(
 
     from cascadenorm import models, report
     from cascadenorm.learned.config import QUICK, TrainConfig, read_config
+    from cascadenorm.learned.progress import tells
 
     if config is not None and quick:
         raise typer.BadParameter("--quick has settings of its own: give it or --config, not both")
@@ -300,7 +301,8 @@ def train(
             threads=threads,
             progress=progress,
         )
-    print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
+    if tells():
+        print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
 
 
 @app.command("models")

@@ -11,7 +11,7 @@ from cascadenorm.controls import DenoiseError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
-from cascadenorm.learned.progress import Progress, silent
+from cascadenorm.learned.progress import Progress, silent, tells
 from cascadenorm.mesh import limit_threads
 from cascadenorm.pairs import training_pairs
 
@@ -66,6 +66,8 @@ def train(
 ) -> Denoiser:
     """Train a cascade and write it to a weights file; interrupted and called again, it goes on where it was.
 
+    Where torchrun has started several processes, each calls this, and the first writes.
+
     Parameters
     ----------
     config : what to train; `read_config` reads one from TOML
@@ -92,6 +94,7 @@ def train(
     with limit_threads(threads):
         own = training_pairs(shapes, noisy, config.data)
         cascade = training.train(config, checkpoint, own=own, progress=progress)
-    write_atomically(output, [cascade.to_bytes()], force=force)
-    shutil.rmtree(checkpoint)
+    if tells():
+        write_atomically(output, [cascade.to_bytes()], force=force)
+        shutil.rmtree(checkpoint)
     return Denoiser(cascade)

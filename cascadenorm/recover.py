@@ -19,7 +19,8 @@ def recover_vertices(
     ----------
     mesh : n vertices, m faces
     normals : (m, 3), unit; a face with a zero row does not pull
-    sweeps : Gauss-Seidel sweeps over the vertices, one group that shares no face after the other; 0 returns a copy of the vertices
+    sweeps : Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of
+        the vertices
     folds : "ignore" is the plain update; "avoid" shortens a step that would turn a face against its normal, and
         pulls the vertices of a face that is turned already toward the middle of their neighbours until it lies right
 

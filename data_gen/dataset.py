@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -153,15 +153,16 @@ def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:
     return Pair(clean.moved(vertices), clean, OWN, kind, level)
 
 
-def pairs(config: DatasetConfig, *, workers: int = 1) -> Iterator[Pair]:
-    """Make all pairs of a data set, in order; the number of processes does not change them."""
+def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, workers: int = 1) -> Iterator[Pair]:
+    """Make the pairs of some indices, or all of a data set, in order; the number of processes does not change them."""
     if workers < 1:
         raise ValueError(f"workers is {workers}; it must be at least 1")
+    chosen = range(config.count) if indices is None else indices
     if workers == 1:
-        yield from (pair(config, index) for index in range(config.count))
+        yield from (pair(config, index) for index in chosen)
         return
     with ProcessPoolExecutor(workers, get_context("spawn"), threadpool_limits, (1,)) as pool:  # BLAS: one thread each
-        yield from pool.map(partial(pair, config), range(config.count))
+        yield from pool.map(partial(pair, config), chosen)
 
 
 def write_dataset(folder: Path, config: DatasetConfig, *, write: Callable[[Path, Mesh], None], workers: int = 1,

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from dataclasses import fields
 
 import numpy as np
@@ -6,9 +8,11 @@ import torch
 from shapes import cube, icosphere, noisy
 
 from cascadenorm.data_gen import DatasetConfig
+from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_stack, pose_free
 from cascadenorm.learned.networks import Faces, chord, train_network
+from cascadenorm.learned.regression import Standard
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
 
@@ -103,6 +107,28 @@ def test_an_interrupted_training_goes_on_to_the_same_bytes(trained, tmp_path, ta
     with pytest.raises(Interrupted):
         train(TINY, tmp_path, progress=interrupt_at(task, done))
     assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+
+
+def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path):
+    settings = tmp_path / "tiny.toml"
+    settings.write_text(
+        "faces_per_mesh = 500\nclusters = 2\n[fit]\nhidden = [16, 8]\nepochs = 15\nbatch = 128\n"
+        '[data]\ncount = 4\nfamilies = ["polyhedron", "smooth"]\nmin_faces = 900\nmax_faces = 1500\n'
+        'noise_kinds = ["normal"]\nmin_level = 0.15\nmax_level = 0.3\n'
+    )
+    assert read_config(settings) == TINY
+    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "-m", "cascadenorm", "train"]
+    command += ["--config", str(settings), "-o", str(tmp_path / "two.safetensors"), "--threads", "1"]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert said.count("the model is in") == 1
+    two = Cascade.load(tmp_path / "two.safetensors")
+    assert two.card["faces_trained_on"] == trained.card["faces_trained_on"]
+    for f in fields(Standard):
+        ours, theirs = (getattr(cascade.stages[0].standard, f.name) for cascade in (two, trained))
+        np.testing.assert_allclose(ours, theirs, atol=1e-4)
+    clean = cube(10)
+    mesh = noisy(clean, 0.15, seed=5)
+    assert mean_angle(mesh, two.vertices(mesh), clean) < 0.6 * mean_angle(mesh, mesh.vertices, clean)
 
 
 def test_the_folder_of_another_training_is_refused(tmp_path):

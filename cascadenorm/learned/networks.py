@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch.nn.parallel import DistributedDataParallel
 
+from cascadenorm.learned import processes
 from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import Stack
 from cascadenorm.learned.regression import Array
@@ -65,10 +67,12 @@ def train_network(
 ) -> dict[str, Array]:
     """Train a network on 85 % of some faces, stop by the other 15 %, return the best weights.
 
+    Several processes average their gradients, and each takes its part of a batch.
+
     Parameters
     ----------
-    faces : of all clusters
-    rows : those of one cluster
+    faces : of all clusters, those of this process
+    rows : those of one cluster, at least one
     fit : settings
     seed : of the split, the first weights and the order of the batches
     log : called after each pass with its number from 1, the training loss and the validation loss
@@ -82,16 +86,18 @@ def train_network(
     order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
     cut = max(1, int(0.85 * len(order)))
     training, validation = order[:cut], order[cut:] if cut < len(order) else order
-    network = Network(faces.numbers.shape[1], fit, faces.stack.shape[1], generator)
+    network = Network(faces.numbers.shape[1], fit, faces.stack.shape[1], generator).to(processes.device())
+    model = DistributedDataParallel(network) if processes.count() > 1 else network
     optimiser = torch.optim.AdamW(network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay)
-    batches = -(-len(training) // fit.batch)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * batches)
+    used, batch = processes.least(len(training)), max(1, fit.batch // processes.count())
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * -(-used // batch))
     best, best_loss, best_epoch = network.state_dict(), np.inf, 0
     for epoch in range(1, fit.epochs + 1):
         total = 0.0
-        for rows in training[torch.randperm(len(training), generator=generator)].split(fit.batch):  # type: ignore[no-untyped-call]
-            numbers, stack, truth = (t[rows] for t in tensors)
-            loss = chord(network(numbers, stack), truth)
+        drawn = training[torch.randperm(len(training), generator=generator)][:used]
+        for rows in drawn.split(batch):  # type: ignore[no-untyped-call]
+            numbers, stack, truth = (t[rows].to(processes.device()) for t in tensors)
+            loss = chord(model(numbers, stack), truth)
             optimiser.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
@@ -99,7 +105,7 @@ def train_network(
             schedule.step()
             total += loss.item() * len(rows)
         validation_loss = _loss(network, tensors, validation)
-        log(epoch, total / len(training), validation_loss)
+        log(epoch, total / used, validation_loss)
         if validation_loss < best_loss:
             best = {name: t.clone() for name, t in network.state_dict().items()}
             best_loss, best_epoch = validation_loss, epoch
@@ -107,15 +113,17 @@ def train_network(
             break
     arrays = {"validation": np.array(best_loss, np.float32)}
     for n in range(len(network.layers)):
-        arrays[f"weight{n + 1}"] = best[f"layers.{n}.weight"].T.contiguous().numpy()
-        arrays[f"bias{n + 1}"] = best[f"layers.{n}.bias"].numpy()
+        arrays[f"weight{n + 1}"] = best[f"layers.{n}.weight"].T.contiguous().cpu().numpy()
+        arrays[f"bias{n + 1}"] = best[f"layers.{n}.bias"].cpu().numpy()
     return arrays
 
 
 def _loss(network: Network, tensors: list[torch.Tensor], rows: torch.Tensor) -> float:
+    """Mean over the given faces of all processes."""
+    loss = 0.0
     with torch.no_grad():
-        parts = [
-            chord(network(*(t[part] for t in tensors[:2])), tensors[2][part]).item() * len(part)
-            for part in rows.split(65536)  # type: ignore[no-untyped-call]
-        ]
-    return sum(parts) / len(rows)
+        for part in rows.split(65536):  # type: ignore[no-untyped-call]
+            numbers, stack, truth = (t[part].to(processes.device()) for t in tensors)
+            loss += chord(network(numbers, stack), truth).item() * len(part)
+    loss, count = processes.total(np.array([loss, len(rows)]))
+    return float(loss / count)

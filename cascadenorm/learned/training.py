@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from hashlib import sha256
 from importlib.metadata import version
-from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,11 +20,12 @@ from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
+from cascadenorm.learned import processes
 from cascadenorm.learned.cascade import Cascade, advanced
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.descriptors import Stack, pose_free
 from cascadenorm.learned.networks import Faces, train_network
-from cascadenorm.learned.progress import Progress, silent
+from cascadenorm.learned.progress import Progress, silent, tells
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest, stage_stack
 from cascadenorm.mesh import Mesh, limit_threads, thread_count
 
@@ -63,6 +63,9 @@ class _Sample:
 def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), progress: Progress = silent) -> Cascade:
     """Train a cascade; an interrupted training that is started again goes on, and ends with the same bytes.
 
+    Several processes, started by torchrun, share the meshes and end with the same cascade; the first one tells and
+    writes.
+
     Parameters
     ----------
     config : what to train
@@ -74,22 +77,26 @@ def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), pr
     ------
     ConfigError : the folder holds a training of another config, or of other pairs
     """
-    _claim(checkpoint, config, own)
-    every = chain(_generated(config, progress), own)
-    samples = [_sample(made, i, config) for i, made in enumerate(every)]
+    with processes.together(), _one_thread_each():
+        return _trained(config, checkpoint, own, progress if tells() else silent)
+
+
+def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progress: Progress) -> Cascade:
+    if tells():
+        _claim(checkpoint, config, own)
+    samples = _samples(config, own, progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
-    with _one_thread_each():
-        for number, descriptor in enumerate(config.descriptors):
-            arrays = _train_stage(samples, config, checkpoint, number, descriptor, progress)
-            stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
-            stages.append(stage)
-            losses.append([round(float(loss), 5) for loss in arrays["validation"]])
-            if number + 1 < len(config.descriptors):
-                steps = _each(samples, partial(_Sample.advance, stage=stage, sweeps=config.sweeps))
-                for done, _ in enumerate(steps, 1):
-                    progress(f"apply stage {number + 1}", done, len(samples))
-    faces = sum(len(sample.rows) for sample in samples)
+    for number, descriptor in enumerate(config.descriptors):
+        arrays = _train_stage(samples, config, checkpoint, number, descriptor, progress)
+        stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
+        stages.append(stage)
+        losses.append([round(float(loss), 5) for loss in arrays["validation"]])
+        if number + 1 < len(config.descriptors):
+            steps = _each(samples, partial(_Sample.advance, stage=stage, sweeps=config.sweeps))
+            for done, _ in enumerate(steps, 1):
+                progress(f"apply stage {number + 1}", done, len(samples))
+    faces = int(processes.total(np.array(sum(len(sample.rows) for sample in samples), np.float64)))
     return Cascade(tuple(stages), _card(config, own, faces, losses))
 
 
@@ -98,29 +105,34 @@ def _train_stage(
 ) -> dict[str, Array]:
     """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
     finished = checkpoint / f"stage{number}.safetensors"
-    if finished.exists():
-        return load_file(finished)
+    if done := processes.from_first(partial(_read, finished)):
+        return done
     rng = np.random.default_rng([config.seed, number])
     standard, faces = _described(samples, config.context, descriptor, f"stage {number + 1} descriptors", progress)
-    some = rng.choice(len(faces.truth), min(KMEANS_FACES, len(faces.truth)), replace=False)
-    kmeans = KMeans(config.clusters, n_init=2, random_state=int(rng.integers(2**31))).fit(faces.numbers[some])
-    centers = np.ascontiguousarray(kmeans.cluster_centers_, np.float32)
+    some = rng.choice(len(faces.truth), min(KMEANS_FACES // processes.count(), len(faces.truth)), replace=False)
+    drawn = processes.gathered(faces.numbers[some])
+    kmeans = KMeans(config.clusters, n_init=2, random_state=int(rng.integers(2**31)))
+    centers = processes.from_first(lambda: np.ascontiguousarray(kmeans.fit(drawn).cluster_centers_, np.float32))
     cluster = nearest(faces.numbers, centers)
 
     def one(c: int) -> Mapping[str, Array]:
         part = checkpoint / f"stage{number}-cluster{c}.safetensors"
-        if not part.exists():
+        if done := processes.from_first(partial(_read, part)):
+            return done
+        mine = np.flatnonzero(cluster == c)
+        if not processes.least(len(mine)):
+            raise ConfigError(f"a process has no face of cluster {c + 1}: take fewer processes, or more meshes")
 
-            def log(epoch: int, loss: float, validation: float) -> None:
-                note = f"{(cluster == c).sum()} faces, loss {loss:.4f}, validation {validation:.4f}"
-                progress(f"stage {number + 1} cluster {c + 1}", epoch, config.fit.epochs, note)
+        def log(epoch: int, loss: float, validation: float) -> None:
+            note = f"{len(mine)} faces, loss {loss:.4f}, validation {validation:.4f}"
+            progress(f"stage {number + 1} cluster {c + 1}", epoch, config.fit.epochs, note)
 
-            mine = np.flatnonzero(cluster == c)
-            seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
-            _save(part, train_network(faces, mine, config.fit, seed=int(seed), log=log))
-        return load_file(part)
+        seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
+        network = train_network(faces, mine, config.fit, seed=int(seed), log=log)
+        _save(part, network)
+        return network
 
-    with ThreadPoolExecutor(thread_count()) as pool:
+    with ThreadPoolExecutor(thread_count() if processes.count() == 1 else 1) as pool:
         networks = list(pool.map(one, range(config.clusters)))
     weights = {name: np.stack([network[name] for network in networks]) for name in networks[0]}
     arrays = {**asdict(standard), "centers": centers, **weights}
@@ -155,7 +167,8 @@ def _described(
         own.append(described)
         progress(task, len(own), 2 * len(samples))
     mean, scale = _mean_and_scale(np.concatenate(own))
-    covariance = sum(((x - mean) * scale).T.astype(np.float64) @ ((x - mean) * scale) for x in own)
+    products = sum(((x - mean) * scale).T.astype(np.float64) @ ((x - mean) * scale) for x in own)
+    covariance = processes.total(np.asarray(products))
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(context)])
     none = np.zeros(1, np.float32)
@@ -191,14 +204,23 @@ def _each(samples: list[_Sample], work: Callable[[_Sample], Result]) -> Iterator
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
     """Mean and reciprocal deviation of each column; what hardly varied here must not matter much elsewhere."""
-    mean, deviation = x.mean(axis=0, dtype=np.float64), x.std(axis=0, dtype=np.float64)
+    count = processes.total(np.array(float(len(x))))
+    mean = processes.total(x.sum(axis=0, dtype=np.float64)) / count
+    centred = x - mean
+    deviation = np.sqrt(processes.total(np.square(centred, out=centred).sum(axis=0)) / count)
     return mean.astype(np.float32), (1 / np.maximum(deviation, LEAST_DEVIATION)).astype(np.float32)
 
 
-def _generated(config: TrainConfig, progress: Progress) -> Iterator[Pair]:
-    for done, made in enumerate(pairs(config.data, workers=thread_count())):
-        progress("noisy/clean pairs", done + 1, config.data.count)
-        yield made
+def _samples(config: TrainConfig, own: Sequence[Pair], progress: Progress) -> list[_Sample]:
+    """Make what this process keeps of the generated pairs and of one's own."""
+    count = config.data.count
+    mine = range(count + len(own))[processes.share()]
+    generated, others = [i for i in mine if i < count], [i for i in mine if i >= count]
+    samples = []
+    for i, made in zip(generated, pairs(config.data, generated, workers=thread_count()), strict=True):
+        samples.append(_sample(made, i, config))
+        progress("noisy/clean pairs", len(samples), len(generated))
+    return samples + [_sample(own[i - count], i, config) for i in others]
 
 
 def _sample(made: Pair, index: int, config: TrainConfig) -> _Sample:
@@ -224,10 +246,16 @@ def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
 
 
 def _save(path: Path, arrays: Mapping[str, Array]) -> None:
-    """Write at once or not at all, so that a file that exists is finished."""
-    partial = path.with_suffix(".partial")
-    save_file(dict(arrays), partial)
-    os.replace(partial, path)
+    """Write at once or not at all, so that a file that exists is finished; the first process alone writes."""
+    if tells():
+        unfinished = path.with_suffix(".partial")
+        save_file(dict(arrays), unfinished)
+        os.replace(unfinished, path)
+
+
+def _read(path: Path) -> dict[str, Array]:
+    """Return what was saved, or nothing."""
+    return load_file(path) if path.exists() else {}
 
 
 @contextmanager

@@ -1,0 +1,79 @@
+"""The processes of one training, which torchrun starts, on one machine or many; each keeps its share of the meshes."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import distributed
+
+Made = TypeVar("Made")
+
+
+@contextmanager
+def together() -> Iterator[None]:
+    """Join the processes that torchrun has started for the time of the block; a process started alone stays alone."""
+    if torch.cuda.is_available():
+        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
+    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+        yield
+        return
+    distributed.init_process_group("cpu:gloo,cuda:nccl" if torch.cuda.is_available() else "gloo")
+    try:
+        yield
+    finally:
+        distributed.destroy_process_group()
+
+
+def device() -> torch.device:
+    """Return where this process does its matrix products: its graphics card where there is one."""
+    return torch.device("cuda", torch.cuda.current_device()) if torch.cuda.is_available() else torch.device("cpu")
+
+
+def count() -> int:
+    """Return how many processes there are."""
+    return distributed.get_world_size() if distributed.is_initialized() else 1
+
+
+def share() -> slice:
+    """Return which of a list of things are this process's own."""
+    return slice(distributed.get_rank(), None, count()) if count() > 1 else slice(None)
+
+
+def from_first(make: Callable[[], Made]) -> Made:
+    """Let the first process make something, and give it to all."""
+    if count() == 1:
+        return make()
+    made = [make() if distributed.get_rank() == 0 else None]
+    distributed.broadcast_object_list(made)
+    return made[0]  # type: ignore[return-value]  # the first process has made it
+
+
+def gathered(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Put the rows of all processes together, those of the first one first."""
+    if count() == 1:
+        return rows
+    parts: list[NDArray[np.float32]] = [rows] * count()
+    distributed.all_gather_object(parts, rows)
+    return np.concatenate(parts)
+
+
+def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Add the values of all processes."""
+    if count() == 1:
+        return values
+    tensor = torch.from_numpy(np.array(values, np.float64))
+    distributed.all_reduce(tensor)
+    return np.asarray(tensor.numpy())
+
+
+def least(number: int) -> int:
+    """Return the smallest number that any process has."""
+    if count() == 1:
+        return number
+    tensor = torch.tensor(number)
+    distributed.all_reduce(tensor, distributed.ReduceOp.MIN)
+    return int(tensor)
