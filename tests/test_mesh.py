@@ -44,3 +44,13 @@ def test_no_face_has_two_vertices_of_one_color():
         sides = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
         ends = color[sides[sides[:, 0] != sides[:, 1]]]
         assert (ends[:, 0] != ends[:, 1]).all()
+
+
+def test_edges_are_listed_once_and_in_order_whatever_the_faces():
+    for seed, (vertices, faces) in enumerate([(300, 800), (5, 60), (1, 2)]):
+        rows = np.random.default_rng(seed).integers(0, vertices, (faces, 3))
+        topology = Mesh(np.zeros((vertices, 3)), rows).topology
+        sides = np.stack([rows, np.roll(rows, -1, axis=1)], axis=2)
+        expected = sorted({(min(side), max(side)) for side in sides.reshape(-1, 2).tolist()})
+        assert topology.edges.tolist() == [list(edge) for edge in expected]
+        np.testing.assert_array_equal(topology.edges[topology.face_edges], np.sort(sides, axis=2))

@@ -62,23 +62,18 @@ class Topology:
         if ring < 1:
             raise ValueError(f"ring is {ring}; it must be at least 1")
         if ring not in self._face_rings:
-            count = len(self.faces)
-            parts = over(count, _face_ring_range, self.faces, *self.vertex_faces, ring)
-            indptr = np.zeros(count + 1, np.int64)
-            if parts:
-                np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
-            indices = np.concatenate([found for _, found in parts]) if parts else np.empty(0, np.int32)
-            self._face_rings[ring] = Csr(indptr, indices)
+            parts = over(len(self.faces), _face_ring_range, self.faces, *self.vertex_faces, ring)
+            self._face_rings[ring] = _joined(len(self.faces), parts)
         return self._face_rings[ring]
 
     @cached_property
     def _edges(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Unique undirected edges, and the edge of each face side; side k joins corners k and k + 1."""
-        sides = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2).reshape(-1, 2)
-        low, high = sides.min(axis=1).astype(np.int64), sides.max(axis=1)
-        keys, inverse = np.unique(low * self.vertex_count + high, return_inverse=True)
-        edges = np.stack(np.divmod(keys, self.vertex_count), axis=1).astype(np.int32)
-        return edges, inverse.reshape(-1, 3).astype(np.int32)
+        parts = over(self.vertex_count, _edges_up_range, self.faces, *self.vertex_faces)
+        up = _joined(self.vertex_count, parts)
+        of_sides = np.empty(self.faces.shape, np.int32)
+        over(self.vertex_count, _sides_up_range, self.faces, *self.vertex_faces, *up, of_sides)
+        return np.stack([up.rows, up.indices], axis=1), of_sides
 
     @property
     def edges(self) -> NDArray[np.int32]:
@@ -181,6 +176,14 @@ class Topology:
         return self.components[self.faces[:, 0]]
 
 
+def _joined(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int32]]]) -> Csr:
+    """Put rows together that were made range by range: the counts of each, and their entries row after row."""
+    indptr = np.zeros(count + 1, np.int64)
+    if parts:
+        np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
+    return Csr(indptr, np.concatenate([found for _, found in parts]) if parts else np.empty(0, np.int32))
+
+
 @kernel
 def _fill_vertex_faces(faces, free, indices):  # type: ignore[no-untyped-def]
     for f in range(len(faces)):
@@ -188,6 +191,46 @@ def _fill_vertex_faces(faces, free, indices):  # type: ignore[no-untyped-def]
             v = faces[f, corner]
             indices[free[v]] = f
             free[v] += 1
+
+
+@kernel
+def _edges_up_range(start, stop, faces, vf_indptr, vf_indices):  # type: ignore[no-untyped-def]
+    """Other ends of the edges at each vertex in start … stop that is their smaller one, ascending."""
+    counts = np.empty(stop - start, np.int64)
+    found = np.empty(2 * (vf_indptr[stop] - vf_indptr[start]) + 1, np.int32)  # two sides of each face at a vertex
+    end = 0
+    for i in range(start, stop):
+        first = end
+        for k in range(vf_indptr[i], vf_indptr[i + 1]):
+            f = vf_indices[k]
+            if k > vf_indptr[i] and vf_indices[k - 1] == f:
+                continue  # a face that names the vertex twice
+            for side in range(3):
+                a, b = faces[f, side], faces[f, (side + 1) % 3]
+                if min(a, b) == i:
+                    found[end] = max(a, b)
+                    end += 1
+        found[first:end].sort()
+        last, end = end, first
+        for k in range(first, last):
+            if end == first or found[end - 1] != found[k]:
+                found[end] = found[k]
+                end += 1
+        counts[i - start] = end - first
+    return counts, found[:end].copy()
+
+
+@kernel
+def _sides_up_range(start, stop, faces, vf_indptr, vf_indices, up_indptr, up_indices, of_sides):  # type: ignore[no-untyped-def]
+    """Number of the edge of each face side whose smaller vertex is in start … stop."""
+    for i in range(start, stop):
+        row = up_indices[up_indptr[i] : up_indptr[i + 1]]
+        for k in range(vf_indptr[i], vf_indptr[i + 1]):
+            f = vf_indices[k]
+            for side in range(3):
+                a, b = faces[f, side], faces[f, (side + 1) % 3]
+                if min(a, b) == i:
+                    of_sides[f, side] = up_indptr[i] + np.searchsorted(row, max(a, b))
 
 
 @kernel
