@@ -229,7 +229,8 @@ def _displacement(
     progress: Callable[[float], object] | None,
 ) -> Vectors:
     """Apply the method again and again; each vertex follows as far as its own strength says."""
-    times = math.ceil(strengths.max()) if mesh.diagonal > 0 else 0
+    has_lengths = mesh.mean_edge_length**2 > 0  # else all corners of each face are in one place
+    times = math.ceil(strengths.max()) if has_lengths else 0
     displacement = np.zeros_like(mesh.vertices)
     with told_to(progress):
         for time in steps(times):

@@ -30,6 +30,7 @@ MEAN_MESHES = {
     "no area": (POINTS, [[0, 0, 1], [1, 1, 1]]),
     "on a line": (np.outer(np.arange(5), [1, 1, 1]), [[0, 1, 2], [2, 3, 4]]),
     "in one place": (np.ones((3, 3)), [[0, 1, 2]]),
+    "in two places": (np.repeat([[0.0, 0, 0], [1, 2, 3]], 3, axis=0), [[0, 1, 2], [3, 4, 5]]),
     "flat": (grid(3, 3).vertices, grid(3, 3).faces),
     "spike": (np.concatenate([ROUGH.vertices[:-1], [[1e6, 0, 0]]]), ROUGH.faces),
 }
