@@ -15,7 +15,7 @@ import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
 from cascadenorm.baselines.diffusion import Order
 from cascadenorm.baselines.holes import fill_holes
-from cascadenorm.controls import Boundary, Controls, controlled, faces_within
+from cascadenorm.controls import Boundary, Controls, controlled, faces_within, framed_length
 from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target, extensible
@@ -324,8 +324,10 @@ def _denoised_file(
     start = time.perf_counter()
     vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
     seconds = time.perf_counter() - start
-    left_out = io.write(file.with_vertices(vertices), output, format=format, force=force)
     small, exponent = in_frame(mesh)  # squares of lengths overflow where coordinates are huge
+    with np.errstate(over="ignore"):
+        limit = float(np.ldexp(framed_length("max_displacement", controls.max_displacement, small, exponent), exponent))
+    left_out = io.write(file.with_vertices(vertices, limit=limit), output, format=format, force=force)
     moves = np.linalg.norm(np.ldexp(vertices - mesh.vertices, -exponent), axis=1)
     in_edges = moves / small.mean_edge_length if small.mean_edge_length > 0 else moves
     return Report(

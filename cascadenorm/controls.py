@@ -123,7 +123,9 @@ def controlled(
     if REGION in method.settings and controls.hold_some:
         checked[REGION] = weights > 0
     framed, exponent = in_frame(mesh)
-    keep = None if controls.keep_detail is None else _length("keep_detail", controls.keep_detail, framed, exponent)
+    keep = (
+        None if controls.keep_detail is None else framed_length("keep_detail", controls.keep_detail, framed, exponent)
+    )
     framed = oriented(framed)
     with limit_threads(controls.threads), threadpool_limits(1, user_api="blas"):  # BLAS adds in an order by threads
         application = _application(method, framed, checked, controls, keep)
@@ -131,7 +133,7 @@ def controlled(
         if controls.volume == "keep" and displacement.any():
             kept = with_volume_of(framed, framed.vertices + displacement, weights=weights)
             displacement = np.where(weights[:, None] > 0, kept - framed.vertices, 0.0)
-    limit = _length("max_displacement", controls.max_displacement, framed, exponent)
+    limit = framed_length("max_displacement", controls.max_displacement, framed, exponent)
     return _moved(mesh, displacement, exponent, limit, np.dtype(dtype))
 
 
@@ -256,8 +258,8 @@ def _read_length(name: str, text: float | str | None) -> tuple[float, bool]:
     return length, bool(match and match[2])
 
 
-def _length(name: str, text: float | str | None, framed: Mesh, exponent: int) -> float:
-    """Return a length in the unit of the frame."""
+def framed_length(name: str, text: float | str | None, framed: Mesh, exponent: int) -> float:
+    """Return a length in the unit of the frame, 2**exponent of the mesh's own; None is without end."""
     length, in_edges = _read_length(name, text)
     with np.errstate(over="ignore"):  # far larger than the mesh is without end
         return length * framed.mean_edge_length if in_edges else float(np.ldexp(length, -exponent))

@@ -474,6 +474,16 @@ def test_whole_numbers_end_at_those_of_their_type():
     assert read(written(out)).positions.tobytes() == out.positions.tobytes()
 
 
+@pytest.mark.parametrize("limit", [0.0, 0.4, 1.0, 1.5, 4.0])
+def test_rounding_to_whole_numbers_goes_not_beyond_the_limit(tmp_path, limit):
+    source, output = tmp_path / "ball.glb", tmp_path / "out.glb"
+    source.write_bytes(quantized("<u1"))
+    cn.denoise_file(source, output, method="laplacian", max_displacement=limit)
+    moves = np.linalg.norm(cn.read(output).positions - cn.read(source).positions, axis=1)
+    assert moves.max() <= limit
+    assert (limit >= 1) == (moves.max() > 0)
+
+
 def test_what_whole_numbers_lose_is_said_and_elsewhere_the_scene_has_its_size(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "ball.glb").write_bytes(quantized())

@@ -69,7 +69,7 @@ class Content:
 
     def single_positions(self) -> NDArray[np.float32]:
         """Return the positions in single precision; raises OutputError where one is beyond it."""
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             single = self.positions.astype(np.float32)
         bad = np.asarray((np.isinf(single) & np.isfinite(self.positions)).any(axis=1))
         if bad.any():
@@ -266,12 +266,13 @@ class MeshFile(ABC):
         """Name the first few places as the format counts them: '17, 18, 40, …'."""
         return ", ".join(map(str, places[:3] + self.counts_from)) + (", …" if len(places) > 3 else "")
 
-    def with_vertices(self: AnyMeshFile, vertices: ArrayLike) -> AnyMeshFile:
+    def with_vertices(self: AnyMeshFile, vertices: ArrayLike, *, limit: float = np.inf) -> AnyMeshFile:
         """Return this file with the vertices of `mesh` elsewhere; every copy of a vertex goes with it.
 
         Parameters
         ----------
         vertices : (n, 3) finite, in the order of mesh.vertices; rounded to the type that the file holds
+        limit : where whole numbers hold the positions, rounding takes none farther than this, in the unit of the file
 
         Returns
         -------
@@ -286,8 +287,15 @@ class MeshFile(ABC):
         if wanted.shape != mesh.vertices.shape:
             raise MeshError(f"vertices have shape {wanted.shape}; the mesh of this file has {mesh.vertices.shape}")
         copies = wanted[self.welds]
-        with np.errstate(over="ignore"):
-            rounded = self._storable(copies.astype(self.positions.dtype))
+        with np.errstate(over="ignore", invalid="ignore"):
+            single = copies.astype(self.positions.dtype)
+            rounded = self._storable(single)
+            while rounded is not single:
+                far = np.linalg.norm(rounded.astype(np.float64) - self.positions, axis=1) > limit
+                if not far.any():
+                    break
+                copies[far] = 0.5 * (copies[far] + self.positions[far])
+                rounded = self._storable(copies.astype(self.positions.dtype))
         bad = np.asarray(~np.isfinite(rounded).all(axis=1))
         if bad.any():
             raise MeshError(f"{bad.sum()} vertices are not finite as {rounded.dtype} (vertices {first_places(bad)})")
