@@ -20,7 +20,6 @@ from cascadenorm.data_gen import DatasetConfig, pairs
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.mesh import Mesh, thread_count
-from cascadenorm.metrics import measure
 from cascadenorm.pairs import find_pairs
 
 ROOT = Path(__file__).parents[1]
@@ -59,8 +58,14 @@ def trained(config: TrainConfig, path: Path) -> Cascade:
 
 def angles(cascade: Cascade, meshes: Meshes) -> list[float]:
     """Mean angle of normals over the meshes after each stage, in degrees."""
-    rows = [[measure(m, clean).normal_error_deg for m in cascade.steps(noisy)] for noisy, clean in meshes]
+    rows = [[angle(m, clean) for m in cascade.steps(noisy)] for noisy, clean in meshes]
     return np.mean(rows, axis=0).tolist()
+
+
+def angle(mesh: Mesh, clean: Mesh) -> float:
+    """Mean angle of the normals of the same faces, in degrees; `measure` takes longer, since it knows more."""
+    cosines = np.einsum("ij,ij->i", mesh.normals, clean.normals)[clean.areas > 0]
+    return float(np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean())
 
 
 def generated(data: DatasetConfig, **changes: object) -> Meshes:
@@ -73,6 +78,27 @@ def cell(values: Iterable[float]) -> str:
     """Mean over the seeds, and half of what lies between the least and the greatest."""
     found = np.array(list(values))
     return f"{found.mean():.2f} ± {np.ptp(found) / 2:.2f}"
+
+
+def write_table(rows: dict[str, list[list[float]]], count: int, seeds: int, shipped: int) -> None:
+    """Write what is known so far."""
+    lines = [
+        "# What each part of `auto` brings",
+        "",
+        "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over "
+        f"{seeds} seeds. Each model was trained with `configs/auto.toml` on {count} shapes, "
+        f"{FACES} faces of each, in place of {shipped}, with one part changed. Public models are "
+        "those of the validation set of the standard synthetic benchmark; shapes and depth views are generated from "
+        "a seed that no training has. Made by `python benchmarks/ablation.py DIR`.",
+        "",
+        "| | public models | generated shapes | depth views |",
+        "| --- | ---: | ---: | ---: |",
+        *(
+            f"| {name} | {' | '.join(cell(values) for values in zip(*found, strict=True))} |"
+            for name, found in rows.items()
+        ),
+    ]
+    (ROOT / "docs" / "ablation.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def main() -> None:
@@ -104,23 +130,7 @@ def main() -> None:
                     )
             rows.setdefault(name, []).append([by_stage[-1] for by_stage in after])
             print(name, seed, rows[name][-1], flush=True)
-    lines = [
-        "# What each part of `auto` brings",
-        "",
-        "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over "
-        f"{len(options.seeds)} seeds. Each model was trained with `configs/auto.toml` on {options.count} shapes, "
-        f"{FACES} faces of each, in place of {shipped.data.count}, with one part changed. Public models are "
-        "those of the validation set of the standard synthetic benchmark; shapes and depth views are generated from "
-        "a seed that no training has. Made by `python benchmarks/ablation.py DIR`.",
-        "",
-        "| | public models | generated shapes | depth views |",
-        "| --- | ---: | ---: | ---: |",
-        *(
-            f"| {name} | {' | '.join(cell(values) for values in zip(*found, strict=True))} |"
-            for name, found in rows.items()
-        ),
-    ]
-    (ROOT / "docs" / "ablation.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_table(rows, options.count, len(options.seeds), shipped.data.count)
 
 
 if __name__ == "__main__":
