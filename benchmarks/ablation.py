@@ -23,7 +23,6 @@ from cascadenorm.mesh import Mesh, thread_count
 from cascadenorm.pairs import find_pairs
 
 ROOT = Path(__file__).parents[1]
-FACES = 1500  # learnt from of each shape: more than of one of the many of the whole training
 UNSEEN = 1_000_003  # seed of the generated pairs that are measured on
 WHOLE = "all of it"
 
@@ -86,8 +85,8 @@ def write_table(rows: dict[str, list[list[float]]], count: int, seeds: int, ship
         "# What each part of `auto` brings",
         "",
         "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over "
-        f"{seeds} seeds. Each model was trained with `configs/auto.toml` on {count} shapes, "
-        f"{FACES} faces of each, in place of {shipped}, with one part changed. Public models are "
+        f"{seeds} seeds. Each model was trained with `configs/auto.toml` on {count} shapes in "
+        f"place of {shipped}, with one part changed. Public models are "
         "those of the validation set of the standard synthetic benchmark; shapes and depth views are generated from "
         "a seed that no training has. Made by `python benchmarks/ablation.py DIR`.",
         "",
@@ -111,7 +110,7 @@ def main() -> None:
     options = parser.parse_args()
     options.keep.mkdir(parents=True, exist_ok=True)
     shipped = read_config(ROOT / "configs" / "auto.toml")
-    config = replace(shipped, faces_per_mesh=FACES, data=replace(shipped.data, count=options.count))
+    config = replace(shipped, data=replace(shipped.data, count=options.count))
     sets: list[Meshes] = [
         [(as_mesh(pair.noisy), as_mesh(pair.clean)) for pair in find_pairs([options.folder])],
         generated(config.data, families=without_views(config.data)),
