@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.interior import face_pairs
-from cascadenorm.mesh import Mesh, Topology, Vectors, kernel, over
+from cascadenorm.mesh import Mesh, Topology, Vectors, angles_between, kernel, over
 
 EdgeOperator = Literal["area", "cotan"]
 
@@ -50,10 +50,8 @@ def edge_differences(vertices: Vectors, quads: NDArray[np.int32], coefficients: 
 
 def mean_dihedral(mesh: Mesh) -> float:
     """Mean angle in radians between the normals of the faces at an edge, unsigned, over the edges with two faces."""
-    ours, theirs = np.moveaxis(mesh.normals[face_pairs(mesh.topology)], 1, 0)
-    chord, total = np.linalg.norm(ours - theirs, axis=1), np.linalg.norm(ours + theirs, axis=1)
-    proper = ours.any(axis=1) & theirs.any(axis=1)
-    return float((2 * np.arctan2(chord, total))[proper].mean()) if proper.any() else 0.0
+    angles = angles_between(*np.moveaxis(mesh.normals[face_pairs(mesh.topology)], 1, 0))
+    return float(angles.mean()) if len(angles) else 0.0
 
 
 @kernel

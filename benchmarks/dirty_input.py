@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from dirty_meshes import Dirty, dirty_meshes
+from results import between_markers
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "dirty-input.md"
 BEGIN, END = "<!-- measured: written by benchmarks/dirty_input.py -->", "<!-- end of measured -->"
@@ -102,10 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     print(table)
     text = chosen.document.read_text(encoding="utf-8")
-    if text.count(BEGIN) != 1 or text.count(END) != 1:
-        raise SystemExit(f"{chosen.document} must hold '{BEGIN}' and '{END}' once each")
-    head, rest = text.split(BEGIN)
-    chosen.document.write_text(f"{head}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    chosen.document.write_text(between_markers(text, table, BEGIN, END), encoding="utf-8")
 
 
 def version(name: str, python: str) -> str:

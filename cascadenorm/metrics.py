@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, MeshError, scaled_alike
+from cascadenorm.mesh import Mesh, MeshError, angles_between, scaled_alike
 from cascadenorm.nearest import Nearest, Surface
 from cascadenorm.volume import is_closed
 
@@ -73,16 +73,14 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
 
 
 def _angles(mesh: Mesh, reference: Mesh, surface: Surface) -> NDArray[np.float64]:
-    """Angles in degrees between normals that belong together; accurate near 0° and 180° as well."""
+    """Angles in degrees between normals that belong together."""
     ours, theirs = mesh.normals, reference.normals
     if not np.array_equal(mesh.faces, reference.faces):
         theirs = theirs[surface.nearest(mesh.centroids).faces]
-    proper = ours.any(axis=1) & theirs.any(axis=1)
-    if not proper.any():
+    angles = angles_between(ours, theirs)
+    if not len(angles):
         raise MeshError("no face has an area in both meshes: there are no normals to compare")
-    ours, theirs = ours[proper], theirs[proper]
-    chord, sum_ = np.linalg.norm(ours - theirs, axis=1), np.linalg.norm(ours + theirs, axis=1)
-    return np.asarray(np.degrees(2 * np.arctan2(chord, sum_)))
+    return np.asarray(np.degrees(angles))
 
 
 def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:

@@ -69,7 +69,7 @@ class Content:
 
     def single_positions(self) -> NDArray[np.float32]:
         """Return the positions in single precision; raises OutputError where one is beyond it."""
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore"):
             single = self.positions.astype(np.float32)
         bad = np.asarray((np.isinf(single) & np.isfinite(self.positions)).any(axis=1))
         if bad.any():
@@ -288,14 +288,15 @@ class MeshFile(ABC):
             raise MeshError(f"vertices have shape {wanted.shape}; the mesh of this file has {mesh.vertices.shape}")
         copies = wanted[self.welds]
         with np.errstate(over="ignore", invalid="ignore"):
-            single = copies.astype(self.positions.dtype)
-            rounded = self._storable(single)
-            while rounded is not single:
+            while True:
+                typed = copies.astype(self.positions.dtype)
+                rounded = self._storable(typed)
+                if rounded is typed:  # `vertices` keep the limit in that type already
+                    break
                 far = np.linalg.norm(rounded.astype(np.float64) - self.positions, axis=1) > limit
                 if not far.any():
                     break
                 copies[far] = 0.5 * (copies[far] + self.positions[far])
-                rounded = self._storable(copies.astype(self.positions.dtype))
         bad = np.asarray(~np.isfinite(rounded).all(axis=1))
         if bad.any():
             raise MeshError(f"{bad.sum()} vertices are not finite as {rounded.dtype} (vertices {first_places(bad)})")

@@ -2,7 +2,7 @@
 
 from cascadenorm.mesh.frame import in_frame, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated
-from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, first_places, row_sums, unit
+from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, angles_between, first_places, row_sums, unit
 from cascadenorm.mesh.threads import in_blocks, kernel, limit_threads, over, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
 
@@ -12,6 +12,7 @@ __all__ = [
     "MeshError",
     "Topology",
     "Vectors",
+    "angles_between",
     "bad_faces",
     "bad_vertices",
     "first_places",

@@ -124,6 +124,14 @@ def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vector
     return scaled if otherwise is None else np.where(length > 0, scaled, otherwise)
 
 
+def angles_between(ours: Vectors, theirs: Vectors) -> NDArray[np.float64]:
+    """Angles in radians between unit rows that belong together, less those where one is zero; accurate at any angle."""
+    proper = ours.any(axis=1) & theirs.any(axis=1)
+    ours, theirs = ours[proper], theirs[proper]
+    chord, total = np.linalg.norm(ours - theirs, axis=1), np.linalg.norm(ours + theirs, axis=1)
+    return np.asarray(2 * np.arctan2(chord, total))
+
+
 def row_sums(groups: NDArray[Any], values: NDArray[Any]) -> NDArray[np.float64]:
     """Add the rows of values that are of one group, (largest number of a group + 1, columns of values)."""
     return np.stack([np.bincount(groups, column) for column in values.T], axis=1)
