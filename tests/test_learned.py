@@ -5,7 +5,7 @@ import pytest
 import torch
 from safetensors.numpy import save_file
 from scipy.spatial.transform import Rotation
-from shapes import cube, icosphere, noisy
+from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.learned.cascade import FORMAT, Cascade
@@ -14,16 +14,14 @@ from cascadenorm.learned.descriptors import (
     CONTEXT_STEPS,
     DESCRIPTORS,
     FLOOR,
-    JOINT_PASSES,
-    JOINT_SIGMA_R,
     REACH_PASSES,
     REACH_SIGMA_R,
     RING,
     SIGMA_R,
     SIGMA_S,
+    STEADY,
     bilateral_stack,
     guided_stack,
-    joint_stack,
     openness,
     pose_free,
     reaching_stack,
@@ -31,7 +29,8 @@ from cascadenorm.learned.descriptors import (
 )
 from cascadenorm.learned.networks import Network
 from cascadenorm.learned.regression import Regression, Standard, stage_stack
-from cascadenorm.mesh import Mesh, in_blocks, limit_threads, unit
+from cascadenorm.learned.smoothed import smoothed_normals
+from cascadenorm.mesh import Mesh, angles_between, in_blocks, limit_threads, unit
 from cascadenorm.mesh.threads import BLOCK
 from cascadenorm.registry import ParameterError
 
@@ -140,16 +139,40 @@ def compact(guide: np.ndarray, sigma_r: float) -> np.ndarray:
     return np.maximum(1 - u / 8, 0) ** 8
 
 
-def test_joint_stack_averages_noisy_normals_where_the_better_ones_are_alike():
-    better = MESH.moved(0.6 * MESH.vertices + 0.4 * icosphere(2).vertices)
-    stack = joint_stack(better, MESH)
-    assert stack.shape == (len(MESH.faces), len(JOINT_PASSES) * len(JOINT_SIGMA_R), 3)
-    for r, sigma_r in enumerate(JOINT_SIGMA_R):
-        weights = ring_weights(better) * compact(better.normals, sigma_r)
-        weights /= weights.sum(axis=1, keepdims=True)
-        for p, passes in enumerate(JOINT_PASSES):
-            expected = unit(np.linalg.matrix_power(weights, passes) @ MESH.normals)
-            np.testing.assert_allclose(stack[:, p * len(JOINT_SIGMA_R) + r], expected, atol=1e-5)
+@pytest.mark.parametrize("sigma_r", [np.inf, 0.35])
+def test_smoothed_vertices_take_the_mean_height_of_themselves_and_their_neighbours(sigma_r):
+    along = reaching_stack(MESH)[:, STEADY]
+    found = smoothed_normals(MESH, along, (1, 3), sigma_r=sigma_r)
+    around = np.zeros((len(MESH.vertices), 3))
+    np.add.at(around, MESH.faces.ravel(), np.repeat(MESH.areas[:, None] * along, 3, axis=0))
+    directions = unit(around)
+    weights = np.eye(len(directions), dtype=bool) * 1.0
+    a, b = MESH.topology.edges.T
+    weights[a, b] = weights[b, a] = compact(directions, sigma_r)[a, b]
+    weights /= weights.sum(axis=1, keepdims=True)
+    vertices = MESH.vertices
+    for done in range(1, 4):
+        heights = ((weights @ vertices - vertices) * directions).sum(axis=1, keepdims=True)
+        vertices = vertices + heights * directions
+        if done in (1, 3):
+            np.testing.assert_allclose(found[:, done // 2], MESH.moved(vertices).normals, atol=1e-6)
+
+
+def test_smoothed_vertices_know_the_shape_of_triangles_and_averaged_normals_do_not():
+    """On a bent surface a face has not the normal at its middle, but that of the plane through its corners."""
+    points = grid(30, 30).vertices - (15, 15, 0)
+    bowl = Mesh(points + 0.02 * (points**2).sum(axis=1)[:, None] * (0, 0, 1), grid(30, 30).faces)
+    averaged = reaching_stack(bowl)[:, STEADY].astype(float)
+    between = smoothed_normals(bowl, averaged, (4,))[:, 0].astype(float)
+    inner = np.abs(bowl.centroids[:, :2]).max(axis=1) < 5
+    error = [angles_between(found[inner], bowl.normals[inner]).mean() for found in (between, averaged)]
+    assert error[0] < 0.1 * error[1]
+
+
+def test_faces_without_area_keep_their_normals_between_smoothed_vertices():
+    flat = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1, 3]])
+    found = smoothed_normals(flat, flat.normals, (1, 2))
+    np.testing.assert_array_equal(found, [[[0, 0, 0]] * 2, [[0, 0, 1]] * 2])
 
 
 def test_surroundings_average_a_face_with_those_it_touches_and_with_all_that_is_connected():
@@ -200,7 +223,7 @@ def test_array_path_equals_torch(activation):
     np.testing.assert_allclose(stage.normals(MESH, stack), expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("descriptor", ["B", "near+joint"])
+@pytest.mark.parametrize("descriptor", ["B", "near+smooth"])
 def test_regression_turns_with_the_mesh(descriptor):
     stage = random_regression(descriptor, later=True)
     before = MESH.moved(0.9 * MESH.vertices + 0.1 * icosphere(2).vertices)
@@ -212,7 +235,7 @@ def test_regression_turns_with_the_mesh(descriptor):
 
 def test_same_bytes_for_any_number_of_threads():
     mesh = noisy(icosphere(5), 0.2)
-    cascade = Cascade((random_regression("B+G"), random_regression("near+joint", later=True)), {})
+    cascade = Cascade((random_regression("B+G"), random_regression("near+smooth", later=True)), {})
     with limit_threads(1):
         one = cascade.vertices(mesh)
     with limit_threads(5):

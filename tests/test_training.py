@@ -16,6 +16,9 @@ from cascadenorm.learned.regression import Standard
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
 
+TWO_PROCESSES = [
+    sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "-m", "cascadenorm", "train",
+]  # fmt: skip
 TINY = TrainConfig(
     faces_per_mesh=500,
     clusters=2,
@@ -117,8 +120,7 @@ def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path
         'noise_kinds = ["normal"]\nmin_level = 0.15\nmax_level = 0.3\n'
     )
     assert read_config(settings) == TINY
-    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "-m", "cascadenorm", "train"]
-    command += ["--config", str(settings), "-o", str(tmp_path / "two.safetensors"), "--threads", "1"]
+    command = [*TWO_PROCESSES, "--config", str(settings), "-o", str(tmp_path / "two.safetensors"), "--threads", "1"]
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     assert said.count("the model is in") == 1
     two = Cascade.load(tmp_path / "two.safetensors")
@@ -129,6 +131,13 @@ def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path
     clean = cube(10)
     mesh = noisy(clean, 0.15, seed=5)
     assert mean_angle(mesh, two.vertices(mesh), clean) < 0.6 * mean_angle(mesh, mesh.vertices, clean)
+
+
+def test_fewer_meshes_than_processes_are_refused_in_words(tmp_path):
+    (tmp_path / "one.toml").write_text("[data]\ncount = 1\n")
+    command = [*TWO_PROCESSES, "--config", str(tmp_path / "one.toml"), "-o", str(tmp_path / "one.safetensors")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode and "2 processes are more than the meshes, 1: take fewer" in done.stderr
 
 
 def test_the_folder_of_another_training_is_refused(tmp_path):

@@ -78,7 +78,7 @@ class TrainConfig:
     seed : of the drawn faces, the clusters and the networks; that of the shapes and noise is data.seed
     faces_per_mesh : drawn from each mesh, without repetition
     clusters : networks in each stage
-    descriptors : what each stage reads, "B+G", "B", "reach" or "near+joint"; as many stages as entries
+    descriptors : what each stage reads, names in DESCRIPTORS; as many stages as entries
     context : main directions of the descriptor that are averaged over the surroundings of a face
     sweeps : of the vertex update between the stages
     fit : settings of each network

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import spatial_weights
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, row_sums, unit
+from cascadenorm.learned.smoothed import smoothed_normals
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, row_sums
 from cascadenorm.steps import steps
 
 SIGMA_S = (1.0, 2.0)
@@ -16,12 +17,15 @@ SIGMA_R = (0.1, 0.2, 0.35, 0.5, np.inf)
 RING = 2
 REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
 REACH_PASSES = (1, 4, 16, 64)
+NEAR_PASSES = REACH_PASSES[:-1]
 CONTEXT_STEPS = (1, 2, 4, 8)
 LANES = len(REACH_SIGMA_R)
-JOINT_SIGMA_R = (0.2, 0.35)
-JOINT_PASSES = (1, 4, 16)
+SMOOTH_PASSES = (1, 2, 4, 8, 16)
+SMOOTH_SIGMA_R = 0.35
 LARGEST = 1000.0
 """No face weighs more in `reaching_stack` than one of so many median areas: a spike must not be seen from afar."""
+STEADY = 1 + LANES * REACH_PASSES.index(4) + REACH_SIGMA_R.index(np.inf)
+"""Number in `reaching_stack` of the normals along which vertices are smoothed."""
 FLOOR = 1e-4
 """Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
 
@@ -78,35 +82,25 @@ def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> Stack:
     return out
 
 
-def joint_stack(mesh: Mesh, noisy: Mesh) -> Stack:
-    """Normals of the noisy mesh, averaged over one ring JOINT_PASSES times where the normals of a better one are alike.
+def _first(mesh: Mesh, noisy: Mesh) -> list[Stack]:
+    reach = reaching_stack(mesh)
+    return [reach, smoothed_normals(mesh, reach[:, STEADY], SMOOTH_PASSES)]
 
-    So what an earlier stage has smoothed away can come back (joint bilateral filter; Eisemann and Durand 2004). The
-    weights are those of `reaching_stack`, of the normals of `mesh`, and stay as they are from pass to pass.
 
-    Returns
-    -------
-    (m, 6, 3) : σ_r ascending, JOINT_SIGMA_R, within passes ascending
-    """
-    rings, own, weights = _ring_weights(mesh)
-    guide = mesh.normals.astype(np.float32)
-    lanes = np.empty((len(weights), len(JOINT_SIGMA_R)), np.float32)
-    over(len(guide), _joint_weights_range, guide, *rings, weights, _spreads(JOINT_SIGMA_R), lanes)
-    normals, kept = np.repeat(noisy.normals.astype(np.float32)[:, :, None], len(JOINT_SIGMA_R), axis=2), []
-    after = np.empty_like(normals)
-    for done in range(JOINT_PASSES[-1]):
-        over(len(normals), _joint_range, normals, own, *rings, lanes, after)
-        normals, after = after, normals
-        if done + 1 in JOINT_PASSES:
-            kept.append(unit(normals.transpose(0, 2, 1), otherwise=guide[:, None]).astype(np.float32))
-    return np.concatenate(kept, axis=1)
+def _later(mesh: Mesh, noisy: Mesh) -> list[Stack]:
+    """Filter what the stage before left; and smooth the noisy mesh along its normals, so that detail can come back."""
+    reach, passes = reaching_stack(mesh, NEAR_PASSES), SMOOTH_PASSES[:-1]
+    smoothed = smoothed_normals(mesh, reach[:, STEADY], passes)
+    return [reach, smoothed, smoothed_normals(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R)]
 
 
 DESCRIPTORS: dict[str, Callable[[Mesh, Mesh], list[Stack]]] = {
     "B": lambda mesh, noisy: [bilateral_stack(mesh)],
     "B+G": lambda mesh, noisy: [guided_stack(mesh)],
     "reach": lambda mesh, noisy: [reaching_stack(mesh)],
-    "near+joint": lambda mesh, noisy: [reaching_stack(mesh, REACH_PASSES[:-1]), joint_stack(mesh, noisy)],
+    "reach+smooth": _first,
+    "near": lambda mesh, noisy: [reaching_stack(mesh, NEAR_PASSES)],
+    "near+smooth": _later,
 }
 """What a stage may read of a mesh and of how it was before the first stage, by the name in settings and weights."""
 
@@ -258,36 +252,6 @@ def _reach_range(start, stop, normals, own, indptr, indices, weights, spreads, o
             length = np.sqrt(total[0, r] ** 2 + total[1, r] ** 2 + total[2, r] ** 2)
             for d in range(3):
                 out[f, d, r] = total[d, r] / length if length > zero else normals[f, d, r]
-
-
-@kernel
-def _joint_weights_range(start, stop, guide, indptr, indices, weights, spreads, out):  # type: ignore[no-untyped-def]
-    one, eighth = np.float32(1), np.float32(0.125)
-    for f in range(start, stop):
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            x, y, z = guide[g, 0] - guide[f, 0], guide[g, 1] - guide[f, 1], guide[g, 2] - guide[f, 2]
-            chord = x * x + y * y + z * z
-            for r in range(len(spreads)):
-                out[k, r] = weights[k] * max(np.float32(0), one - eighth * spreads[r] * chord) ** 8
-
-
-@kernel
-def _joint_range(start, stop, normals, own, indptr, indices, weights, out):  # type: ignore[no-untyped-def]
-    """One pass of averages whose weights are given, side by side; iteration f alone writes out[f]."""
-    for f in range(start, stop):
-        for r in range(weights.shape[1]):
-            total = own[f]
-            for d in range(3):
-                out[f, d, r] = own[f] * normals[f, d, r]
-            for k in range(indptr[f], indptr[f + 1]):
-                g, w = indices[k], weights[k, r]
-                total += w
-                for d in range(3):
-                    out[f, d, r] += w * normals[g, d, r]
-            if total > 0:
-                for d in range(3):
-                    out[f, d, r] /= total
 
 
 @kernel

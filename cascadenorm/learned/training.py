@@ -75,13 +75,15 @@ def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), pr
 
     Raises
     ------
-    ConfigError : the folder holds a training of another config, or of other pairs
+    ConfigError : the folder holds a training of another config, or of other pairs; fewer meshes than processes
     """
     with processes.together(), _one_thread_each():
         return _trained(config, checkpoint, own, progress if tells() else silent)
 
 
 def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progress: Progress) -> Cascade:
+    if (meshes := config.data.count + len(own)) < processes.count():
+        raise ConfigError(f"{processes.count()} processes are more than the meshes, {meshes}: take fewer")
     if tells():
         _claim(checkpoint, config, own)
     samples = _samples(config, own, progress)

@@ -69,13 +69,15 @@ class Mesh:
         """(m, 3) unit normal of each face; zero where the face has no area."""
         return unit(self.area_vectors)
 
+    def sums_around(self, vectors: Vectors) -> Vectors:
+        """Add what the faces around each vertex have, one row of (m, 3) a face, to (n, 3)."""
+        around = [np.bincount(self.faces.ravel(), np.repeat(column, 3), len(self.vertices)) for column in vectors.T]
+        return np.stack(around, axis=1)
+
     @cached_property
     def vertex_area_vectors(self) -> Vectors:
         """(n, 3) sum of the area vectors around each vertex."""
-        around = [
-            np.bincount(self.faces.ravel(), np.repeat(column, 3), len(self.vertices)) for column in self.area_vectors.T
-        ]
-        return np.stack(around, axis=1)
+        return self.sums_around(self.area_vectors)
 
     @cached_property
     def vertex_normals(self) -> Vectors:

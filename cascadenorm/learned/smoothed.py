@@ -1,0 +1,75 @@
+"""Normals of faces whose vertices were smoothed: it is vertices that noise moves, and they lie between the normals."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
+
+Normals: TypeAlias = NDArray[np.float32]
+"""(m, p, 3) float32: p unit normals of each of m faces."""
+
+
+def smoothed_normals(mesh: Mesh, along: Vectors, passes: tuple[int, ...], *, sigma_r: float = np.inf) -> Normals:
+    """Normals of the faces after each number of smoothing passes, in which vertices move along fixed normals only.
+
+    In a pass each vertex takes the mean height of itself and those it shares an edge with (umbrella operator, Taubin
+    1995), measured along its own normal, so that triangles keep their shape within the surface. The normal of a face
+    depends on that shape wherever a surface bends: averages of normals lose it.
+
+    Parameters
+    ----------
+    mesh : n vertices, m faces
+    along : (m, 3) normals of the faces, smoother than its own; their sum around a vertex, by area, is its direction
+    passes : numbers of passes, ascending
+    sigma_r : spread of the weights of neighbours by the chord between directions; infinite: all weigh the same
+
+    Returns
+    -------
+    (m, p, 3) ; where a face has no area left, its normal in `mesh`
+    """
+    directions = unit(mesh.sums_around(mesh.areas[:, None] * along))
+    neighbors, spread = mesh.topology.vertex_neighbors, 0.5 / sigma_r**2
+    positions, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
+    out = np.empty((len(mesh.faces), len(passes), 3), np.float32)
+    for done in range(1, passes[-1] + 1):
+        over(len(positions), _smooth_range, positions, directions, *neighbors, spread, after)
+        positions, after = after, positions
+        if done in passes:
+            over(len(out), _normal_range, positions, mesh.faces, mesh.normals, out[:, passes.index(done)])
+    return out
+
+
+@kernel
+def _smooth_range(start, stop, positions, directions, indptr, indices, spread, after):  # type: ignore[no-untyped-def]
+    """One pass; the weight (1 - u/8)^8 stands for e^-u; iteration i alone writes after[i]."""
+    for i in range(start, stop):
+        height, total = 0.0, 1.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            rise, chord = 0.0, 0.0
+            for d in range(3):
+                rise += directions[i, d] * (positions[j, d] - positions[i, d])
+                chord += (directions[j, d] - directions[i, d]) ** 2
+            weight = max(0.0, 1.0 - 0.125 * spread * chord) ** 8
+            height += weight * rise
+            total += weight
+        for d in range(3):
+            after[i, d] = positions[i, d] + height / total * directions[i, d]
+
+
+@kernel
+def _normal_range(start, stop, at, faces, otherwise, out):  # type: ignore[no-untyped-def]
+    """Normals of the faces between vertices `at` their positions; iteration f alone writes out[f]."""
+    for f in range(start, stop):
+        a, b, c = faces[f]
+        ux, uy, uz = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[b, 2] - at[a, 2]
+        vx, vy, vz = at[c, 0] - at[a, 0], at[c, 1] - at[a, 1], at[c, 2] - at[a, 2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0:
+            out[f, 0], out[f, 1], out[f, 2] = x / length, y / length, z / length
+        else:
+            for d in range(3):
+                out[f, d] = otherwise[f, d]
