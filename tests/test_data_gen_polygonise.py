@@ -10,9 +10,11 @@ from cascadenorm.data_gen.lattice import sample
 from cascadenorm.data_gen.manners import Manner, creases_of, tessellate
 from cascadenorm.data_gen.polygonise import dual_contouring, marching_cubes
 from cascadenorm.data_gen.remesh import collapse_short, flip_edges, slide, split_long
+from cascadenorm.data_gen.sensor import SHORT
 from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.untangle import untangled
-from cascadenorm.mesh import Mesh
+from cascadenorm.data_gen.views import view
+from cascadenorm.mesh import Mesh, unit
 
 TURN = placement.random_rotation(rng=np.random.default_rng(5))
 HALF = np.array([0.7, 0.6, 0.5])
@@ -140,6 +142,23 @@ def test_every_manner_makes_closed_meshes_of_about_the_wanted_size(manner, sharp
     assert 4000 < len(mesh.faces) < 9000
     assert mesh.areas.min() > 0
     assert np.abs(field(mesh.vertices)).mean() < 0.02
+
+
+def test_a_view_is_what_is_seen_from_one_side_by_rays_or_out_of_a_volume():
+    ball = fields.sphere(radius=1)
+    shortest = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        mesh = view(ball, extent_of(ball, rng=rng), faces=4000, rng=rng)
+        assert 0.6 * 4000 < len(mesh.faces) < 1.6 * 4000 and is_manifold(mesh)
+        np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, atol=2e-3)
+        toward = unit(mesh.area_vectors.sum(axis=0)[None])[0]
+        assert (mesh.vertices @ toward).min() > -0.05
+        assert (mesh.normals * mesh.centroids).sum(axis=1).min() > 0.9
+        ends = mesh.vertices[mesh.topology.edges]
+        lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+        shortest.append(np.quantile(lengths, 0.05) / lengths.mean())
+    assert min(shortest) < SHORT < max(shortest)
 
 
 def test_an_empty_shape_is_unfit():

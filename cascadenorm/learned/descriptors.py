@@ -21,7 +21,9 @@ NEAR_PASSES = REACH_PASSES[:-1]
 CONTEXT_STEPS = (1, 2, 4, 8)
 LANES = len(REACH_SIGMA_R)
 SMOOTH_PASSES = (1, 2, 4, 8, 16)
+"""Of smoothing of the vertices in the first stage; the later ones leave out the last."""
 SMOOTH_SIGMA_R = 0.35
+"""Where the noisy mesh is smoothed along better normals, it stops at edges of that chord."""
 LARGEST = 1000.0
 """No face weighs more in `reaching_stack` than one of so many median areas: a spike must not be seen from afar."""
 STEADY = 1 + LANES * REACH_PASSES.index(4) + REACH_SIGMA_R.index(np.inf)
@@ -70,11 +72,12 @@ def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> Stack:
     (m, 1 + 4 p, 3) : the face normal first, then σ_r ascending within the p numbers of passes ascending
     """
     rings, own, weights = _ring_weights(mesh)
+    spreads = (0.5 / np.array(REACH_SIGMA_R) ** 2).astype(np.float32)
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
     out[:, 0] = normals[:, :, 0]
     for done in steps(passes[-1]):
-        over(len(normals), _reach_range, normals, own, *rings, weights, _spreads(REACH_SIGMA_R), after)
+        over(len(normals), _reach_range, normals, own, *rings, weights, spreads, after)
         normals, after = after, normals
         if done + 1 in passes:
             first = 1 + LANES * passes.index(done + 1)
@@ -172,10 +175,6 @@ def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.floa
     own = (share * mesh.areas / middling).astype(np.float32)
     weights = (share[rings.indices] * spatial_weights(mesh, rings, 1.0) / middling).astype(np.float32)
     return rings, own, weights
-
-
-def _spreads(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
-    return (0.5 / np.array(sigma_r) ** 2).astype(np.float32)
 
 
 def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...]) -> Stack:
