@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
 
 Normals: TypeAlias = NDArray[np.float32]
-"""(m, p, 3) float32: p unit normals of each of m faces."""
+"""float32, unit: one normal of each face, or several."""
 
 
-def smoothed_normals(mesh: Mesh, along: Vectors, passes: tuple[int, ...], *, sigma_r: float = np.inf) -> Normals:
+def smoothed_normals(
+    mesh: Mesh, along: Vectors | Normals, passes: tuple[int, ...], *, sigma_r: float = np.inf
+) -> Normals:
     """Normals of the faces after each number of smoothing passes, in which vertices move along fixed normals only.
 
     In a pass each vertex takes the mean height of itself and those it shares an edge with (umbrella operator, Taubin
