@@ -10,7 +10,6 @@ from cascadenorm.mesh import Mesh, Vectors, unit
 
 WIDEST = 60  # passes of neighbour means that spread noise: over about six pixels
 LONGEST = 5.0  # rounding steps are up to so many times as high as for terraces of a pixel
-
 SHORT = 0.4  # edges so much shorter than the mean one: vertices are not pixels, but crossings of a lattice
 
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cascadenorm.data_gen.fields import Field, Values
 from cascadenorm.data_gen.lattice import sample
 from cascadenorm.data_gen.placement import random_rotation
-from cascadenorm.data_gen.polygonise import marching_cubes
+from cascadenorm.data_gen.polygonise import NoSurfaceError, marching_cubes
 from cascadenorm.data_gen.surface import REACH, Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.untangle import untangled
 from cascadenorm.mesh import Mesh, Vectors, unit
@@ -50,7 +50,10 @@ def _of_volume(
     spacing = float(np.sqrt(2.3 * LIT * extent.area / faces))
     turn = random_rotation(rng=rng)
     lattice = sample(field, lower=extent.lower, upper=extent.upper, spacing=spacing, turn=turn, rng=rng)
-    mesh = marching_cubes(field, lattice)
+    try:
+        mesh = marching_cubes(field, lattice)
+    except NoSurfaceError as error:
+        raise UnfitShapeError(str(error)) from error
     rays = mesh.vertices - eye
     lengths = np.linalg.norm(rays, axis=1)
     depth = traced(field, eye, rays / lengths[:, None], start=distance - REACH, stop=distance + REACH)

@@ -146,7 +146,7 @@ def test_smoothed_vertices_take_the_mean_height_of_themselves_and_their_neighbou
     around = np.zeros((len(MESH.vertices), 3))
     np.add.at(around, MESH.faces.ravel(), np.repeat(MESH.areas[:, None] * along, 3, axis=0))
     directions = unit(around)
-    weights = np.eye(len(directions), dtype=bool) * 1.0
+    weights = np.eye(len(directions))
     a, b = MESH.topology.edges.T
     weights[a, b] = weights[b, a] = compact(directions, sigma_r)[a, b]
     weights /= weights.sum(axis=1, keepdims=True)

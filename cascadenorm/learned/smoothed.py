@@ -1,19 +1,14 @@
 """Normals of faces whose vertices were smoothed: it is vertices that noise moves, and they lie between the normals."""
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
 
-Normals: TypeAlias = NDArray[np.float32]
-"""float32, unit: one normal of each face, or several."""
-
 
 def smoothed_normals(
-    mesh: Mesh, along: Vectors | Normals, passes: tuple[int, ...], *, sigma_r: float = np.inf
-) -> Normals:
+    mesh: Mesh, along: Vectors | NDArray[np.float32], passes: tuple[int, ...], *, sigma_r: float = np.inf
+) -> NDArray[np.float32]:
     """Normals of the faces after each number of smoothing passes, in which vertices move along fixed normals only.
 
     In a pass each vertex takes the mean height of itself and those it shares an edge with (umbrella operator, Taubin
@@ -29,7 +24,7 @@ def smoothed_normals(
 
     Returns
     -------
-    (m, p, 3) ; where a face has no area left, its normal in `mesh`
+    (m, p, 3) unit; where a face has no area left, its normal in `mesh`
     """
     directions = unit(mesh.sums_around(mesh.areas[:, None] * along))
     neighbors, spread = mesh.topology.vertex_neighbors, 0.5 / sigma_r**2
