@@ -42,13 +42,14 @@ def variants(config: TrainConfig) -> dict[str, TrainConfig]:
         "the filters of the first stage in every stage": replace(config, descriptors=config.descriptors[:1] * 3),
         "the filters of the paper": replace(config, descriptors=TrainConfig().descriptors),
         "half the shapes": replace(config, data=replace(data, count=data.count // 2)),
-        "no depth views": replace(config, data=replace(data, families=without_views(data))),
+        "no fused scans": replace(config, data=without(data, "fused")),
+        "no scans at all": replace(config, data=without(data, "fused", "view")),
     }
 
 
-def without_views(data: DatasetConfig) -> tuple[str, ...]:
-    """Families but those that a depth camera sees."""
-    return tuple(name for name in data.families if name != "view")
+def without(data: DatasetConfig, *left_out: str) -> DatasetConfig:
+    """Return the data but for some families."""
+    return replace(data, families=tuple(name for name in data.families if name not in left_out))
 
 
 def trained(config: TrainConfig, path: Path) -> Cascade:
@@ -87,11 +88,12 @@ def write_table(rows: dict[str, list[list[float]]], count: int, seeds: int, ship
         "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over "
         f"{seeds} seeds. Each model was trained with `configs/auto.toml` on {count} shapes in "
         f"place of {shipped}, with one part changed. Public models are "
-        "those of the validation set of the standard synthetic benchmark; shapes and depth views are generated from "
-        "a seed that no training has. Made by `python benchmarks/ablation.py DIR`.",
+        "those of the validation set of the standard synthetic benchmark; shapes, views of one depth camera and scans "
+        "fused from several are generated from a seed that no training has. "
+        "Made by `python benchmarks/ablation.py DIR`.",
         "",
-        "| | public models | generated shapes | depth views |",
-        "| --- | ---: | ---: | ---: |",
+        "| | public models | generated shapes | depth views | fused scans |",
+        "| --- | ---: | ---: | ---: | ---: |",
         *(
             f"| {name} | {' | '.join(cell(values) for values in zip(*found, strict=True))} |"
             for name, found in rows.items()
@@ -113,8 +115,8 @@ def main() -> None:
     config = replace(shipped, data=replace(shipped.data, count=options.count))
     sets: list[Meshes] = [
         [(as_mesh(pair.noisy), as_mesh(pair.clean)) for pair in find_pairs([options.folder])],
-        generated(config.data, families=without_views(config.data)),
-        generated(config.data, families=("view",), noise_kinds=("sensor",)),
+        generated(without(config.data, "fused", "view")),
+        *(generated(config.data, families=(seen,), noise_kinds=("sensor",)) for seen in ("view", "fused")),
     ]
     rows: dict[str, list[list[float]]] = {}
     for name, changed in variants(config).items():

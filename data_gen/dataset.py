@@ -14,10 +14,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen.families import FAMILIES
+from cascadenorm.data_gen.fusion import Scan
 from cascadenorm.data_gen.noise import NoiseKind, displacements
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.surface import UnfitShapeError
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
 ATTEMPTS = 60  # shapes drawn for one index before giving up
@@ -50,8 +51,8 @@ class DatasetConfig:
     seed : of everything
     families : names out of FAMILIES; those left out are held out
     min_faces, max_faces : bounds for the wanted number of faces, drawn log-uniformly and met within a third or so
-    noise_kinds : drawn with equal chance; name one twice to double its chance. `sensor` is for the views of families
-        that are seen from one side: half of these get it, and no other mesh, unless it is the only kind
+    noise_kinds : drawn with equal chance; name one twice to double its chance. `sensor` is for the families that
+        cameras see: half of their meshes get it, and no other mesh, unless it is the only kind
     min_level, max_level : noise level in mean edge lengths, drawn log-uniformly
     """
 
@@ -88,7 +89,7 @@ class Pair(NamedTuple):
     clean: Mesh
     family: str
     noise_kind: NoiseKind
-    level: float  # in mean edge lengths of the clean mesh
+    level: float  # in mean edge lengths of the clean mesh; out of a volume: in spacings of its lattice, of each image
 
 
 def family_of(config: DatasetConfig, index: int) -> str:
@@ -100,16 +101,24 @@ def family_of(config: DatasetConfig, index: int) -> str:
 
 def clean_mesh(config: DatasetConfig, index: int) -> Mesh:
     """Make the clean mesh of an index; shapes that come out unfit are drawn again."""
+    return _scan(config, index, level=0.0).clean
+
+
+def _scan(config: DatasetConfig, index: int, *, level: float) -> Scan:
+    """Make the mesh of an index, with the noise of cameras if that decides where its triangles are."""
     family = FAMILIES[family_of(config, index)]
     for attempt in range(ATTEMPTS):
         rng = _stream(config, index, _SHAPE, attempt + 1)
         faces = round(math.exp(rng.uniform(math.log(config.min_faces), math.log(config.max_faces))))
         try:
-            mesh = family.make(rng=rng, faces=faces)
+            made = family.make(rng=rng, faces=faces, level=level)
         except UnfitShapeError:
             continue
-        if 0.6 * faces <= len(mesh.faces) <= 1.6 * faces:
-            return _pulled(mesh, rng=rng) if family.part != "view" and rng.random() < PULLED else mesh
+        if 0.6 * faces <= len(made.clean.faces) <= 1.6 * faces:
+            if not family.seen and rng.random() < PULLED:
+                pulled = _pulled(made.clean, rng=rng)
+                return Scan(pulled, pulled)
+            return made
     raise RuntimeError(f"no fit shape for index {index} of seed {config.seed} in {ATTEMPTS} attempts")
 
 
@@ -119,38 +128,35 @@ def _pulled(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
     return mesh.moved(mesh.vertices @ (axes * np.exp(rng.uniform(-0.55, 0.55, 3))) @ axes.T)
 
 
-def noisy_vertices(
-    config: DatasetConfig, index: int, clean: Mesh, *, epoch: int = 0
-) -> tuple[Vectors, NoiseKind, float]:
-    """Draw noise for the clean mesh of an index: vertices, kind and level; another draw in each epoch."""
-    seen = FAMILIES[family_of(config, index)].part == "view"
-    return _disturbed(config, clean, seen=seen, rng=_stream(config, index, _NOISE, epoch))
-
-
-def _disturbed(
-    config: DatasetConfig, clean: Mesh, *, seen: bool, rng: np.random.Generator
-) -> tuple[Vectors, NoiseKind, float]:
-    """Draw noise for a mesh, that of depth cameras only where it is seen from one side."""
+def _noise(config: DatasetConfig, *, seen: bool, rng: np.random.Generator) -> tuple[NoiseKind, float]:
+    """Draw kind and level of noise, that of depth cameras only for what they see."""
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
     sensed = not kinds or (seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
     level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))
-    if kind == "none":
-        level = 0.0
-    return clean.vertices + displacements(clean, kind, level=level, rng=rng), kind, level
+    return kind, 0.0 if kind == "none" else level
 
 
 def pair(config: DatasetConfig, index: int) -> Pair:
     """Make one noisy/clean pair; it depends on the config and the index alone."""
-    clean = clean_mesh(config, index)
-    vertices, kind, level = noisy_vertices(config, index, clean)
-    return Pair(clean.moved(vertices), clean, family_of(config, index), kind, level)
+    name = family_of(config, index)
+    rng = _stream(config, index, _NOISE)
+    kind, level = _noise(config, seen=FAMILIES[name].seen, rng=rng)
+    if FAMILIES[name].part == "fused" and kind == "sensor":
+        scan = _scan(config, index, level=level)
+        return Pair(scan.noisy, scan.clean, name, kind, level)
+    return _disturbed(clean_mesh(config, index), name, kind, level, rng=rng)
 
 
 def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:
     """Put noise of the config on a clean mesh of one's own; another draw for each index."""
-    vertices, kind, level = _disturbed(config, clean, seen=False, rng=_stream(config, index, _OWN))
-    return Pair(clean.moved(vertices), clean, OWN, kind, level)
+    rng = _stream(config, index, _OWN)
+    return _disturbed(clean, OWN, *_noise(config, seen=False, rng=rng), rng=rng)
+
+
+def _disturbed(clean: Mesh, family: str, kind: NoiseKind, level: float, *, rng: np.random.Generator) -> Pair:
+    noisy = clean.moved(clean.vertices + displacements(clean, kind, level=level, rng=rng))
+    return Pair(noisy, clean, family, kind, level)
 
 
 def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, workers: int = 1) -> Iterator[Pair]:

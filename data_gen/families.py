@@ -8,10 +8,10 @@ import numpy as np
 
 from cascadenorm.data_gen import cad, organic
 from cascadenorm.data_gen.fields import Field
+from cascadenorm.data_gen.fusion import Scan, fused
 from cascadenorm.data_gen.manners import tessellate
 from cascadenorm.data_gen.surface import cut_out, extent_of
 from cascadenorm.data_gen.views import view
-from cascadenorm.mesh import Mesh
 
 USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
 
@@ -25,30 +25,46 @@ class Family:
     shape : draws a field, given the edge length to expect: detail finer than that would be lost
     weight : how often the family is drawn, relative to the others
     sharp : edges of the shape become edges of the mesh
-    part : the whole shape, which is closed; a piece cut out by a box; or what is visible from one side
+    part : the whole shape, which is closed; a piece cut out by a box; what a depth camera sees from one side; or what
+        several do, fused in a volume
     """
 
     shape: Callable[[float, np.random.Generator], Field]
     weight: float
     sharp: bool
-    part: Literal["whole", "piece", "view"] = "whole"
+    part: Literal["whole", "piece", "view", "fused"] = "whole"
 
     @property
     def closed(self) -> bool:
         """Whether meshes are watertight."""
         return self.part == "whole"
 
-    def make(self, *, faces: int, rng: np.random.Generator) -> Mesh:
-        """Draw a shape and make a mesh of about so many faces; UnfitShapeError if it came out bad."""
+    @property
+    def seen(self) -> bool:
+        """Whether meshes are what cameras see."""
+        return self.part in ("view", "fused")
+
+    def make(self, *, faces: int, rng: np.random.Generator, level: float = 0.0) -> Scan:
+        """Draw a shape and make a mesh of about so many faces; UnfitShapeError if it came out bad.
+
+        Parameters
+        ----------
+        level : of the noise of the cameras behind a fused mesh, see `fused`; other meshes are without noise, whatever
+            it is, and both of the pair are the same
+        """
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         field = self.shape(float(np.sqrt(2.3 * area / faces)), rng)
         extent = extent_of(field, rng=rng)
+        if self.part == "fused":
+            return fused(field, extent, faces=faces, level=level, rng=rng)
         if self.part == "view":
-            return view(field, extent, faces=faces, rng=rng)
-        if self.part == "piece":
+            mesh = view(field, extent, faces=faces, rng=rng)
+        elif self.part == "piece":
             extent, window = cut_out(extent, share=float(rng.uniform(0.08, 0.4)), rng=rng)
-            return tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
-        return tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
+            mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
+        else:
+            mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
+        return Scan(mesh, mesh)
 
 
 Shape = Callable[[float, np.random.Generator], Field]
@@ -61,6 +77,8 @@ def any_of(*shapes: Shape) -> Shape:
 
 MACHINED = any_of(cad.assembly, cad.bracket, cad.wheel, cad.turned, cad.plate, cad.polyhedron, cad.engraved)
 GROWN = any_of(organic.statue, organic.bust, organic.bumpy, organic.rock, organic.creature)
+SCENES = any_of(cad.tabletop, cad.tabletop, cad.assembly, cad.turned, GROWN)
+OBJECTS = any_of(cad.tabletop, MACHINED, GROWN)
 
 FAMILIES: dict[str, Family] = {
     "assembly": Family(cad.assembly, 1.2, sharp=True),
@@ -80,5 +98,6 @@ FAMILIES: dict[str, Family] = {
     "rock": Family(organic.rock, 0.7, sharp=False),
     "machined_piece": Family(MACHINED, 1.8, sharp=True, part="piece"),
     "grown_piece": Family(GROWN, 2.2, sharp=False, part="piece"),
-    "view": Family(any_of(cad.tabletop, cad.tabletop, cad.assembly, cad.turned, GROWN), 0.9, sharp=True, part="view"),
+    "view": Family(SCENES, 0.9, sharp=True, part="view"),
+    "fused": Family(OBJECTS, 0.9, sharp=True, part="fused"),
 }

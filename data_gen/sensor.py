@@ -2,15 +2,12 @@
 
 import numpy as np
 from scipy import sparse
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import KDTree
 
 from cascadenorm.data_gen.fields import Values
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 WIDEST = 60  # passes of neighbour means that spread noise: over about six pixels
 LONGEST = 5.0  # rounding steps are up to so many times as high as for terraces of a pixel
-SHORT = 0.4  # edges so much shorter than the mean one: vertices are not pixels, but crossings of a lattice
 
 
 def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
@@ -19,9 +16,6 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
     Neighbours err alike, since a camera matches windows of pixels, and where a surface is steep against the view,
     rounding of the disparity makes terraces (Khoshelham, Elberink 2012; Barron, Malik 2013). So the whole error may be
     several times larger than it is from one pixel to the next.
-
-    Vertices are pixels; where many edges are far shorter than others, as of marching cubes in a volume of fused depths,
-    the error is that of an image, and linear between its pixels.
 
     Parameters
     ----------
@@ -36,32 +30,11 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
     toward = unit(mesh.area_vectors.sum(axis=0)[None])[0]
     depth = -mesh.vertices @ toward
     distance = depth + float(rng.uniform(1.5, 6)) * mesh.diagonal - depth.mean()
-    ends = mesh.vertices[mesh.topology.edges]
-    if np.quantile(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), 0.05) > SHORT * mesh.mean_edge_length:
-        error = _camera_errors(distance, mesh, deviation, rng=rng)
-    else:
-        image, across = _image(mesh, toward, pitch=float(rng.uniform(1, 2)) * mesh.mean_edge_length)
-        nearest = KDTree(across).query(image.vertices[:, :2])[1]
-        error = _camera_errors(distance[nearest], image, deviation, rng=rng)
-        error = LinearNDInterpolator(image.vertices[:, :2], error)(across)
-    return np.asarray(error[:, None] * toward)
+    return np.asarray(camera_errors(distance, mesh, deviation, rng=rng)[:, None] * toward)
 
 
-def _image(mesh: Mesh, toward: Vectors, *, pitch: float) -> tuple[Mesh, Values]:
-    """Return a flat grid of pixels that covers a mesh, and where in it the vertices are, (n, 2)."""
-    side = unit(np.cross(toward, np.eye(3)[np.abs(toward).argmin()])[None])[0]
-    across = mesh.vertices @ np.stack([side, np.cross(toward, side)], axis=1)
-    across -= across.min(axis=0) - pitch
-    columns, rows = np.ceil(across.max(axis=0) / pitch).astype(int) + 1
-    x, y = np.meshgrid(pitch * np.arange(columns + 1), pitch * np.arange(rows + 1), indexing="ij")
-    index = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
-    return Mesh(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1), faces), across
-
-
-def _camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.random.Generator) -> Values:
-    """Errors toward the camera of the distances that the pixels see, which are the vertices of a mesh."""
+def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.random.Generator) -> Values:
+    """Errors toward the camera, (n,), of the distances that the n pixels see, which are the vertices of a sheet."""
     blur = _neighbour_means(pixels)
     white, spread, rounding = deviation * np.sqrt(rng.dirichlet((1, 1, 1)))
     wide = _blurred(rng.normal(size=len(distance)), blur, round(WIDEST ** rng.uniform()))

@@ -29,6 +29,11 @@ class Extent(NamedTuple):
         """Area of the surface, nearly."""
         return self.rough.area
 
+    @property
+    def middle(self) -> Vectors:
+        """Middle of the box."""
+        return 0.5 * (self.lower + self.upper)
+
 
 Window = tuple[Vectors, Vectors]
 """Lower and upper corner of a box."""

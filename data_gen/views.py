@@ -1,65 +1,74 @@
-"""Open sheets as a depth camera sees them from one side: a vertex a ray, or marching cubes as of a fused volume."""
+"""What depth cameras see of a field: a distance for each ray of a grid, and the open sheet of triangles over it."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.data_gen.fields import Field, Values
-from cascadenorm.data_gen.lattice import sample
 from cascadenorm.data_gen.placement import random_rotation
-from cascadenorm.data_gen.polygonise import NoSurfaceError, marching_cubes
 from cascadenorm.data_gen.surface import REACH, Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.untangle import untangled
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 STEPS = 70
-FUSED = 0.5  # share of the views that are to come from a volume; some more of these are unfit
-LIT = 0.4  # share of a closed surface that is seen from one side, about
-FLATTEST = 0.15  # cosine against the ray of faces that a camera still measures
 SEEN = 4.5  # a closed surface has about so many times the area that a view of it covers
 STEEP = 3.5  # triangles with a side longer than this many steps of the grid span a gap in depth and are left out
+DISTANCES = 4.0, 6.0, 30.0  # of cameras; rays from the last are nearly parallel
+
+
+class DepthImage(NamedTuple):
+    """Where the rays of a camera first meet a surface.
+
+    The rays pass through a grid with `pixels` along both sides in the plane at `distance` from the eye.
+    """
+
+    eye: Vectors  # (3,)
+    turn: Vectors  # (3, 3), its columns: along the grid's sides, and from what is seen toward the eye
+    distance: float
+    pixels: Values  # (p,)
+    rays: Vectors  # (p * p, 3) unit
+    depth: Values  # (p * p,) along the ray; infinite where it meets nothing
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """Two triangles for each four pixels, (m, 3), but none across gaps in depth."""
+        index = np.arange(len(self.depth)).reshape(len(self.pixels), -1)
+        points = self.points
+        a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+        shorter = np.linalg.norm(points[a] - points[c], axis=-1) < np.linalg.norm(points[b] - points[d], axis=-1)
+        first = np.where(shorter[..., None], np.stack([a, b, c], -1), np.stack([a, b, d], -1))
+        second = np.where(shorter[..., None], np.stack([a, c, d], -1), np.stack([b, c, d], -1))
+        faces = np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)]).astype(np.int32)
+        corners = points[faces]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        near = longest < STEEP * (self.pixels[1] - self.pixels[0])
+        return np.asarray(faces[np.isfinite(self.depth)[faces].all(axis=1) & near])
+
+    @property
+    def points(self) -> Vectors:
+        """Where the rays end, (p * p, 3); at the eye if they meet nothing."""
+        return self.eye + np.where(np.isfinite(self.depth), self.depth, 0)[:, None] * self.rays
+
+
+def depth_image(field: Field, middle: Vectors, turn: Vectors, *, distance: float, step: float) -> DepthImage:
+    """Look at a field from a direction, with rays so far apart where they pass the middle."""
+    eye = middle + distance * turn[:, 2]
+    count = int(2 * REACH / step)
+    pixels = step * (np.arange(count, dtype=np.float64) - 0.5 * (count - 1))
+    grid = np.stack(np.meshgrid(pixels, pixels, indexing="ij"), axis=-1).reshape(-1, 2)
+    rays = unit(middle + grid @ turn[:, :2].T - eye)
+    depth = traced(field, eye, rays, start=distance - REACH, stop=distance + REACH)
+    return DepthImage(eye, turn, distance, pixels, rays, depth)
 
 
 def view(field: Field, extent: Extent, *, faces: int, rng: np.random.Generator) -> Mesh:
-    """Mesh what is visible of a field from a random direction, by parallel or diverging rays.
-
-    Either on their regular grid, or by marching cubes on a lattice, as a volume is meshed into which depths were fused
-    (Curless, Levoy 1996): with stairs and slivers.
-    """
-    turn = random_rotation(rng=rng)
-    middle = 0.5 * (extent.lower + extent.upper)
-    distance = float(rng.choice([4.0, 6.0, 30.0]))
-    eye = middle + distance * turn[:, 2]
-    if rng.random() < FUSED:
-        return _of_volume(field, extent, eye, distance, faces=faces, rng=rng)
+    """Mesh what is visible of a field from a random direction, a vertex a ray."""
     step = float(np.sqrt(extent.area / SEEN / (0.5 * faces)))
-    count = int(2 * REACH / step)
-    across = step * (np.arange(count) - 0.5 * (count - 1))
-    grid = np.stack(np.meshgrid(across, across, indexing="ij"), axis=-1).reshape(-1, 2)
-    targets = middle + grid @ turn[:, :2].T
-    directions = targets - eye
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    depth = traced(field, eye, directions, start=distance - REACH, stop=distance + REACH)
-    points = eye + np.where(np.isfinite(depth), depth, 0)[:, None] * directions
-    return _sheet(points, np.isfinite(depth).reshape(count, count), longest=STEEP * step)
-
-
-def _of_volume(
-    field: Field, extent: Extent, eye: Vectors, distance: float, *, faces: int, rng: np.random.Generator
-) -> Mesh:
-    """Polygonise the whole, and keep the faces that the camera sees."""
-    spacing = float(np.sqrt(2.3 * LIT * extent.area / faces))
     turn = random_rotation(rng=rng)
-    lattice = sample(field, lower=extent.lower, upper=extent.upper, spacing=spacing, turn=turn, rng=rng)
-    try:
-        mesh = marching_cubes(field, lattice)
-    except NoSurfaceError as error:
-        raise UnfitShapeError(str(error)) from error
-    rays = mesh.vertices - eye
-    lengths = np.linalg.norm(rays, axis=1)
-    depth = traced(field, eye, rays / lengths[:, None], start=distance - REACH, stop=distance + REACH)
-    seen = lengths < depth + 0.5 * spacing
-    facing = -np.einsum("ij,ij->i", mesh.normals, unit(mesh.centroids - eye)) > FLATTEST
-    return _kept(mesh.vertices, mesh.faces[seen[mesh.faces].all(axis=1) & facing])
+    distance = float(rng.choice(DISTANCES))
+    image = depth_image(field, extent.middle, turn, distance=distance, step=step)
+    return largest_sheets(Mesh(image.points, image.faces))
 
 
 def traced(field: Field, eye: Vectors, directions: Vectors, *, start: float, stop: float) -> Values:
@@ -79,21 +88,8 @@ def traced(field: Field, eye: Vectors, directions: Vectors, *, start: float, sto
     return depth
 
 
-def _sheet(points: Vectors, hit: NDArray[np.bool_], *, longest: float) -> Mesh:
-    index = np.arange(hit.size).reshape(hit.shape)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    shorter = np.linalg.norm(points[a] - points[c], axis=-1) < np.linalg.norm(points[b] - points[d], axis=-1)
-    first = np.where(shorter[..., None], np.stack([a, b, c], -1), np.stack([a, b, d], -1))
-    second = np.where(shorter[..., None], np.stack([a, c, d], -1), np.stack([b, c, d], -1))
-    faces = np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)]).astype(np.int32)
-    corners = points[faces]
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    faces = faces[hit.ravel()[faces].all(axis=1) & (sides.max(axis=1) < longest)]
-    return _kept(points, faces)
-
-
-def _kept(points: Vectors, faces: NDArray[np.int32]) -> Mesh:
+def largest_sheets(mesh: Mesh) -> Mesh:
     """Make a manifold of the larger parts of what is seen."""
-    if len(faces) < 100:
+    if len(mesh.faces) < 100:
         raise UnfitShapeError("the view shows next to nothing")
-    return largest_components(untangled(largest_components(Mesh(points, faces), share=0.05)), share=0.05)
+    return largest_components(untangled(largest_components(mesh, share=0.05)), share=0.05)

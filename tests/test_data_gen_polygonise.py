@@ -10,7 +10,6 @@ from cascadenorm.data_gen.lattice import sample
 from cascadenorm.data_gen.manners import Manner, creases_of, tessellate
 from cascadenorm.data_gen.polygonise import dual_contouring, marching_cubes
 from cascadenorm.data_gen.remesh import collapse_short, flip_edges, slide, split_long
-from cascadenorm.data_gen.sensor import SHORT
 from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.untangle import untangled
 from cascadenorm.data_gen.views import view
@@ -144,10 +143,9 @@ def test_every_manner_makes_closed_meshes_of_about_the_wanted_size(manner, sharp
     assert np.abs(field(mesh.vertices)).mean() < 0.02
 
 
-def test_a_view_is_what_is_seen_from_one_side_by_rays_or_out_of_a_volume():
+def test_a_view_is_what_is_seen_from_one_side():
     ball = fields.sphere(radius=1)
-    shortest = []
-    for seed in range(12):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         mesh = view(ball, extent_of(ball, rng=rng), faces=4000, rng=rng)
         assert 0.6 * 4000 < len(mesh.faces) < 1.6 * 4000 and is_manifold(mesh)
@@ -155,10 +153,6 @@ def test_a_view_is_what_is_seen_from_one_side_by_rays_or_out_of_a_volume():
         toward = unit(mesh.area_vectors.sum(axis=0)[None])[0]
         assert (mesh.vertices @ toward).min() > -0.05
         assert (mesh.normals * mesh.centroids).sum(axis=1).min() > 0.9
-        ends = mesh.vertices[mesh.topology.edges]
-        lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-        shortest.append(np.quantile(lengths, 0.05) / lengths.mean())
-    assert min(shortest) < SHORT < max(shortest)
 
 
 def test_an_empty_shape_is_unfit():

@@ -1,0 +1,135 @@
+"""Scans as out of a volume into which depth images were fused: stairs, slivers, and the error in the triangles too."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+from scipy.spatial.transform import Rotation
+
+from cascadenorm.data_gen.fields import Field, Values
+from cascadenorm.data_gen.placement import random_rotation
+from cascadenorm.data_gen.polygonise import SNAP, gradients
+from cascadenorm.data_gen.sensor import camera_errors
+from cascadenorm.data_gen.surface import Extent, UnfitShapeError
+from cascadenorm.data_gen.views import DISTANCES, STEEP, DepthImage, depth_image, largest_sheets
+from cascadenorm.mesh import Mesh, Vectors, angles_between, unit
+
+LIT = 0.45  # share of a closed surface that the cameras see, about
+IMAGES = 8  # at most
+TURNED = np.pi / 3  # angle between the cameras and the middle one of them, at most
+FOLDED = np.radians(5)  # mean angle between the clean mesh and the surface under it, at most
+
+
+class Scan(NamedTuple):
+    """The same faces over vertices as they were measured, and over the points of the surface beneath them."""
+
+    noisy: Mesh
+    clean: Mesh
+
+
+def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Scan:
+    """Fuse what cameras at random places measure of a field (Curless, Levoy 1996; Newcombe et al. 2011).
+
+    Unlike noise on the vertices of a mesh, the error decides where triangles are: vertices stay on the edges of the
+    lattice, and those of a sliver err alike.
+
+    Parameters
+    ----------
+    faces : about so many, which give the spacing of the lattice
+    level : deviation of the error of an image from one pixel to the next, in spacings of the lattice
+
+    Raises
+    ------
+    UnfitShapeError
+        Little is seen, or the detail of the shape drowns in the error or between the nodes.
+    """
+    spacing = float(np.sqrt(2.3 * LIT * extent.area / faces))
+    step = spacing * float(rng.uniform(0.6, 1.6))
+    truncation = spacing * (float(rng.uniform(2.5, 5)) + 2 * level)
+    distance = float(rng.choice(DISTANCES))
+    facing = random_rotation(rng=rng)
+    spread = float(rng.uniform(0, TURNED))
+    smooth = bool(rng.random() < 0.5)
+    images = []
+    for _ in range(round(IMAGES ** rng.random())):
+        tilt, around, roll = spread * np.sqrt(rng.random()), *rng.uniform(0, 2 * np.pi, 2)
+        axis = tilt * np.array([np.cos(around), np.sin(around), 0.0])
+        turn = facing @ Rotation.from_rotvec(axis).as_matrix() @ Rotation.from_rotvec([0, 0, roll]).as_matrix()
+        image = depth_image(field, extent.middle, turn, distance=distance, step=step)
+        images.append((image, _measured(image, level * spacing, rng=rng)))
+
+    turn = facing if rng.random() < 0.5 else random_rotation(rng=rng)
+    half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + 2 * spacing
+    sides = [spacing * np.arange(-np.ceil(side / spacing), np.ceil(side / spacing) + 1) for side in half]
+    nodes = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1) @ turn.T + extent.middle
+    noisy = _meshed(_distances(images, nodes, truncation=truncation, smooth=smooth), nodes, spacing)
+    clean = noisy.moved(_beneath(field, noisy.vertices, step=1e-3 * spacing))
+    true = unit(gradients(field, clean.centroids, step=1e-3 * spacing))
+    if angles_between(clean.normals, true).mean() > FOLDED:
+        raise UnfitShapeError("the clean mesh is not that of the shape")
+    return Scan(noisy, clean)
+
+
+def _measured(image: DepthImage, deviation: float, *, rng: np.random.Generator) -> Values:
+    """Depths with the error of a camera, (p * p,), or NaN."""
+    faces = image.faces
+    if len(faces) < 100:
+        raise UnfitShapeError("a camera sees next to nothing")
+    pixels, corners = np.unique(faces, return_inverse=True)
+    measured = np.full(image.depth.shape, np.nan)
+    measured[pixels] = image.depth[pixels]
+    if deviation > 0:
+        sheet = Mesh(image.points[pixels], corners.reshape(-1, 3))
+        measured[pixels] -= camera_errors(image.depth[pixels], sheet, deviation, rng=rng)
+    return measured
+
+
+def _distances(
+    images: list[tuple[DepthImage, Values]], nodes: NDArray[np.float64], *, truncation: float, smooth: bool
+) -> NDArray[np.float64]:
+    """Average over the images of how far nodes are before the surface, (p, q, r); NaN far behind it.
+
+    smooth : depths between pixels are interpolated, not taken from the nearest one
+    """
+    points = nodes.reshape(-1, 3)
+    total, count = np.zeros(len(points)), np.zeros(len(points), np.int64)
+    for image, measured in images:
+        rays = points - image.eye
+        at = rays @ image.turn[:, :2] * (image.distance / -(rays @ image.turn[:, 2]))[:, None]
+        grid = (image.pixels, image.pixels), measured.reshape(len(image.pixels), -1)
+        depth = RegularGridInterpolator(*grid, method="nearest", bounds_error=False, fill_value=np.nan)(at)
+        if smooth:
+            between = RegularGridInterpolator(*grid, bounds_error=False, fill_value=np.nan)(at)
+            gap = np.abs(between - depth) > 0.5 * STEEP * (image.pixels[1] - image.pixels[0])
+            depth = np.where(gap, np.nan, between)
+        before = depth - np.linalg.norm(rays, axis=1)
+        near = before > -truncation
+        total[near] += np.minimum(before[near], truncation)
+        count[near] += 1
+    distances = np.divide(total, count, out=np.full(len(points), np.nan), where=count > 0)
+    return distances.reshape(nodes.shape[:3])
+
+
+def _meshed(distances: NDArray[np.float64], nodes: NDArray[np.float64], spacing: float) -> Mesh:
+    """Marching cubes, linear along edges, of the cells whose nodes all have a distance."""
+    from skimage.measure import marching_cubes
+
+    seen = ~np.isnan(distances)
+    values = np.where(seen, distances, spacing)
+    values = np.where(values < 0, np.minimum(values, -SNAP * spacing), np.maximum(values, SNAP * spacing))
+    if values.min() > 0:
+        raise UnfitShapeError("no node is behind the surface")
+    found, faces, _, _ = marching_cubes(values, 0.0)  # type: ignore[no-untyped-call]
+    cells = np.floor(found[faces].mean(axis=1)).astype(np.int64)
+    whole = np.all([seen[tuple((cells + corner).T)] for corner in np.ndindex(2, 2, 2)], axis=0)
+    origin, axes = nodes[0, 0, 0], np.stack([nodes[1, 0, 0], nodes[0, 1, 0], nodes[0, 0, 1]]) - nodes[0, 0, 0]
+    return largest_sheets(Mesh(origin + found.astype(np.float64) @ axes, faces[whole]))
+
+
+def _beneath(field: Field, points: Vectors, *, step: float) -> Vectors:
+    """Go down the gradient to where the field vanishes."""
+    for _ in range(6):
+        slope = gradients(field, points, step=step)
+        points = points - (field(points) / np.maximum(np.einsum("ij,ij->i", slope, slope), 0.05))[:, None] * slope
+    return points
