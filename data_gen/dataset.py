@@ -101,10 +101,10 @@ def family_of(config: DatasetConfig, index: int) -> str:
 
 def clean_mesh(config: DatasetConfig, index: int) -> Mesh:
     """Make the clean mesh of an index; shapes that come out unfit are drawn again."""
-    return _scan(config, index, level=0.0).clean
+    return _drawn(config, index, level=0.0).clean
 
 
-def _scan(config: DatasetConfig, index: int, *, level: float) -> Scan:
+def _drawn(config: DatasetConfig, index: int, *, level: float) -> Scan:
     """Make the mesh of an index, with the noise of cameras if that decides where its triangles are."""
     family = FAMILIES[family_of(config, index)]
     for attempt in range(ATTEMPTS):
@@ -143,7 +143,7 @@ def pair(config: DatasetConfig, index: int) -> Pair:
     rng = _stream(config, index, _NOISE)
     kind, level = _noise(config, seen=FAMILIES[name].seen, rng=rng)
     if FAMILIES[name].part == "fused" and kind == "sensor":
-        scan = _scan(config, index, level=level)
+        scan = _drawn(config, index, level=level)
         return Pair(scan.noisy, scan.clean, name, kind, level)
     return _disturbed(clean_mesh(config, index), name, kind, level, rng=rng)
 
