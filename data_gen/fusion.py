@@ -108,7 +108,7 @@ def _distances(
         total[near] += np.minimum(before[near], truncation)
         count[near] += 1
     distances = np.divide(total, count, out=np.full(len(points), np.nan), where=count > 0)
-    return distances.reshape(nodes.shape[:3])
+    return np.asarray(distances.reshape(nodes.shape[:3]))
 
 
 def _meshed(distances: NDArray[np.float64], nodes: NDArray[np.float64], spacing: float) -> Mesh:

@@ -205,8 +205,8 @@ SHAPES = {
     "sphere": lambda: icosphere(4),
     "cube": lambda: cube(20),
     "sheet": lambda: grid(30, 30),
-    "creature": lambda: FAMILIES["creature"].make(faces=5000, rng=np.random.default_rng(0)),
-    "assembly": lambda: FAMILIES["assembly"].make(faces=5000, rng=np.random.default_rng(0)),
+    "creature": lambda: FAMILIES["creature"].make(faces=5000, rng=np.random.default_rng(0)).clean,
+    "assembly": lambda: FAMILIES["assembly"].make(faces=5000, rng=np.random.default_rng(0)).clean,
 }
 
 
