@@ -11,7 +11,7 @@ from cascadenorm.data_gen import DatasetConfig, pair
 CHOSEN = {  # example: family, index in it, noise, level in mean edge lengths
     "part": ("bracket", 4, "normal", 0.25),
     "head": ("bust", 3, "gaussian", 0.15),
-    "scan": ("fused", 10, "sensor", 0.3),
+    "scan": ("fused", 2, "sensor", 0.3),
 }
 
 

@@ -89,7 +89,7 @@ class Pair(NamedTuple):
     clean: Mesh
     family: str
     noise_kind: NoiseKind
-    level: float  # in mean edge lengths of the clean mesh; out of a volume: in spacings of its lattice, of each image
+    level: float  # in mean edge lengths of the clean mesh; out of a volume: see `fused`
 
 
 def family_of(config: DatasetConfig, index: int) -> str:

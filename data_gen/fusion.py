@@ -15,9 +15,9 @@ from cascadenorm.data_gen.surface import Extent, UnfitShapeError
 from cascadenorm.data_gen.views import DISTANCES, STEEP, DepthImage, depth_image, largest_sheets
 from cascadenorm.mesh import Mesh, Vectors, angles_between, unit
 
-LIT = 0.45  # share of a closed surface that the cameras see, about
-IMAGES = 8  # at most
-TURNED = np.pi / 3  # angle between the cameras and the middle one of them, at most
+LIT = 0.45, 0.85  # share of a closed surface that cameras on one side of it, or all around, see, about
+IMAGES = 8  # at most, from one side; from all around at least, and at most twice as many
+TURNED = np.pi / 3  # angle between the cameras on one side and the middle one of them, at most
 FOLDED = np.radians(5)  # mean angle between the clean mesh and the surface under it, at most
 
 
@@ -29,7 +29,7 @@ class Scan(NamedTuple):
 
 
 def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Scan:
-    """Fuse what cameras at random places measure of a field (Curless, Levoy 1996; Newcombe et al. 2011).
+    """Fuse what cameras on one side or all around measure of a field (Curless, Levoy 1996; Newcombe et al. 2011).
 
     Unlike noise on the vertices of a mesh, the error decides where triangles are: vertices stay on the edges of the
     lattice, and those of a sliver err alike.
@@ -37,27 +37,28 @@ def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.ran
     Parameters
     ----------
     faces : about so many, which give the spacing of the lattice
-    level : deviation of the error of an image from one pixel to the next, in spacings of the lattice
+    level : deviation of the error of an image from one pixel to the next, in spacings of the lattice; half of that all
+        around, since where many images meet the surface folds
 
     Raises
     ------
     UnfitShapeError
         Little is seen, or the detail of the shape drowns in the error or between the nodes.
     """
-    spacing = float(np.sqrt(2.3 * LIT * extent.area / faces))
+    around = bool(rng.random() < 0.5)
+    spacing = float(np.sqrt(2.3 * LIT[around] * extent.area / faces))
     step = spacing * float(rng.uniform(0.6, 1.6))
-    truncation = spacing * (float(rng.uniform(2.5, 5)) + 2 * level)
+    deviation = level * spacing * (0.5 if around else 1.0)
+    truncation = spacing * float(rng.uniform(2.5, 5)) + 2 * deviation
     distance = float(rng.choice(DISTANCES))
     facing = random_rotation(rng=rng)
-    spread = float(rng.uniform(0, TURNED))
+    spread = np.pi if around else float(rng.uniform(0, TURNED))
     smooth = bool(rng.random() < 0.5)
     images = []
-    for _ in range(round(IMAGES ** rng.random())):
-        tilt, around, roll = spread * np.sqrt(rng.random()), *rng.uniform(0, 2 * np.pi, 2)
-        axis = tilt * np.array([np.cos(around), np.sin(around), 0.0])
-        turn = facing @ Rotation.from_rotvec(axis).as_matrix() @ Rotation.from_rotvec([0, 0, roll]).as_matrix()
+    for _ in range(round(IMAGES * 2 ** rng.random() if around else IMAGES ** rng.random())):
+        turn = facing @ _tilt(spread, rng=rng)
         image = depth_image(field, extent.middle, turn, distance=distance, step=step)
-        images.append((image, _measured(image, level * spacing, rng=rng)))
+        images.append((image, _measured(image, deviation, rng=rng)))
 
     turn = facing if rng.random() < 0.5 else random_rotation(rng=rng)
     half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + 2 * spacing
@@ -69,6 +70,14 @@ def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.ran
     if angles_between(clean.normals, true).mean() > FOLDED:
         raise UnfitShapeError("the clean mesh is not that of the shape")
     return Scan(noisy, clean)
+
+
+def _tilt(spread: float, *, rng: np.random.Generator) -> Vectors:
+    """Rotation that rolls about z and tilts z by up to an angle, uniform over that part of the sphere."""
+    tilt = np.arccos(1 - rng.random() * (1 - np.cos(spread)))
+    around, roll = rng.uniform(0, 2 * np.pi, 2)
+    axis = tilt * np.array([np.cos(around), np.sin(around), 0.0])
+    return np.asarray(Rotation.from_rotvec(axis).as_matrix() @ Rotation.from_rotvec([0, 0, roll]).as_matrix())
 
 
 def _measured(image: DepthImage, deviation: float, *, rng: np.random.Generator) -> Values:

@@ -1,5 +1,7 @@
 """Scans out of a volume: on the surface without error, on lattice edges with it, slivers in one piece with the rest."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -11,22 +13,28 @@ from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
 BALL = fields.sphere(radius=1)
 
 
-def scan_of(field, *, level: float, seed: int, faces: int = 4000) -> Scan:
-    rng = np.random.default_rng(seed)
-    return fused(field, extent_of(field, rng=rng), faces=faces, level=level, rng=rng)
+def scan_of(field, *, level: float, seed: int) -> Scan:
+    """Draw again where triangles fold, as data sets do."""
+    for attempt in range(20):
+        rng = np.random.default_rng([seed, attempt])
+        with contextlib.suppress(UnfitShapeError):
+            return fused(field, extent_of(field, rng=rng), faces=4000, level=level, rng=rng)
+    raise UnfitShapeError
 
 
 def test_the_clean_mesh_is_the_surface_beneath_the_noisy_one():
-    sizes = []
-    for seed in range(8):
-        noisy, clean = scan_of(BALL, level=0.1, seed=seed)
-        assert is_manifold(noisy) and noisy.topology.boundary_vertices.any()
+    sizes, seen = [], []
+    for seed in range(10):
+        noisy, clean = scan_of(BALL, level=0.2, seed=seed)
+        assert is_manifold(noisy)
         np.testing.assert_array_equal(noisy.faces, clean.faces)
         np.testing.assert_allclose(np.linalg.norm(clean.vertices, axis=1), 1, atol=1e-6)
         np.testing.assert_allclose(np.cross(noisy.vertices, clean.vertices), 0, atol=1e-5)
         assert np.median((noisy.normals * noisy.centroids).sum(axis=1)) > 0.9  # outward
         sizes.append(len(clean.faces))
+        seen.append(clean.area / (4 * np.pi))
     assert 0.6 * 4000 < np.median(sizes) < 1.6 * 4000
+    assert min(seen) < 0.5 and max(seen) > 0.8  # from one side, and from all around
 
 
 def test_more_error_of_the_cameras_is_more_error_of_the_scan():
@@ -35,7 +43,7 @@ def test_more_error_of_the_cameras_is_more_error_of_the_scan():
                    for seed in range(8)])
         for level in (0.0, 0.1, 0.4)
     ]  # fmt: skip
-    assert far[0] < 0.7 * far[1] < 0.49 * far[2]
+    assert far[0] < 0.8 * far[1] < 0.7 * far[2]
 
 
 def test_vertices_of_a_sliver_err_alike():
@@ -56,7 +64,7 @@ def test_detail_that_drowns_is_unfit():
     """A scan whose clean mesh would be wrong is none to learn from."""
     hair = fields.intersection(BALL, lambda points: np.abs(np.sin(60 * points[:, 0])) / 60 - 0.004)
     with pytest.raises(UnfitShapeError):
-        scan_of(hair, level=0.5, seed=0)
+        scan_of(hair, level=0.9, seed=0)
 
 
 def test_half_of_the_scans_have_the_error_of_cameras_and_the_others_another():
