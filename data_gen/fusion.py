@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from cascadenorm.data_gen.fields import Field, Values
 from cascadenorm.data_gen.placement import random_rotation
-from cascadenorm.data_gen.polygonise import SNAP, gradients
+from cascadenorm.data_gen.polygonise import gradients, off_nodes, projected
 from cascadenorm.data_gen.sensor import camera_errors
 from cascadenorm.data_gen.surface import Extent, UnfitShapeError
-from cascadenorm.data_gen.views import DISTANCES, STEEP, DepthImage, depth_image, largest_sheets
+from cascadenorm.data_gen.views import DISTANCES, FEWEST, DepthImage, depth_image, largest_sheets
 from cascadenorm.mesh import Mesh, Vectors, angles_between, unit
 
 LIT = 0.45, 0.85  # share of a closed surface that cameras on one side of it, or all around, see, about
@@ -65,7 +65,7 @@ def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.ran
     sides = [spacing * np.arange(-np.ceil(side / spacing), np.ceil(side / spacing) + 1) for side in half]
     nodes = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1) @ turn.T + extent.middle
     noisy = _meshed(_distances(images, nodes, truncation=truncation, smooth=smooth), nodes, spacing)
-    clean = noisy.moved(_beneath(field, noisy.vertices, step=1e-3 * spacing))
+    clean = noisy.moved(projected(field, noisy.vertices, size=spacing, reach=np.inf, steps=6))
     true = unit(gradients(field, clean.centroids, step=1e-3 * spacing))
     if angles_between(clean.normals, true).mean() > FOLDED:
         raise UnfitShapeError("the clean mesh is not that of the shape")
@@ -83,14 +83,12 @@ def _tilt(spread: float, *, rng: np.random.Generator) -> Vectors:
 def _measured(image: DepthImage, deviation: float, *, rng: np.random.Generator) -> Values:
     """Depths with the error of a camera, (p * p,), or NaN."""
     faces = image.faces
-    if len(faces) < 100:
+    if len(faces) < FEWEST:
         raise UnfitShapeError("a camera sees next to nothing")
     pixels, corners = np.unique(faces, return_inverse=True)
     measured = np.full(image.depth.shape, np.nan)
-    measured[pixels] = image.depth[pixels]
-    if deviation > 0:
-        sheet = Mesh(image.points[pixels], corners.reshape(-1, 3))
-        measured[pixels] -= camera_errors(image.depth[pixels], sheet, deviation, rng=rng)
+    sheet = Mesh(image.points[pixels], corners.reshape(-1, 3))
+    measured[pixels] = image.depth[pixels] - camera_errors(image.depth[pixels], sheet, deviation, rng=rng)
     return measured
 
 
@@ -106,12 +104,12 @@ def _distances(
     for image, measured in images:
         rays = points - image.eye
         at = rays @ image.turn[:, :2] * (image.distance / -(rays @ image.turn[:, 2]))[:, None]
-        grid = (image.pixels, image.pixels), measured.reshape(len(image.pixels), -1)
-        depth = RegularGridInterpolator(*grid, method="nearest", bounds_error=False, fill_value=np.nan)(at)
+        grid, values = (image.pixels, image.pixels), measured.reshape(len(image.pixels), -1)
+        depths = RegularGridInterpolator(grid, values, bounds_error=False, fill_value=np.nan)
+        depth = depths(at, method="nearest")
         if smooth:
-            between = RegularGridInterpolator(*grid, bounds_error=False, fill_value=np.nan)(at)
-            gap = np.abs(between - depth) > 0.5 * STEEP * (image.pixels[1] - image.pixels[0])
-            depth = np.where(gap, np.nan, between)
+            between = depths(at)
+            depth = np.where(np.abs(between - depth) > 0.5 * image.gap, np.nan, between)
         before = depth - np.linalg.norm(rays, axis=1)
         near = before > -truncation
         total[near] += np.minimum(before[near], truncation)
@@ -125,8 +123,7 @@ def _meshed(distances: NDArray[np.float64], nodes: NDArray[np.float64], spacing:
     from skimage.measure import marching_cubes
 
     seen = ~np.isnan(distances)
-    values = np.where(seen, distances, spacing)
-    values = np.where(values < 0, np.minimum(values, -SNAP * spacing), np.maximum(values, SNAP * spacing))
+    values = off_nodes(np.where(seen, distances, spacing), spacing)
     if values.min() > 0:
         raise UnfitShapeError("no node is behind the surface")
     found, faces, _, _ = marching_cubes(values, 0.0)  # type: ignore[no-untyped-call]
@@ -134,11 +131,3 @@ def _meshed(distances: NDArray[np.float64], nodes: NDArray[np.float64], spacing:
     whole = np.all([seen[tuple((cells + corner).T)] for corner in np.ndindex(2, 2, 2)], axis=0)
     origin, axes = nodes[0, 0, 0], np.stack([nodes[1, 0, 0], nodes[0, 1, 0], nodes[0, 0, 1]]) - nodes[0, 0, 0]
     return largest_sheets(Mesh(origin + found.astype(np.float64) @ axes, faces[whole]))
-
-
-def _beneath(field: Field, points: Vectors, *, step: float) -> Vectors:
-    """Go down the gradient to where the field vanishes."""
-    for _ in range(6):
-        slope = gradients(field, points, step=step)
-        points = points - (field(points) / np.maximum(np.einsum("ij,ij->i", slope, slope), 0.05))[:, None] * slope
-    return points

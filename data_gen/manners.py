@@ -11,7 +11,7 @@ from cascadenorm.data_gen.decimate import decimate
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.patterns import noise
 from cascadenorm.data_gen.placement import random_rotation
-from cascadenorm.data_gen.polygonise import gradients, meeting_points
+from cascadenorm.data_gen.polygonise import gradients, meeting_points, projected
 from cascadenorm.data_gen.remesh import collapse_short, flip_edges, mend, slide, split_long
 from cascadenorm.data_gen.surface import Extent, UnfitShapeError, fit, polygonised
 from cascadenorm.mesh import Mesh, Vectors, unit
@@ -67,7 +67,7 @@ def settle(field: Field, corners: Corners) -> None:
     alive = corners.start[:n] >= 0
     free = alive & (corners.kind[:n] == SMOOTH)
     spacing = float(corners.length[0])
-    corners.points[:n][free] = projected(field, corners.points[:n][free], reach=0.3 * spacing)
+    corners.points[:n][free] = projected(field, corners.points[:n][free], size=0.3 * spacing)
 
     faces = corners.origin[: 3 * corners.used[1]].reshape(-1, 3)
     faces = faces[faces[:, 0] >= 0]
@@ -79,7 +79,7 @@ def settle(field: Field, corners: Corners) -> None:
         return
     vertex = faces[face, corner]
     middle = corners.points[faces[face]].mean(axis=1)
-    samples = projected(field, 0.6 * corners.points[vertex] + 0.4 * middle, reach=0.3 * spacing)
+    samples = projected(field, 0.6 * corners.points[vertex] + 0.4 * middle, size=0.3 * spacing)
     normals = unit(gradients(field, samples, step=1e-4 * spacing))
     places, rank = meeting_points(samples, normals, vertex.astype(np.int64), n, reach=0.5 * spacing)
     moved = held & ((corners.kind[:n] != CORNER) | (rank == 3)) & (rank > 1)
@@ -99,7 +99,7 @@ def creases_of(field: Field, mesh: Mesh) -> NDArray[np.bool_]:
     middle = mesh.vertices[mesh.topology.edges[edges]].mean(axis=1)
     spacing = mesh.mean_edge_length
     beside = (0.7 * middle + 0.3 * mesh.centroids[pairs]).reshape(-1, 3)
-    beside = projected(field, beside, reach=0.2 * spacing)
+    beside = projected(field, beside, size=0.2 * spacing)
     normals = unit(gradients(field, beside, step=1e-3 * spacing)).reshape(2, -1, 3)
     creases = np.zeros(len(mesh.topology.edges), bool)
     creases[edges] = np.einsum("ij,ij->i", *normals) < np.cos(JUMP)
@@ -109,18 +109,7 @@ def creases_of(field: Field, mesh: Mesh) -> NDArray[np.bool_]:
 def field_normals(field: Field, mesh: Mesh) -> Vectors:
     """Normals of the surface where it is nearest to the middles of the faces."""
     spacing = mesh.mean_edge_length
-    return unit(gradients(field, projected(field, mesh.centroids, reach=0.3 * spacing), step=1e-3 * spacing))
-
-
-def projected(field: Field, points: Vectors, *, reach: float, steps: int = 2) -> Vectors:
-    """Move points along the gradient to where the field vanishes, at most `reach` in each step."""
-    for _ in range(steps):
-        slope = gradients(field, points, step=1e-3 * reach)
-        square = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.05)
-        move = -(field(points) / square)[:, None] * slope
-        length = np.linalg.norm(move, axis=1, keepdims=True)
-        points = points + move * np.minimum(1, reach / np.maximum(length, 1e-300))
-    return points
+    return unit(gradients(field, projected(field, mesh.centroids, size=0.3 * spacing), step=1e-3 * spacing))
 
 
 def _lattice(field: Field, corners: Corners, rng: np.random.Generator) -> None:

@@ -78,8 +78,6 @@ def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
 
 
 def _sensor(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    if deviation == 0:
-        return np.zeros(mesh.vertices.shape)
     return sensor_displacements(mesh, deviation, rng=rng)
 
 

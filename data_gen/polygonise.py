@@ -43,6 +43,23 @@ def gradients(field: Field, points: Vectors, *, step: float) -> Vectors:
     return np.asarray(values.T @ corners / (4 * step))
 
 
+def projected(field: Field, points: Vectors, *, size: float, reach: float = 1.0, steps: int = 2) -> Vectors:
+    """Move points along the gradient to where the field vanishes.
+
+    Parameters
+    ----------
+    size : a length that is small against the shape, and far larger than what differences are taken over
+    reach : of each step at most, in sizes
+    """
+    for _ in range(steps):
+        slope = gradients(field, points, step=1e-3 * size)
+        square = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.05)
+        move = -(field(points) / square)[:, None] * slope
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        points = points + move * np.minimum(1, reach * size / np.maximum(length, 1e-300))
+    return points
+
+
 def marching_cubes(field: Field, lattice: Lattice) -> Mesh:
     """Triangles over the crossings of the surface with the lattice's edges."""
     crossings = find_crossings(field, lattice)
@@ -63,13 +80,18 @@ def dual_contouring(field: Field, lattice: Lattice) -> Mesh:
     return Mesh(vertices, _split(field, vertices, quads))
 
 
+def off_nodes(values: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Push values at the nodes of a lattice away from zero, so that no crossing is at a node."""
+    limit = SNAP * spacing
+    return np.where(values >= 0, np.maximum(values, limit), np.minimum(values, -limit))
+
+
 def find_crossings(field: Field, lattice: Lattice) -> Crossings:
     """Run marching cubes on the lattice, then find each crossing on its edge exactly."""
     from skimage.measure import marching_cubes as march
 
     values = lattice.values
-    limit = SNAP * lattice.spacing
-    pushed = np.where(values >= 0, np.maximum(values, limit), np.minimum(values, -limit))
+    pushed = off_nodes(values, lattice.spacing)
     if not pushed.min() < 0 < pushed.max():
         raise NoSurfaceError("the field has one sign all over the lattice")
     clipped = np.clip(pushed, -4 * lattice.spacing, 4 * lattice.spacing)

@@ -35,6 +35,8 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
 
 def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.random.Generator) -> Values:
     """Errors toward the camera, (n,), of the distances that the n pixels see, which are the vertices of a sheet."""
+    if deviation == 0:
+        return np.zeros(len(distance))
     blur = _neighbour_means(pixels)
     white, spread, rounding = deviation * np.sqrt(rng.dirichlet((1, 1, 1)))
     wide = _blurred(rng.normal(size=len(distance)), blur, round(WIDEST ** rng.uniform()))

@@ -14,6 +14,7 @@ from cascadenorm.mesh import Mesh, Vectors, unit
 STEPS = 70
 SEEN = 4.5  # a closed surface has about so many times the area that a view of it covers
 STEEP = 3.5  # triangles with a side longer than this many steps of the grid span a gap in depth and are left out
+FEWEST = 100  # faces of a sheet that shows something
 DISTANCES = 4.0, 6.0, 30.0  # of cameras; rays from the last are nearly parallel
 
 
@@ -27,8 +28,13 @@ class DepthImage(NamedTuple):
     turn: Vectors  # (3, 3), its columns: along the grid's sides, and from what is seen toward the eye
     distance: float
     pixels: Values  # (p,)
-    rays: Vectors  # (p * p, 3) unit
     depth: Values  # (p * p,) along the ray; infinite where it meets nothing
+    points: Vectors  # (p * p, 3) where the rays end; at the eye if they meet nothing
+
+    @property
+    def gap(self) -> float:
+        """Length of a side that spans a gap in depth."""
+        return float(STEEP * (self.pixels[1] - self.pixels[0]))
 
     @property
     def faces(self) -> NDArray[np.int32]:
@@ -42,13 +48,7 @@ class DepthImage(NamedTuple):
         faces = np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)]).astype(np.int32)
         corners = points[faces]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        near = longest < STEEP * (self.pixels[1] - self.pixels[0])
-        return np.asarray(faces[np.isfinite(self.depth)[faces].all(axis=1) & near])
-
-    @property
-    def points(self) -> Vectors:
-        """Where the rays end, (p * p, 3); at the eye if they meet nothing."""
-        return self.eye + np.where(np.isfinite(self.depth), self.depth, 0)[:, None] * self.rays
+        return np.asarray(faces[np.isfinite(self.depth)[faces].all(axis=1) & (longest < self.gap)])
 
 
 def depth_image(field: Field, middle: Vectors, turn: Vectors, *, distance: float, step: float) -> DepthImage:
@@ -59,7 +59,8 @@ def depth_image(field: Field, middle: Vectors, turn: Vectors, *, distance: float
     grid = np.stack(np.meshgrid(pixels, pixels, indexing="ij"), axis=-1).reshape(-1, 2)
     rays = unit(middle + grid @ turn[:, :2].T - eye)
     depth = traced(field, eye, rays, start=distance - REACH, stop=distance + REACH)
-    return DepthImage(eye, turn, distance, pixels, rays, depth)
+    points = eye + np.where(np.isfinite(depth), depth, 0)[:, None] * rays
+    return DepthImage(eye, turn, distance, pixels, depth, points)
 
 
 def view(field: Field, extent: Extent, *, faces: int, rng: np.random.Generator) -> Mesh:
@@ -90,6 +91,6 @@ def traced(field: Field, eye: Vectors, directions: Vectors, *, start: float, sto
 
 def largest_sheets(mesh: Mesh) -> Mesh:
     """Make a manifold of the larger parts of what is seen."""
-    if len(mesh.faces) < 100:
+    if len(mesh.faces) < FEWEST:
         raise UnfitShapeError("the view shows next to nothing")
     return largest_components(untangled(largest_components(mesh, share=0.05)), share=0.05)
