@@ -1,6 +1,6 @@
 """Bilateral filtering of face normals (Zheng, Fu, Au, Tai 2011), and the vertices that go with them."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,11 +70,18 @@ def bilateral_normals(
     return normals
 
 
-def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float) -> NDArray[np.float64]:
-    """Area times Gaussian of the distance of centroids, for each neighbour in `rings`; sigma_s in mean edge lengths."""
-    weights = np.empty(len(rings.indices))
+def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float, areas: NDArray[Any] | None = None) -> NDArray[Any]:
+    """Area times Gaussian of the distance of centroids, for each neighbour in `rings`.
+
+    Parameters
+    ----------
+    sigma_s : in mean edge lengths
+    areas : (m,) in place of those of the faces; the weights have their type
+    """
+    areas = mesh.areas if areas is None else areas
+    weights = np.empty(len(rings.indices), areas.dtype)
     spread = 0.5 / (sigma_s * mesh.mean_edge_length) ** 2
-    over(len(mesh.faces), _spatial_weights, mesh.centroids, mesh.areas, rings.indptr, rings.indices, spread, weights)
+    over(len(mesh.faces), _spatial_weights, mesh.centroids, areas, rings.indptr, rings.indices, spread, weights)
     return weights
 
 

@@ -39,52 +39,50 @@ def recover_vertices(
 
 @kernel
 def _sweep_range(start, stop, movable, vertices, faces, normals, vf_indptr, vf_indices, avoid_folds):  # type: ignore[no-untyped-def]
-    """Move vertices that share no face, in place; those moved later see where these went."""
-    step, target = np.empty(3), np.empty(3)
+    """Move vertices that share no face, in place; those moved later see where these went.
+
+    The area of a face along its normal is affine in the place of a corner: it is read once, for all lengths of a step.
+    """
+    step = np.empty(3)
+    areas, slopes = np.empty(64), np.empty((64, 3))
     for i in movable[start:stop]:
         first, last = vf_indptr[i], vf_indptr[i + 1]
+        if last - first > len(areas):
+            areas, slopes = np.empty(last - first), np.empty((last - first, 3))
+        x, y, z = vertices[i]
         step[:] = 0.0
-        for k in range(first, last):
-            f = vf_indices[k]
+        turned = 0
+        for k in range(last - first):
+            f = vf_indices[first + k]
             a, b, c = faces[f]
-            pull = 0.0
-            for d in range(3):
-                center = (vertices[a, d] + vertices[b, d] + vertices[c, d]) / 3.0
-                pull += normals[f, d] * (center - vertices[i, d])
-            for d in range(3):
-                step[d] += pull * normals[f, d]
+            while a != i:
+                a, b, c = b, c, a
+            nx, ny, nz = normals[f]
+            ux, uy, uz = vertices[b, 0] - x, vertices[b, 1] - y, vertices[b, 2] - z
+            vx, vy, vz = vertices[c, 0] - x, vertices[c, 1] - y, vertices[c, 2] - z
+            pull = (nx * (ux + vx) + ny * (uy + vy) + nz * (uz + vz)) / 3.0
+            step[0] += pull * nx
+            step[1] += pull * ny
+            step[2] += pull * nz
+            areas[k] = nx * (uy * vz - uz * vy) + ny * (uz * vx - ux * vz) + nz * (ux * vy - uy * vx)
+            slopes[k, 0] = ny * (vz - uz) - nz * (vy - uy)
+            slopes[k, 1] = nz * (vx - ux) - nx * (vz - uz)
+            slopes[k, 2] = nx * (vy - uy) - ny * (vx - ux)
+            turned += areas[k] < 0
         step /= last - first
         if not avoid_folds:
             vertices[i] += step
             continue
-        turned = _turned(vertices, faces, normals, vf_indices[first:last], i, vertices[i])
         if turned > 0:
             _add_tangential_pull(vertices, faces, normals, vf_indices[first:last], i, step)
         for _ in range(4):
-            target[:] = vertices[i] + step
-            if _turned(vertices, faces, normals, vf_indices[first:last], i, target) <= turned:
-                vertices[i] = target
+            count = 0
+            for k in range(last - first):
+                count += areas[k] + step[0] * slopes[k, 0] + step[1] * slopes[k, 1] + step[2] * slopes[k, 2] < 0
+            if count <= turned:
+                vertices[i] += step
                 break
             step *= 0.5
-
-
-@kernel
-def _turned(vertices, faces, normals, around, i, position):  # type: ignore[no-untyped-def]
-    """Count the faces around vertex i that would lie against their normal if it were at `position`."""
-    count = 0
-    for f in around:
-        a, b, c = faces[f]
-        while a != i:
-            a, b, c = b, c, a
-        ux, uy, uz = vertices[b, 0] - position[0], vertices[b, 1] - position[1], vertices[b, 2] - position[2]
-        vx, vy, vz = vertices[c, 0] - position[0], vertices[c, 1] - position[1], vertices[c, 2] - position[2]
-        signed = (
-            normals[f, 0] * (uy * vz - uz * vy)
-            + normals[f, 1] * (uz * vx - ux * vz)
-            + normals[f, 2] * (ux * vy - uy * vx)
-        )
-        count += signed < 0
-    return count
 
 
 @kernel

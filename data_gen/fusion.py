@@ -8,6 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.transform import Rotation
 
 from cascadenorm.data_gen.fields import Field, Values
+from cascadenorm.data_gen.lattice import grid
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.polygonise import gradients, off_nodes, projected
 from cascadenorm.data_gen.sensor import camera_errors
@@ -62,8 +63,7 @@ def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.ran
 
     turn = facing if rng.random() < 0.5 else random_rotation(rng=rng)
     half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + 2 * spacing
-    sides = [spacing * np.arange(-np.ceil(side / spacing), np.ceil(side / spacing) + 1) for side in half]
-    nodes = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1) @ turn.T + extent.middle
+    nodes = grid(half, np.full(3, spacing)) @ turn.T + extent.middle
     noisy = _meshed(_distances(images, nodes, truncation=truncation, smooth=smooth), nodes, spacing)
     clean = noisy.moved(projected(field, noisy.vertices, size=spacing, reach=np.inf, steps=6))
     true = unit(gradients(field, clean.centroids, step=1e-3 * spacing))

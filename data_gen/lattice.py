@@ -40,14 +40,11 @@ def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, 
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     if turn is not None and not open_rim:
         half = np.abs(turn.T) @ half
-    blocks = np.ceil(2 * half / (BLOCK * steps)).astype(int)
-    counts = BLOCK * blocks + 1
-    axes = [step * (np.arange(count) - 0.5 * (count - 1)) for step, count in zip(steps, counts, strict=True)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    nodes = grid(half, steps, cells=BLOCK)
     if jitter > 0:
         nodes += rng.uniform(-jitter, jitter, nodes.shape) * steps
     nodes = (nodes if turn is None else nodes @ turn.T) + middle
-    values = _values(field, nodes, blocks, reach=0.5 * STEEPEST * BLOCK * float(np.linalg.norm(steps)) * (1 + jitter))
+    values = _values(field, nodes, reach=0.5 * STEEPEST * BLOCK * float(np.linalg.norm(steps)) * (1 + jitter))
     if not open_rim:
         rim = np.ones(values.shape, bool)
         rim[1:-1, 1:-1, 1:-1] = False
@@ -55,10 +52,21 @@ def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, 
     return Lattice(nodes, values, spacing)
 
 
-def _values(field: Field, nodes: NDArray[np.float64], blocks: NDArray[np.int_], *, reach: float) -> Values:
+def grid(half: NDArray[np.float64], steps: NDArray[np.float64], *, cells: int = 1) -> NDArray[np.float64]:
+    """Nodes about the origin that cover the box from -half to half, (p, q, r, 3), `steps` apart along the axes.
+
+    cells : along each axis there is a multiple of so many
+    """
+    counts = cells * np.ceil(2 * half / (cells * steps)).astype(int) + 1
+    axes = [step * (np.arange(count) - 0.5 * (count - 1)) for step, count in zip(steps, counts, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def _values(field: Field, nodes: NDArray[np.float64], *, reach: float) -> Values:
     """Evaluate at the corners of blocks, then everywhere in the blocks that the surface may pass through."""
     corners = nodes[::BLOCK, ::BLOCK, ::BLOCK]
     coarse = field(corners.reshape(-1, 3)).reshape(corners.shape[:3])
+    blocks: NDArray[np.int_] = np.array(coarse.shape) - 1
     near = np.full(tuple(blocks), np.inf)
     low, high = near.copy(), -near
     for a in (0, 1):

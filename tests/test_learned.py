@@ -14,20 +14,17 @@ from cascadenorm.learned.descriptors import (
     CONTEXT_STEPS,
     DESCRIPTORS,
     FLOOR,
-    REACH_PASSES,
-    REACH_SIGMA_R,
     RING,
     SIGMA_R,
     SIGMA_S,
-    STEADY,
     bilateral_stack,
     guided_stack,
     openness,
     pose_free,
-    reaching_stack,
     surroundings,
 )
 from cascadenorm.learned.networks import Network
+from cascadenorm.learned.reach import LANES, REACH_PASSES, REACH_SIGMA_R, STEADY, _reach_range, reaching_stack
 from cascadenorm.learned.regression import Regression, Standard, stage_stack
 from cascadenorm.learned.smoothed import smoothed_normals
 from cascadenorm.mesh import Mesh, angles_between, in_blocks, limit_threads, unit
@@ -123,6 +120,17 @@ def test_reaching_stack_holds_the_bilateral_filter_after_its_passes():
         twin = unit((ring_weights(MESH) * compact(twin, 0.35)) @ twin)
     at = 1 + REACH_PASSES.index(4) * len(REACH_SIGMA_R) + REACH_SIGMA_R.index(0.35)
     np.testing.assert_allclose(stack[:, at], twin, atol=1e-5)
+
+
+def test_filters_side_by_side_are_what_the_plain_code_says():
+    rng, rings = np.random.default_rng(0), MESH.topology.face_rings(1)
+    normals = unit(rng.normal(size=(len(MESH.faces), LANES, 3))).transpose(0, 2, 1).astype(np.float32)
+    given = (np.ascontiguousarray(normals), MESH.areas.astype(np.float32), *rings)
+    weights, steepness = rng.random(len(rings.indices), np.float32), np.float32([0, 0.1, 1, 10])
+    vectors, plain = np.empty((2, *normals.shape), np.float32)
+    _reach_range(0, len(normals), *given, weights, steepness, vectors)
+    getattr(_reach_range, "py_func", _reach_range)(0, len(normals), *given, weights, steepness, plain)
+    np.testing.assert_allclose(vectors, plain, atol=1e-6)
 
 
 def ring_weights(mesh: Mesh) -> np.ndarray:
@@ -243,10 +251,12 @@ def test_same_bytes_for_any_number_of_threads():
 
 
 def test_blocks_cover_all_and_do_not_depend_on_the_threads():
-    wanted = [(0, BLOCK), (BLOCK, 2 * BLOCK), (2 * BLOCK, 2 * BLOCK + 3)]
+    count = 2 * BLOCK + 3
+    wanted = [[row, min(row // BLOCK * BLOCK + BLOCK, count)] for row in range(count)]
     for threads in (1, 3):
         with limit_threads(threads):
-            assert in_blocks(2 * BLOCK + 3, lambda start, stop: (start, stop)) == wanted
+            found = in_blocks(count, lambda start, stop: np.array([[row, stop] for row in range(start, stop)]))
+            assert found.tolist() == wanted
 
 
 def test_weights_file_gives_the_same_cascade_back(tmp_path):

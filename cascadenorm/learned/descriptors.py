@@ -5,29 +5,20 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.bilateral_normal import spatial_weights
+from cascadenorm.learned.reach import NEAR_PASSES, STEADY, reaching_stack
 from cascadenorm.learned.smoothed import smoothed_normals
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, row_sums
-from cascadenorm.steps import steps
+from cascadenorm.mesh import Mesh, Vectors, kernel, over, row_sums
 
 SIGMA_S = (1.0, 2.0)
 """Spatial spreads of the filters, in mean edge lengths."""
 SIGMA_R = (0.1, 0.2, 0.35, 0.5, np.inf)
 """Range spreads of the filters, chords between unit normals."""
 RING = 2
-REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
-REACH_PASSES = (1, 4, 16, 64)
-NEAR_PASSES = REACH_PASSES[:-1]
 CONTEXT_STEPS = (1, 2, 4, 8)
-LANES = len(REACH_SIGMA_R)
 SMOOTH_PASSES = (1, 2, 4, 8, 16)
 """Of smoothing of the vertices in the first stage; the later ones leave out the last."""
 SMOOTH_SIGMA_R = 0.35
 """Where the noisy mesh is smoothed along better normals, it stops at edges of that chord."""
-LARGEST = 1000.0
-"""No face weighs more in `reaching_stack` than one of so many median areas: a spike must not be seen from afar."""
-STEADY = 1 + LANES * REACH_PASSES.index(4) + REACH_SIGMA_R.index(np.inf)
-"""Number in `reaching_stack` of the normals along which vertices are smoothed."""
 FLOOR = 1e-4
 """Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
 
@@ -59,30 +50,6 @@ def guided_stack(mesh: Mesh) -> Stack:
     plain = bilateral_stack(mesh)
     guides = np.stack([plain[:, len(SIGMA_R) * (s + 1)] for s in range(len(SIGMA_S))]).astype(np.float64)
     return np.concatenate([plain, _filtered(mesh, guides, SIGMA_R[:-1])], axis=1)
-
-
-def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> Stack:
-    """Normals after each number of bilateral passes over one ring, for each of REACH_SIGMA_R.
-
-    In place of e^-u the range weight is (1 - u/8)^8, which is near it and zero from u = 8 on: without an exponential
-    all σ_r are filtered side by side, in 12 numbers of 4 bytes a neighbour.
-
-    Returns
-    -------
-    (m, 1 + 4 p, 3) : the face normal first, then σ_r ascending within the p numbers of passes ascending
-    """
-    rings, own, weights = _ring_weights(mesh)
-    spreads = (0.5 / np.array(REACH_SIGMA_R) ** 2).astype(np.float32)
-    normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
-    after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
-    out[:, 0] = normals[:, :, 0]
-    for done in steps(passes[-1]):
-        over(len(normals), _reach_range, normals, own, *rings, weights, spreads, after)
-        normals, after = after, normals
-        if done + 1 in passes:
-            first = 1 + LANES * passes.index(done + 1)
-            out[:, first : first + LANES] = normals.transpose(0, 2, 1)
-    return out
 
 
 def _first(mesh: Mesh, noisy: Mesh) -> list[Stack]:
@@ -142,13 +109,13 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np.flo
     rings, kept, part = mesh.topology.face_rings(1), [], mesh.topology.face_components
     sizes = np.maximum(np.bincount(part), 1)
     whole = (row_sums(part, values) / sizes[:, None]).astype(np.float32)
-    spare = [np.empty_like(values), np.empty_like(values)]
-    for done in range(1, CONTEXT_STEPS[-1] + 1):
-        after = np.empty_like(values) if done in CONTEXT_STEPS else spare[done % 2]
-        over(len(values), _mean_range, values, rings.indptr, rings.indices, after)
-        values = after
-        if done in CONTEXT_STEPS:
-            kept.append(values)
+    spare = np.empty_like(values)
+    for rounds in np.diff(CONTEXT_STEPS, prepend=0):
+        kept.append(np.empty_like(values))
+        for left in range(rounds - 1, -1, -1):
+            after = spare if left % 2 else kept[-1]
+            over(len(values), _mean_range, values, rings.indptr, rings.indices, after)
+            values = after
     return [*kept, whole[part]]
 
 
@@ -165,16 +132,6 @@ def openness(mesh: Mesh) -> NDArray[np.float32]:
     sums = row_sums(part, mesh.area_vectors)
     areas = np.maximum(np.bincount(part, mesh.areas), np.finfo(float).tiny)
     return np.asarray((np.linalg.norm(sums, axis=1) / areas)[part], np.float32)
-
-
-def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
-    """One ring of faces, what each face weighs in its own average, and what each of its neighbours does there."""
-    rings = mesh.topology.face_rings(1)
-    middling = np.median(mesh.areas[mesh.areas > 0]) if mesh.areas.any() else 1.0
-    share = 1 / np.maximum(mesh.areas / (LARGEST * middling), 1)  # of its area that a face weighs
-    own = (share * mesh.areas / middling).astype(np.float32)
-    weights = (share[rings.indices] * spatial_weights(mesh, rings, 1.0) / middling).astype(np.float32)
-    return rings, own, weights
 
 
 def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...]) -> Stack:
@@ -225,35 +182,6 @@ def _filter_range(start, stop, normals, guides, centroids, areas, indptr, indice
 
 
 @kernel
-def _reach_range(start, stop, normals, own, indptr, indices, weights, spreads, out):  # type: ignore[no-untyped-def]
-    """One pass of LANES filters side by side, each on its own normals; iteration f alone writes out[f]."""
-    total = np.empty((3, LANES), np.float32)
-    zero, one, eighth = np.float32(0), np.float32(1), np.float32(0.125)
-    for f in range(start, stop):
-        for d in range(3):
-            for r in range(LANES):
-                total[d, r] = own[f] * normals[f, d, r]
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            for r in range(LANES):
-                x = normals[g, 0, r] - normals[f, 0, r]
-                y = normals[g, 1, r] - normals[f, 1, r]
-                z = normals[g, 2, r] - normals[f, 2, r]
-                w = max(zero, one - eighth * spreads[r] * (x * x + y * y + z * z))
-                w *= w
-                w *= w
-                w *= w
-                w *= weights[k]
-                total[0, r] += w * normals[g, 0, r]
-                total[1, r] += w * normals[g, 1, r]
-                total[2, r] += w * normals[g, 2, r]
-        for r in range(LANES):
-            length = np.sqrt(total[0, r] ** 2 + total[1, r] ** 2 + total[2, r] ** 2)
-            for d in range(3):
-                out[f, d, r] = total[d, r] / length if length > zero else normals[f, d, r]
-
-
-@kernel
 def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-untyped-def]
     for f in range(start, stop):
         count = np.float32(1 + indptr[f + 1] - indptr[f])
@@ -270,12 +198,18 @@ def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-u
 @kernel
 def _pair_range(start, stop, stack, out):  # type: ignore[no-untyped-def]
     """1 - cos + FLOOR, cos by half the squared chord, which keeps its digits where two normals nearly agree."""
+    count = stack.shape[1]
+    axes = np.empty((3, count), np.float32)  # in each of which the later normals are neighbours
     for f in range(start, stop):
+        for i in range(count):
+            for d in range(3):
+                axes[d, i] = stack[f, i, d]
         p = 0
-        for i in range(stack.shape[1]):
-            for j in range(i + 1, stack.shape[1]):
-                x = stack[f, i, 0] - stack[f, j, 0]
-                y = stack[f, i, 1] - stack[f, j, 1]
-                z = stack[f, i, 2] - stack[f, j, 2]
-                out[f, p] = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
-                p += 1
+        for i in range(count):
+            later = count - 1 - i
+            x0, y0, z0 = axes[0, i], axes[1, i], axes[2, i]
+            xs, ys, zs, row = axes[0, i + 1 :], axes[1, i + 1 :], axes[2, i + 1 :], out[f, p : p + later]
+            for j in range(later):
+                x, y, z = x0 - xs[j], y0 - ys[j], z0 - zs[j]
+                row[j] = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
+            p += later

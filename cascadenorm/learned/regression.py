@@ -46,14 +46,14 @@ class Standard:
         (m, d + 5 p + 1), or (m, d) where p is 0
         """
         context = self.context(stack, mesh)
-        return np.concatenate(in_blocks(len(stack), lambda i, j: self.joined(stack, context, i, j)))
+        return in_blocks(len(stack), lambda i, j: self.joined(stack, context, i, j))
 
     def context(self, stack: Stack, mesh: Mesh) -> list[Array]:
         """Average the main directions around each face, and say how open the mesh is: 5 of (m, p), then (m, 1)."""
         if not self.projection.size:
             return []
         main = in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
-        return [*surroundings(np.concatenate(main), mesh), openness(mesh)[:, None]]
+        return [*surroundings(main, mesh), openness(mesh)[:, None]]
 
     def joined(self, stack: Stack, context: list[Array], start: int, stop: int) -> Array:
         """Return the numbers of the faces start … stop, of all filtered normals and of what `context` gave for them."""
@@ -61,10 +61,15 @@ class Standard:
         if not context:
             return own
         around = np.concatenate([part[start:stop] for part in context], axis=1)
-        return np.concatenate([own, (around - self.context_mean) * self.context_scale], axis=1)
+        around -= self.context_mean
+        around *= self.context_scale
+        return np.concatenate([own, around], axis=1)
 
     def _own(self, stack: Stack) -> Array:
-        return np.asarray((pose_free(stack) - self.mean) * self.scale)
+        numbers = pose_free(stack)
+        numbers -= self.mean
+        numbers *= self.scale
+        return numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +134,7 @@ class Regression:
             total = in_blocks(
                 len(stack), lambda i, j: self._sums(stack[i:j], self.standard.joined(stack, context, i, j))
             )
-        return unit(np.concatenate(total), otherwise=stack[:, 0])
+        return unit(total, otherwise=stack[:, 0])
 
     def _sums(self, stack: Stack, x: Array) -> Array:
         """Return the weighted sums of the normals of some faces, which x describes, (m, 3)."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.mesh.threads import kernel, over
 from cascadenorm.mesh.topology import Topology
 from cascadenorm.wording import counted
 
@@ -43,7 +44,7 @@ class Mesh:
         mesh.vertices.flags.writeable = False
         return mesh
 
-    @cached_property
+    @property
     def corners(self) -> NDArray[np.float64]:
         """(m, 3, 3) positions of the corners of each face."""
         return self.vertices[self.faces]
@@ -51,13 +52,16 @@ class Mesh:
     @cached_property
     def centroids(self) -> Vectors:
         """(m, 3) mean of the corners of each face."""
-        return np.asarray(self.corners.mean(axis=1))
+        out = np.empty(self.faces.shape)
+        over(len(out), _centroid_range, self.vertices, self.faces, out)
+        return out
 
     @cached_property
     def area_vectors(self) -> Vectors:
         """(m, 3) normal of each face times its area."""
-        a, b, c = np.moveaxis(self.corners, 1, 0)
-        return np.asarray(0.5 * np.cross(b - a, c - a))
+        out = np.empty(self.faces.shape)
+        over(len(out), _area_vector_range, self.vertices, self.faces, out)
+        return out
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:
@@ -87,8 +91,10 @@ class Mesh:
     @cached_property
     def mean_edge_length(self) -> float:
         """Mean length of the undirected edges; infinite where it is beyond the largest number."""
-        ends, exponent = _near_one(self.vertices[self.topology.edges])
-        return _scaled(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean(), exponent)
+        vertices, exponent = _near_one(np.where(self.topology.used_vertices[:, None], self.vertices, 0.0))
+        lengths = np.empty(len(self.topology.edges))
+        over(len(lengths), _length_range, vertices, self.topology.edges, lengths)
+        return _scaled(lengths.mean(), exponent)
 
     @property
     def area(self) -> float:
@@ -106,6 +112,33 @@ class Mesh:
         """Length of the diagonal of the bounding box; infinite where it is beyond the largest number."""
         box, exponent = _near_one(np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]))
         return _scaled(np.linalg.norm(box[1] - box[0]), exponent)
+
+
+@kernel
+def _centroid_range(start, stop, vertices, faces, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        a, b, c = faces[f]
+        for d in range(3):
+            out[f, d] = (vertices[a, d] + vertices[b, d] + vertices[c, d]) / 3.0
+
+
+@kernel
+def _area_vector_range(start, stop, vertices, faces, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        a, b, c = faces[f]
+        ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
+        vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
+        out[f, 0] = 0.5 * (uy * vz - uz * vy)
+        out[f, 1] = 0.5 * (uz * vx - ux * vz)
+        out[f, 2] = 0.5 * (ux * vy - uy * vx)
+
+
+@kernel
+def _length_range(start, stop, vertices, edges, out):  # type: ignore[no-untyped-def]
+    for e in range(start, stop):
+        i, j = edges[e]
+        x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+        out[e] = np.sqrt(x * x + y * y + z * z)
 
 
 def _near_one(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
@@ -136,7 +169,16 @@ def angles_between(ours: Vectors, theirs: Vectors) -> NDArray[np.float64]:
 
 def row_sums(groups: NDArray[Any], values: NDArray[Any]) -> NDArray[np.float64]:
     """Add the rows of values that are of one group, (largest number of a group + 1, columns of values)."""
-    return np.stack([np.bincount(groups, column) for column in values.T], axis=1)
+    out = np.zeros((groups.max(initial=-1) + 1, values.shape[1]))
+    _add_rows(groups, values, out)
+    return out
+
+
+@kernel
+def _add_rows(groups, values, out):  # type: ignore[no-untyped-def]
+    for i in range(len(groups)):
+        for p in range(values.shape[1]):
+            out[groups[i], p] += values[i, p]
 
 
 def first_places(bad: NDArray[np.bool_]) -> str:

@@ -12,6 +12,8 @@ from contextvars import ContextVar
 from typing import Any
 
 import numba
+import numpy as np
+from numpy.typing import NDArray
 
 BLOCK = 8192
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
@@ -59,19 +61,26 @@ def over(count: int, run: Callable[..., Any], *arguments: Any, smallest: int = S
         return list(pool.map(lambda start: run(start, min(start + chunk, count), *arguments), starts))
 
 
-def in_blocks(count: int, run: Callable[[int, int], Any]) -> list[Any]:
+def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[Any]:
     """Call run(start, stop) on blocks of 0 … count that do not depend on the threads, each on a thread of its own.
 
     For what is no kernel, such as products of matrices, whose last bits may depend on their shape.
 
     Returns
     -------
-    what the calls returned, in the order of the blocks
+    the rows that the calls returned, stop - start each, in one array
     """
 
-    def alone(start: int) -> Any:
+    def alone(start: int) -> NDArray[Any]:
         with limit_threads(1):
             return run(start, min(start + BLOCK, count))
 
+    def fill(start: int) -> None:
+        out[start : start + BLOCK] = alone(start)
+
+    first = alone(0)
+    out = np.empty((count, *first.shape[1:]), first.dtype)
+    out[:BLOCK] = first
     with ThreadPoolExecutor(thread_count()) as pool:
-        return list(pool.map(alone, range(0, count, BLOCK)))
+        list(pool.map(fill, range(BLOCK, count, BLOCK)))
+    return out
