@@ -72,14 +72,16 @@ def _add_lanes(context, total, normals, f, g, weight, steepness):  # type: ignor
     """Do what `_add_neighbor` says in vectors, which the compiler does not find: it takes 2.7 times as long."""
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        names = ("total", "normals", "f", "g", "weight", "steepness")
+        values, kinds = (dict(zip(names, given, strict=True)) for given in (arguments, signature.args))
         lanes = ir.VectorType(ir.FloatType(), LANES)
-        start = context.get_constant(types.intp, 0)
+        axes = [context.get_constant(types.intp, d) for d in range(3)]
+        own, other = (context.cast(builder, values[face], kinds[face], types.intp) for face in "fg")
 
-        def at(number: int, *index: Any) -> Any:
-            """Pointer to the lanes of an argument that is an array."""
-            kind = signature.args[number]
-            array = context.make_array(kind)(context, builder, arguments[number])
-            place = cgutils.get_item_pointer(context, builder, kind, array, [*index, start], wraparound=False)  # type: ignore[no-untyped-call]
+        def at(name: str, *index: Any) -> Any:
+            """Pointer to the lanes of an array."""
+            array = context.make_array(kinds[name])(context, builder, values[name])
+            place = cgutils.get_item_pointer(context, builder, kinds[name], array, [*index, axes[0]], wraparound=False)  # type: ignore[no-untyped-call]
             return builder.bitcast(place, lanes.as_pointer())
 
         def load(place: Any) -> Any:
@@ -87,23 +89,21 @@ def _add_lanes(context, total, normals, f, g, weight, steepness):  # type: ignor
             loaded.align = 4  # of a number: rows lie anywhere
             return loaded
 
-        axes = [context.get_constant(types.intp, d) for d in range(3)]
-        own, other = (context.cast(builder, arguments[n], signature.args[n], types.intp) for n in (2, 3))
         zero, one = (ir.Constant(lanes, [number] * LANES) for number in (0.0, 1.0))
-        chord, near = zero, [load(at(1, other, d)) for d in axes]
+        chord, near = zero, [load(at("normals", other, d)) for d in axes]
         for d in range(3):
-            difference = builder.fsub(near[d], load(at(1, own, axes[d])))
+            difference = builder.fsub(near[d], load(at("normals", own, axes[d])))
             chord = builder.fadd(chord, builder.fmul(difference, difference))
-        share = builder.fsub(one, builder.fmul(load(at(5)), chord))
+        share = builder.fsub(one, builder.fmul(load(at("steepness")), chord))
         share = builder.select(builder.fcmp_ordered(">", share, zero), share, zero)
         for _ in range(3):
             share = builder.fmul(share, share)
-        several = ir.Constant(lanes, ir.Undefined)
+        splat = ir.Constant(lanes, ir.Undefined)
         for r in range(LANES):
-            several = builder.insert_element(several, arguments[4], ir.Constant(ir.IntType(32), r))
-        share = builder.fmul(share, several)
+            splat = builder.insert_element(splat, values["weight"], ir.Constant(ir.IntType(32), r))
+        share = builder.fmul(share, splat)
         for d in range(3):
-            place = at(0, axes[d])
+            place = at("total", axes[d])
             builder.store(builder.fadd(load(place), builder.fmul(share, near[d])), place).align = 4
         return context.get_dummy_value()
 
