@@ -52,8 +52,8 @@ class Standard:
         """Average the main directions around each face, and say how open the mesh is: 5 of (m, p), then (m, 1)."""
         if not self.projection.size:
             return []
-        main = in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
-        return [*surroundings(main, mesh), openness(mesh)[:, None]]
+        around = surroundings(in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection), mesh)
+        return [*around, openness(mesh)[:, None]]
 
     def joined(self, stack: Stack, context: list[Array], start: int, stop: int) -> Array:
         """Return the numbers of the faces start … stop, of all filtered normals and of what `context` gave for them."""
