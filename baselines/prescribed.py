@@ -79,7 +79,8 @@ def area_gradient(mesh: Mesh, weights: NDArray[np.float64]) -> Vectors:
     With weights 1 it is the gradient of the area of a closed mesh.
     """
     edges, face_edges = mesh.topology.edges, mesh.topology.face_edges
-    sides = np.roll(mesh.corners, -1, axis=1) - mesh.corners
+    corners = mesh.corners
+    sides = np.roll(corners, -1, axis=1) - corners
     inward = np.cross(mesh.normals[:, None], sides).reshape(-1, 3)  # in the face, as long as the side
     pulls = -0.5 * np.stack([weights * sums(face_edges, column, len(edges)) for column in inward.T])
     return np.stack([sums(edges, np.repeat(column, 2), len(mesh.vertices)) for column in pulls], axis=1)

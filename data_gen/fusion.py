@@ -104,8 +104,8 @@ def _distances(
     for image, measured in images:
         rays = points - image.eye
         at = rays @ image.turn[:, :2] * (image.distance / -(rays @ image.turn[:, 2]))[:, None]
-        grid, values = (image.pixels, image.pixels), measured.reshape(len(image.pixels), -1)
-        depths = RegularGridInterpolator(grid, values, bounds_error=False, fill_value=np.nan)
+        sides, values = (image.pixels, image.pixels), measured.reshape(len(image.pixels), -1)
+        depths = RegularGridInterpolator(sides, values, bounds_error=False, fill_value=np.nan)
         depth = depths(at, method="nearest")
         if smooth:
             between = depths(at)

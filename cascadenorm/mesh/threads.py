@@ -75,12 +75,10 @@ def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[An
         with limit_threads(1):
             return run(start, min(start + BLOCK, count))
 
-    def fill(start: int) -> None:
-        out[start : start + BLOCK] = alone(start)
-
-    first = alone(0)
-    out = np.empty((count, *first.shape[1:]), first.dtype)
-    out[:BLOCK] = first
+    starts = range(0, count, BLOCK)
     with ThreadPoolExecutor(thread_count()) as pool:
-        list(pool.map(fill, range(BLOCK, count, BLOCK)))
+        for start, block in zip(starts, pool.map(alone, starts), strict=True):
+            if start == 0:
+                out = np.empty((count, *block.shape[1:]), block.dtype)
+            out[start : start + BLOCK] = block
     return out
