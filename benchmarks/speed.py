@@ -1,4 +1,4 @@
-"""Time whole commands, from the first byte read to the last one written: python benchmarks/speed.py [--method NAME ...]
+"""Time whole commands, from the first byte read to the last one written: python benchmarks/speed.py [--method NAME ...] [--device cuda]
 
 The meshes are made here: a torus with waves and noise along its normals. The table is printed, and written to
 benchmarks/speed.md.
@@ -40,22 +40,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Time the start and each method on meshes of two sizes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--method", action="append", help="may be given several times")
+    parser.add_argument("--device", default="cpu", help="cuda, where there is a graphics card: of auto and cascade")
     parser.add_argument("--output", type=Path, default=Path(__file__).with_name("speed.md"))
     chosen = parser.parse_args(arguments)
-    methods = chosen.method or ["auto", "cascade", "bilateral-normal"]
+    methods = chosen.method or ["auto", "cascade", *(["bilateral-normal"] if chosen.device == "cpu" else [])]
     rows = [("`cascadenorm --help`", timed(["--help"]))]
     with tempfile.TemporaryDirectory() as folder:
         warm = Path(folder) / "warm.ply"
         save_mesh(warm, wavy_torus(40, 30))
         for method in methods:
-            denoised(warm, method)  # kernels are compiled once, and kept
+            denoised(warm, method, chosen.device)  # kernels are compiled once, and kept
         for size, steps in SIZES.items():
             mesh = Path(folder) / f"{steps[0]}.ply"
             save_mesh(mesh, wavy_torus(*steps))
-            rows += [(f"{method}, {size}", denoised(mesh, method)) for method in methods]
+            rows += [(f"{method}, {size}", denoised(mesh, method, chosen.device)) for method in methods]
     machine = f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
     lines = [
-        f"Whole commands, reading and writing included, kernels compiled before; {machine}.",
+        f"Whole commands, reading and writing included, kernels compiled before; {machine}, device {chosen.device}.",
         "",
         "| command | seconds | peak memory, GiB |",
         "| --- | ---: | ---: |",
@@ -66,9 +67,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(text, end="")
 
 
-def denoised(mesh: Path, method: str) -> Run:
+def denoised(mesh: Path, method: str, device: str) -> Run:
     """Time the denoising of a file."""
-    return timed(["denoise", str(mesh), "-o", str(mesh.with_suffix(".out.ply")), "--method", method, "--force"])
+    where = [] if device == "cpu" else ["--set", f"device={device}"]
+    return timed(["denoise", str(mesh), "-o", str(mesh.with_suffix(".out.ply")), "--method", method, "--force", *where])
 
 
 def timed(arguments: Sequence[str]) -> Run:

@@ -13,6 +13,7 @@ from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import (
     CONTEXT_STEPS,
     DESCRIPTORS,
+    FILTERS,
     FLOOR,
     RING,
     SIGMA_R,
@@ -59,7 +60,12 @@ def twin_stack(mesh: Mesh) -> np.ndarray:
 def random_regression(descriptor: str, *, later: bool = False, seed: int = 0, activation: str = "tanh") -> Regression:
     """A stage with random weights; a later one sees the noisy normals too."""
     rng = np.random.default_rng(seed)
-    k, hidden, clusters, p = sum(part.shape[1] for part in DESCRIPTORS[descriptor](MESH, MESH)) + later, 7, 3, 5
+    k, hidden, clusters, p = (
+        sum(part.shape[1] for part in DESCRIPTORS[descriptor](MESH, MESH, FILTERS)) + later,
+        7,
+        3,
+        5,
+    )
     d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1) + 1
 
     def random(*shape: int) -> np.ndarray:

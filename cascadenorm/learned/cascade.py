@@ -1,18 +1,18 @@
 """The cascade: regress normals, recover vertices, and again from what came out (Wang, Liu, Tong 2016)."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, NamedTuple
 
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
+from cascadenorm.learned.descriptors import DESCRIPTORS, FILTERS, Filters, Stack
 from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.recover import Sweeps, recover_vertices
@@ -20,6 +20,17 @@ from cascadenorm.registry import Parameter, ParameterError, method
 from cascadenorm.steps import steps
 
 FORMAT = "cascadenorm/3"
+
+
+class Engine(NamedTuple):
+    """What computes a stage: the processor, or a graphics card by the same formulas."""
+
+    filters: Filters
+    regress: Callable[[Regression, Mesh, Stack], Vectors]
+    recover: Callable[..., Vectors]
+
+
+PROCESSOR = Engine(FILTERS, Regression.normals, recover_vertices)
 
 
 @dataclass(frozen=True)
@@ -35,17 +46,18 @@ class Cascade:
     stages: tuple[Regression, ...]
     card: Mapping[str, Any]
 
-    def steps(self, mesh: Mesh, *, sweeps: int = 20) -> Iterator[Mesh]:
+    def steps(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Iterator[Mesh]:
         """Yield the mesh after each stage."""
         noisy = mesh
         for number in steps(len(self.stages)):
             stage = self.stages[number]
-            mesh = advanced(stage, mesh, stage_stack(stage.descriptor, mesh, noisy), sweeps=sweeps)
+            stack = stage_stack(stage.descriptor, mesh, noisy, engine.filters)
+            mesh = advanced(stage, mesh, stack, sweeps=sweeps, engine=engine)
             yield mesh
 
-    def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:
+    def vertices(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Vectors:
         """Return the vertices of the mesh after the last stage, (n, 3)."""
-        *_, last = self.steps(mesh, sweeps=sweeps)
+        *_, last = self.steps(mesh, sweeps=sweeps, engine=engine)
         return last.vertices
 
     def to_bytes(self) -> bytes:
@@ -87,9 +99,9 @@ class Cascade:
         return cls(tuple(stages), header["card"])
 
 
-def advanced(stage: Regression, mesh: Mesh, stack: Stack, *, sweeps: int) -> Mesh:
+def advanced(stage: Regression, mesh: Mesh, stack: Stack, *, sweeps: int, engine: Engine = PROCESSOR) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from its stack, its vertices moved to them."""
-    return mesh.moved(recover_vertices(mesh, stage.normals(mesh, stack), sweeps=sweeps))
+    return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps))
 
 
 @cache
@@ -100,18 +112,31 @@ def shipped(name: str) -> Cascade:
 
 
 Model = Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm train` made; none: ours")]
+Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the processor, or a graphics card through torch")]
 
 
 @method("auto", source="after Wang, Liu, Tong 2016")
-def auto(mesh: Mesh, *, model: Model = None) -> Vectors:
+def auto(mesh: Mesh, *, model: Model = None, device: Device = "cpu") -> Vectors:
     """Regress true normals from filters of near and far reach, in three stages, for any mesh and any noise."""
-    return _loaded(model, "auto").vertices(mesh)
+    return _loaded(model, "auto").vertices(mesh, engine=_engine(device))
 
 
 @method("cascade", source="Wang, Liu, Tong 2016")
-def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
+def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device = "cpu") -> Vectors:
     """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages."""
-    return _loaded(model, "cascade").vertices(mesh, sweeps=sweeps)
+    return _loaded(model, "cascade").vertices(mesh, sweeps=sweeps, engine=_engine(device))
+
+
+def _engine(device: str) -> Engine:
+    if device == "cpu":
+        return PROCESSOR
+    try:
+        from cascadenorm.learned import graphics
+    except ModuleNotFoundError:
+        raise ParameterError(
+            f'device is {device!r}, which needs torch: pip install "cascadenorm[gpu]", or leave the device out'
+        ) from None
+    return graphics.engine(device)
 
 
 def _loaded(model: Cascade | Path | None, name: str) -> Cascade:

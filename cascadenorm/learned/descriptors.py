@@ -1,11 +1,12 @@
 """Filtered face-normal descriptors B-FND and G-FND (Wang, Liu, Tong 2016), and the pose-free numbers made of them."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.learned.reach import NEAR_PASSES, STEADY, reaching_stack
+from cascadenorm.learned.reach import NEAR_PASSES, REACH_PASSES, STEADY, reaching_stack
 from cascadenorm.learned.smoothed import smoothed_normals
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, row_sums
 
@@ -52,24 +53,35 @@ def guided_stack(mesh: Mesh) -> Stack:
     return np.concatenate([plain, _filtered(mesh, guides, SIGMA_R[:-1])], axis=1)
 
 
-def _first(mesh: Mesh, noisy: Mesh) -> list[Stack]:
-    reach = reaching_stack(mesh)
-    return [reach, smoothed_normals(mesh, reach[:, STEADY], SMOOTH_PASSES)]
+class Filters(NamedTuple):
+    """What goes over a mesh many times: `reaching_stack` and `smoothed_normals`, or the same on a graphics card."""
+
+    reaching: Callable[..., Stack]
+    smoothed: Callable[..., Stack]
 
 
-def _later(mesh: Mesh, noisy: Mesh) -> list[Stack]:
+FILTERS = Filters(reaching_stack, smoothed_normals)
+"""Those of the processor."""
+
+
+def _first(mesh: Mesh, noisy: Mesh, filters: Filters) -> list[Stack]:
+    reach = filters.reaching(mesh, REACH_PASSES)
+    return [reach, filters.smoothed(mesh, reach[:, STEADY], SMOOTH_PASSES)]
+
+
+def _later(mesh: Mesh, noisy: Mesh, filters: Filters) -> list[Stack]:
     """Filter what the stage before left; and smooth the noisy mesh along its normals, so that detail can come back."""
-    reach, passes = reaching_stack(mesh, NEAR_PASSES), SMOOTH_PASSES[:-1]
-    smoothed = smoothed_normals(mesh, reach[:, STEADY], passes)
-    return [reach, smoothed, smoothed_normals(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R)]
+    reach, passes = filters.reaching(mesh, NEAR_PASSES), SMOOTH_PASSES[:-1]
+    smoothed = filters.smoothed(mesh, reach[:, STEADY], passes)
+    return [reach, smoothed, filters.smoothed(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R)]
 
 
-DESCRIPTORS: dict[str, Callable[[Mesh, Mesh], list[Stack]]] = {
-    "B": lambda mesh, noisy: [bilateral_stack(mesh)],
-    "B+G": lambda mesh, noisy: [guided_stack(mesh)],
-    "reach": lambda mesh, noisy: [reaching_stack(mesh)],
+DESCRIPTORS: dict[str, Callable[[Mesh, Mesh, Filters], list[Stack]]] = {
+    "B": lambda mesh, noisy, filters: [bilateral_stack(mesh)],
+    "B+G": lambda mesh, noisy, filters: [guided_stack(mesh)],
+    "reach": lambda mesh, noisy, filters: [filters.reaching(mesh, REACH_PASSES)],
     "reach+smooth": _first,
-    "near": lambda mesh, noisy: [reaching_stack(mesh, NEAR_PASSES)],
+    "near": lambda mesh, noisy, filters: [filters.reaching(mesh, NEAR_PASSES)],
     "near+smooth": _later,
 }
 """What a stage may read of a mesh and of how it was before the first stage, by the name in settings and weights."""
@@ -106,9 +118,7 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np.flo
     5 of (m, p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
         then the mean over the connected part of the mesh
     """
-    rings, kept, part = mesh.topology.face_rings(1), [], mesh.topology.face_components
-    sizes = np.maximum(np.bincount(part), 1)
-    whole = (row_sums(part, values) / sizes[:, None]).astype(np.float32)
+    rings, kept, whole = mesh.topology.face_rings(1), [], part_means(values, mesh)
     spare = np.empty_like(values)
     for rounds in np.diff(CONTEXT_STEPS, prepend=0):
         kept.append(np.empty_like(values))
@@ -116,7 +126,14 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np.flo
             after = spare if left % 2 else kept[-1]
             over(len(values), _mean_range, values, rings.indptr, rings.indices, after)
             values = after
-    return [*kept, whole[part]]
+    return [*kept, whole]
+
+
+def part_means(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]:
+    """Average numbers, one row a face, over all that is connected with the face, (m, p)."""
+    part = mesh.topology.face_components
+    sizes = np.maximum(np.bincount(part), 1)
+    return np.asarray((row_sums(part, values) / sizes[:, None]).astype(np.float32)[part])
 
 
 def openness(mesh: Mesh) -> NDArray[np.float32]:

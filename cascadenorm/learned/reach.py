@@ -33,7 +33,7 @@ def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> NDArra
     -------
     (m, 1 + 4 p, 3) : the face normal first, then σ_r ascending within the p numbers of passes ascending
     """
-    rings, own, weights = _ring_weights(mesh)
+    rings, own, weights = ring_weights(mesh)
     steepness = (0.125 * 0.5 / np.array(REACH_SIGMA_R) ** 2).astype(np.float32)
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
@@ -47,7 +47,7 @@ def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> NDArra
     return out
 
 
-def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
+def ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
     """One ring of faces, what each face weighs in its own average, and what each of its neighbours does there."""
     rings = mesh.topology.face_rings(1)
     middling = np.median(mesh.areas[mesh.areas > 0]) if mesh.areas.any() else 1.0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cascadenorm.learned.descriptors import DESCRIPTORS, Stack, openness, pose_free, surroundings
+from cascadenorm.learned.descriptors import DESCRIPTORS, FILTERS, Filters, Stack, openness, pose_free, surroundings
 from cascadenorm.mesh import Mesh, Vectors, in_blocks, unit
 
 Array = NDArray[np.float32]
@@ -153,9 +153,9 @@ class Regression:
         return np.asarray(x @ weight[cluster] + bias[cluster])
 
 
-def stage_stack(descriptor: str, mesh: Mesh, noisy: Mesh) -> Stack:
+def stage_stack(descriptor: str, mesh: Mesh, noisy: Mesh, filters: Filters = FILTERS) -> Stack:
     """Filter the normals of a mesh for a stage; one after the first also sees the noisy normals, last in the stack."""
-    parts = DESCRIPTORS[descriptor](mesh, noisy)
+    parts = DESCRIPTORS[descriptor](mesh, noisy, filters)
     if mesh is not noisy:
         parts.append(noisy.normals[:, None].astype(np.float32))
     return np.concatenate(parts, axis=1)
