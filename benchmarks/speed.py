@@ -1,4 +1,6 @@
-"""Time whole commands, from the first byte read to the last one written: python benchmarks/speed.py [--method NAME ...] [--device cuda]
+"""Time whole commands, from the first byte read to the last one written.
+
+python benchmarks/speed.py [--method NAME ...] [--device cuda]
 
 The meshes are made here: a torus with waves and noise along its normals. The table is printed, and written to
 benchmarks/speed.md.
@@ -55,8 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             save_mesh(mesh, wavy_torus(*steps))
             rows += [(f"{method}, {size}", denoised(mesh, method, chosen.device)) for method in methods]
     machine = f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
+    where = "" if chosen.device == "cpu" else f", {chosen.device}"
     lines = [
-        f"Whole commands, reading and writing included, kernels compiled before; {machine}, device {chosen.device}.",
+        f"Whole commands, reading and writing included, kernels compiled before; {machine}{where}.",
         "",
         "| command | seconds | peak memory, GiB |",
         "| --- | ---: | ---: |",
