@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from hashlib import sha256
 from importlib.metadata import version
@@ -27,10 +27,12 @@ from cascadenorm.learned.descriptors import Stack, pose_free
 from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.progress import Progress, silent, tells
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest, stage_stack
-from cascadenorm.mesh import Mesh, limit_threads, thread_count
+from cascadenorm.mesh import Mesh, Vectors, in_blocks, limit_threads, thread_count
 
 KMEANS_FACES = 50_000
 LEAST_DEVIATION = 0.1  # of a number: the logarithms are spread over 2 and more, openness over a third
+
+COLUMNS = 32  # whose deviations are computed at a time, in double precision
 
 Result = TypeVar("Result")
 
@@ -39,25 +41,36 @@ Result = TypeVar("Result")
 class _Sample:
     """A training mesh as it came and as it stands before the coming stage, with the faces drawn and their truth.
 
-    The stack is that of the coming stage, and empty until it is filtered.
+    Only positions are kept: what is derived from them takes ten times the memory, and is soon made again.
     """
 
-    noisy: Mesh
-    mesh: Mesh
+    faces: NDArray[np.int32]
+    noisy: Vectors
     truth: Array
     rows: NDArray[np.intp]
-    stack: Stack = field(default_factory=lambda: np.empty((0, 0, 3), np.float32))
+    vertices: Vectors | None = None
+    """Behind the stages so far, if there was one."""
 
-    def filtered(self, descriptor: str) -> Stack:
-        """Return the stack, filtered once a stage."""
-        if not len(self.stack):
-            self.stack = stage_stack(descriptor, self.mesh, self.noisy)
-        return self.stack
+    def filtered(self, descriptor: str) -> tuple[Mesh, Stack]:
+        """Return the mesh before the coming stage, and its stack."""
+        noisy = Mesh(self.noisy, self.faces)
+        mesh = noisy if self.vertices is None else noisy.moved(self.vertices)
+        return mesh, stage_stack(descriptor, mesh, noisy)
+
+    def drawn(self, descriptor: str) -> Stack:
+        """Return the stack of the faces drawn."""
+        _, stack = self.filtered(descriptor)
+        return stack[self.rows]
+
+    def numbers(self, descriptor: str, standard: Standard) -> Array:
+        """Return what describes the faces drawn."""
+        mesh, stack = self.filtered(descriptor)
+        return standard.numbers(stack, mesh)[self.rows]
 
     def advance(self, stage: Regression, sweeps: int) -> None:
         """Put the mesh behind a stage."""
-        self.mesh = advanced(stage, self.mesh, self.filtered(stage.descriptor), sweeps=sweeps)
-        self.stack = self.stack[:0]
+        mesh, stack = self.filtered(stage.descriptor)
+        self.vertices = advanced(stage, mesh, stack, sweeps=sweeps).vertices
 
 
 def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), progress: Progress = silent) -> Cascade:
@@ -86,7 +99,7 @@ def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progres
         raise ConfigError(f"{processes.count()} processes are more than the meshes, {meshes}: take fewer")
     if tells():
         _claim(checkpoint, config, own)
-    samples = _samples(config, own, progress)
+    samples = _samples(config, own, checkpoint / "pairs", progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
     for number, descriptor in enumerate(config.descriptors):
@@ -164,13 +177,25 @@ def _described(
 
     Two passes over the samples: the context can be averaged only where its main directions are known.
     """
-    own = []
-    for described in _each(samples, lambda sample: pose_free(sample.filtered(descriptor)[sample.rows])):
-        own.append(described)
-        progress(task, len(own), 2 * len(samples))
-    mean, scale = _mean_and_scale(np.concatenate(own))
-    products = sum(((x - mean) * scale).T.astype(np.float64) @ ((x - mean) * scale) for x in own)
-    covariance = processes.total(np.asarray(products))
+    ends = np.cumsum([len(sample.rows) for sample in samples])
+    parts = [slice(end - len(sample.rows), end) for sample, end in zip(samples, ends, strict=True)]
+
+    def told(results: Iterator[Array], before: int) -> Array:
+        """Put the results of all samples into one array."""
+        for done, (result, part) in enumerate(zip(results, parts, strict=True), 1):
+            if done == 1:
+                out = np.empty((ends[-1], *result.shape[1:]), result.dtype)
+            out[part] = result
+            progress(task, before + done, 2 * len(samples))
+        return out
+
+    stack = told(_each(samples, lambda sample: sample.drawn(descriptor)), 0)
+    own = in_blocks(len(stack), lambda start, stop: pose_free(stack[start:stop]))
+    mean, scale = _mean_and_scale(own)
+    own -= mean
+    own *= scale
+    covariance = processes.total(np.asarray(sum(own[part].T.astype(np.float64) @ own[part] for part in parts)))
+    del own
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(context)])
     none = np.zeros(1, np.float32)
@@ -178,19 +203,12 @@ def _described(
         mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
         context_mean=none, context_scale=none + 1,
     )  # fmt: skip
-    del own
-    ends = np.cumsum([len(sample.rows) for sample in samples])
-    every = _each(samples, lambda sample: first.numbers(sample.stack, sample.mesh)[sample.rows])
-    for done, (described, end) in enumerate(zip(every, ends, strict=True), 1):
-        if done == 1:
-            x = np.empty((ends[-1], described.shape[1]), np.float32)
-        x[end - len(described) : end] = described
-        progress(task, len(samples) + done, 2 * len(samples))
+    x = told(_each(samples, lambda sample: sample.numbers(descriptor, first)), len(samples))
     context_mean, context_scale = _mean_and_scale(x[:, len(mean) :])
-    x[:, len(mean) :] = (x[:, len(mean) :] - context_mean) * context_scale
+    x[:, len(mean) :] -= context_mean
+    x[:, len(mean) :] *= context_scale
     standard = replace(first, context_mean=context_mean, context_scale=context_scale)
-    stack = np.concatenate([s.stack[s.rows] for s in samples])
-    return standard, Faces(x, stack, np.concatenate([s.truth for s in samples]))
+    return standard, Faces(x, stack, np.concatenate([sample.truth for sample in samples]))
 
 
 def _each(samples: list[_Sample], work: Callable[[_Sample], Result]) -> Iterator[Result]:
@@ -208,29 +226,47 @@ def _mean_and_scale(x: Array) -> tuple[Array, Array]:
     """Mean and reciprocal deviation of each column; what hardly varied here must not matter much elsewhere."""
     count = processes.total(np.array(float(len(x))))
     mean = processes.total(x.sum(axis=0, dtype=np.float64)) / count
-    centred = x - mean
-    deviation = np.sqrt(processes.total(np.square(centred, out=centred).sum(axis=0)) / count)
+    squares = np.zeros(len(mean))
+    for start in range(0, len(mean), COLUMNS):
+        columns = slice(start, start + COLUMNS)
+        squares[columns] = np.square(x[:, columns] - mean[columns]).sum(axis=0)
+    deviation = np.sqrt(processes.total(squares) / count)
     return mean.astype(np.float32), (1 / np.maximum(deviation, LEAST_DEVIATION)).astype(np.float32)
 
 
-def _samples(config: TrainConfig, own: Sequence[Pair], progress: Progress) -> list[_Sample]:
-    """Make what this process keeps of the generated pairs and of one's own."""
+def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: Progress) -> list[_Sample]:
+    """Make what this process keeps of the generated pairs and of one's own; those that are in the folder are made."""
+    folder.mkdir(parents=True, exist_ok=True)
     count = config.data.count
     mine = range(count + len(own))[processes.share()]
     generated, others = [i for i in mine if i < count], [i for i in mine if i >= count]
+    made = pairs(config.data, [i for i in generated if not _file(folder, i).exists()], workers=thread_count())
     samples = []
-    for i, made in zip(generated, pairs(config.data, generated, workers=thread_count()), strict=True):
-        samples.append(_sample(made, i, config))
+    for i in generated:
+        if not _file(folder, i).exists():
+            new = next(made)
+            kept: dict[str, NDArray[Any]] = {
+                "noisy": new.noisy.vertices,
+                "clean": new.clean.vertices,
+                "faces": new.clean.faces,
+            }
+            _write(_file(folder, i), kept)
+        arrays = load_file(_file(folder, i))
+        samples.append(_sample(arrays["noisy"], Mesh(arrays["clean"], arrays["faces"]), i, config))
         progress("noisy/clean pairs", len(samples), len(generated))
-    return samples + [_sample(own[i - count], i, config) for i in others]
+    return samples + [_sample(own[i - count].noisy.vertices, own[i - count].clean, i, config) for i in others]
 
 
-def _sample(made: Pair, index: int, config: TrainConfig) -> _Sample:
+def _file(folder: Path, index: int) -> Path:
+    return folder / f"{index:05d}.safetensors"
+
+
+def _sample(noisy: Vectors, clean: Mesh, index: int, config: TrainConfig) -> _Sample:
     """Draw the faces of a pair."""
     rng = np.random.default_rng([config.seed, index])
-    whole = np.flatnonzero(made.clean.areas > 0)
+    whole = np.flatnonzero(clean.areas > 0)
     rows = np.sort(rng.choice(whole, min(config.faces_per_mesh, len(whole)), replace=False))
-    return _Sample(made.noisy, made.noisy, made.clean.normals[rows].astype(np.float32), rows)
+    return _Sample(clean.faces, noisy, clean.normals[rows].astype(np.float32), rows)
 
 
 def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
@@ -248,11 +284,16 @@ def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
 
 
 def _save(path: Path, arrays: Mapping[str, Array]) -> None:
-    """Write at once or not at all, so that a file that exists is finished; the first process alone writes."""
+    """Write what all processes have; the first one alone does."""
     if tells():
-        unfinished = path.with_suffix(".partial")
-        save_file(dict(arrays), unfinished)
-        os.replace(unfinished, path)
+        _write(path, arrays)
+
+
+def _write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write at once or not at all, so that a file that exists is finished."""
+    unfinished = path.with_suffix(".partial")
+    save_file(dict(arrays), unfinished)
+    os.replace(unfinished, path)
 
 
 def _read(path: Path) -> dict[str, Array]:
