@@ -7,7 +7,8 @@ import pytest
 import torch
 from shapes import cube, icosphere, noisy
 
-from cascadenorm.data_gen import DatasetConfig
+from cascadenorm.data_gen import DatasetConfig, pairs
+from cascadenorm.learned import training
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_stack, pose_free
@@ -110,6 +111,20 @@ def test_an_interrupted_training_goes_on_to_the_same_bytes(trained, tmp_path, ta
     with pytest.raises(Interrupted):
         train(TINY, tmp_path, progress=interrupt_at(task, done))
     assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+
+
+def test_pairs_that_are_made_are_not_made_again(trained, tmp_path, monkeypatch):
+    with pytest.raises(Interrupted):
+        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 2))
+    asked = []
+
+    def watched(config, indices, workers):
+        asked.extend(indices)
+        return pairs(config, indices, workers=workers)
+
+    monkeypatch.setattr(training, "pairs", watched)
+    assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+    assert asked == [2, 3]
 
 
 def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path):
