@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
@@ -31,7 +31,6 @@ from cascadenorm.mesh import Mesh, Vectors, in_blocks, limit_threads, thread_cou
 
 KMEANS_FACES = 50_000
 LEAST_DEVIATION = 0.1  # of a number: the logarithms are spread over 2 and more, openness over a third
-
 COLUMNS = 32  # whose deviations are computed at a time, in double precision
 
 Result = TypeVar("Result")
@@ -245,12 +244,8 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     for i in generated:
         if not _file(folder, i).exists():
             new = next(made)
-            kept: dict[str, NDArray[Any]] = {
-                "noisy": new.noisy.vertices,
-                "clean": new.clean.vertices,
-                "faces": new.clean.faces,
-            }
-            _write(_file(folder, i), kept)
+            positions = {"noisy": new.noisy.vertices, "clean": new.clean.vertices}
+            _write(_file(folder, i), {**positions, "faces": new.clean.faces})
         arrays = load_file(_file(folder, i))
         samples.append(_sample(arrays["noisy"], Mesh(arrays["clean"], arrays["faces"]), i, config))
         progress("noisy/clean pairs", len(samples), len(generated))
@@ -292,7 +287,7 @@ def _save(path: Path, arrays: Mapping[str, Array]) -> None:
 def _write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write at once or not at all, so that a file that exists is finished."""
     unfinished = path.with_suffix(".partial")
-    save_file(dict(arrays), unfinished)
+    unfinished.write_bytes(save(dict(arrays)))  # a full disk is an OSError, as anywhere
     os.replace(unfinished, path)
 
 
