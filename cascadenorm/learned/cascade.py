@@ -50,9 +50,7 @@ class Cascade:
         """Yield the mesh after each stage."""
         noisy = mesh
         for number in steps(len(self.stages)):
-            stage = self.stages[number]
-            stack = stage_stack(stage.descriptor, mesh, noisy, engine.filters)
-            mesh = advanced(stage, mesh, stack, sweeps=sweeps, engine=engine)
+            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps, engine=engine)
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Vectors:
@@ -99,8 +97,9 @@ class Cascade:
         return cls(tuple(stages), header["card"])
 
 
-def advanced(stage: Regression, mesh: Mesh, stack: Stack, *, sweeps: int, engine: Engine = PROCESSOR) -> Mesh:
+def advanced(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int, engine: Engine = PROCESSOR) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from its stack, its vertices moved to them."""
+    stack = stage_stack(stage.descriptor, mesh, noisy, engine.filters)
     return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps))
 
 

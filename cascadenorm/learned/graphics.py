@@ -17,8 +17,9 @@ from torch import Tensor
 from cascadenorm.learned.cascade import Engine
 from cascadenorm.learned.descriptors import CONTEXT_STEPS, FLOOR, Filters, Stack, openness, part_means
 from cascadenorm.learned.networks import ACTIVATIONS
-from cascadenorm.learned.reach import LANES, REACH_PASSES, REACH_SIGMA_R, ring_weights
+from cascadenorm.learned.reach import LANES, STEEPNESS, ring_weights
 from cascadenorm.learned.regression import Regression
+from cascadenorm.learned.smoothed import vertex_directions
 from cascadenorm.mesh import Csr, Mesh, Vectors, unit
 from cascadenorm.registry import ParameterError
 from cascadenorm.steps import steps
@@ -121,12 +122,12 @@ def _eighth_power(x: Tensor) -> Tensor:
     return x.square().square().square()
 
 
-def _reaching_stack(device: torch.device, mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> Stack:
+def _reaching_stack(device: torch.device, mesh: Mesh, passes: tuple[int, ...]) -> Stack:
     """As `reach.reaching_stack`, to the last digit."""
     csr, own, others = ring_weights(mesh)
     rings = _Rows(csr, device)
     weights = rings.filled(torch.tensor(own, device=device), others)[:, None]
-    steepness = torch.tensor(0.125 * 0.5 / np.array(REACH_SIGMA_R) ** 2, dtype=torch.float32, device=device)
+    steepness = torch.tensor(STEEPNESS, device=device)
     first = torch.tensor(mesh.normals, dtype=torch.float32, device=device)
     normals = first[:, :, None].repeat(1, 1, LANES)
     out, after = [first[:, None]], torch.empty_like(normals)
@@ -153,7 +154,7 @@ def _smoothed_normals(
     sigma_r: float = np.inf,
 ) -> Stack:
     """As `smoothed.smoothed_normals`, to the last digit."""
-    directions = torch.tensor(unit(mesh.sums_around(mesh.areas[:, None] * along)), device=device)
+    directions = torch.tensor(vertex_directions(mesh, along), device=device)
     neighbors, spread = _Rows(mesh.topology.vertex_neighbors, device), 0.5 / sigma_r**2
     positions, faces = torch.tensor(mesh.vertices, device=device), torch.tensor(mesh.faces, device=device).long()
     otherwise, out = torch.tensor(mesh.normals, device=device), []

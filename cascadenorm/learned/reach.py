@@ -17,6 +17,8 @@ REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
 REACH_PASSES = (1, 4, 16, 64)
 NEAR_PASSES = REACH_PASSES[:-1]
 LANES = len(REACH_SIGMA_R)
+STEEPNESS = (0.125 * 0.5 / np.array(REACH_SIGMA_R) ** 2).astype(np.float32)
+"""Of the range weight of each: (1 - steepness · chord²)^8."""
 STEADY = 1 + LANES * REACH_PASSES.index(4) + REACH_SIGMA_R.index(np.inf)
 """Number in `reaching_stack` of the normals along which vertices are smoothed."""
 LARGEST = 1000.0
@@ -34,12 +36,11 @@ def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> NDArra
     (m, 1 + 4 p, 3) : the face normal first, then σ_r ascending within the p numbers of passes ascending
     """
     rings, own, weights = ring_weights(mesh)
-    steepness = (0.125 * 0.5 / np.array(REACH_SIGMA_R) ** 2).astype(np.float32)
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
     out[:, 0] = normals[:, :, 0]
     for done in steps(passes[-1]):
-        over(len(normals), _reach_range, normals, own, *rings, weights, steepness, after)
+        over(len(normals), _reach_range, normals, own, *rings, weights, STEEPNESS, after)
         normals, after = after, normals
         if done + 1 in passes:
             first = 1 + LANES * passes.index(done + 1)

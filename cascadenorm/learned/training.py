@@ -50,26 +50,23 @@ class _Sample:
     vertices: Vectors | None = None
     """Behind the stages so far, if there was one."""
 
-    def filtered(self, descriptor: str) -> tuple[Mesh, Stack]:
-        """Return the mesh before the coming stage, and its stack."""
+    def meshes(self) -> tuple[Mesh, Mesh]:
+        """Return the mesh before the coming stage, and as it came; the same one before the first."""
         noisy = Mesh(self.noisy, self.faces)
-        mesh = noisy if self.vertices is None else noisy.moved(self.vertices)
-        return mesh, stage_stack(descriptor, mesh, noisy)
+        return (noisy if self.vertices is None else noisy.moved(self.vertices)), noisy
 
     def drawn(self, descriptor: str) -> Stack:
         """Return the stack of the faces drawn."""
-        _, stack = self.filtered(descriptor)
-        return stack[self.rows]
+        return stage_stack(descriptor, *self.meshes())[self.rows]
 
     def numbers(self, descriptor: str, standard: Standard) -> Array:
         """Return what describes the faces drawn."""
-        mesh, stack = self.filtered(descriptor)
-        return standard.numbers(stack, mesh)[self.rows]
+        mesh, noisy = self.meshes()
+        return standard.numbers(stage_stack(descriptor, mesh, noisy), mesh)[self.rows]
 
     def advance(self, stage: Regression, sweeps: int) -> None:
         """Put the mesh behind a stage."""
-        mesh, stack = self.filtered(stage.descriptor)
-        self.vertices = advanced(stage, mesh, stack, sweeps=sweeps).vertices
+        self.vertices = advanced(stage, *self.meshes(), sweeps=sweeps).vertices
 
 
 def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), progress: Progress = silent) -> Cascade:
@@ -179,7 +176,7 @@ def _described(
     ends = np.cumsum([len(sample.rows) for sample in samples])
     parts = [slice(end - len(sample.rows), end) for sample, end in zip(samples, ends, strict=True)]
 
-    def told(results: Iterator[Array], before: int) -> Array:
+    def collected(results: Iterator[Array], before: int) -> Array:
         """Put the results of all samples into one array."""
         for done, (result, part) in enumerate(zip(results, parts, strict=True), 1):
             if done == 1:
@@ -188,7 +185,7 @@ def _described(
             progress(task, before + done, 2 * len(samples))
         return out
 
-    stack = told(_each(samples, lambda sample: sample.drawn(descriptor)), 0)
+    stack = collected(_each(samples, lambda sample: sample.drawn(descriptor)), 0)
     own = in_blocks(len(stack), lambda start, stop: pose_free(stack[start:stop]))
     mean, scale = _mean_and_scale(own)
     own -= mean
@@ -202,7 +199,7 @@ def _described(
         mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
         context_mean=none, context_scale=none + 1,
     )  # fmt: skip
-    x = told(_each(samples, lambda sample: sample.numbers(descriptor, first)), len(samples))
+    x = collected(_each(samples, lambda sample: sample.numbers(descriptor, first)), len(samples))
     context_mean, context_scale = _mean_and_scale(x[:, len(mean) :])
     x[:, len(mean) :] -= context_mean
     x[:, len(mean) :] *= context_scale
@@ -239,21 +236,18 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     count = config.data.count
     mine = range(count + len(own))[processes.share()]
     generated, others = [i for i in mine if i < count], [i for i in mine if i >= count]
-    made = pairs(config.data, [i for i in generated if not _file(folder, i).exists()], workers=thread_count())
+    files = {i: folder / f"{i:05d}.safetensors" for i in generated}
+    missing = [i for i in generated if not files[i].exists()]
+    made = zip(missing, pairs(config.data, missing, workers=thread_count()), strict=True)
+    for done, (i, new) in enumerate(made, len(generated) - len(missing) + 1):
+        positions = {"noisy": new.noisy.vertices, "clean": new.clean.vertices}
+        _write(files[i], {**positions, "faces": new.clean.faces})
+        progress("noisy/clean pairs", done, len(generated))
     samples = []
-    for i in generated:
-        if not _file(folder, i).exists():
-            new = next(made)
-            positions = {"noisy": new.noisy.vertices, "clean": new.clean.vertices}
-            _write(_file(folder, i), {**positions, "faces": new.clean.faces})
-        arrays = load_file(_file(folder, i))
+    for i, file in files.items():
+        arrays = load_file(file)
         samples.append(_sample(arrays["noisy"], Mesh(arrays["clean"], arrays["faces"]), i, config))
-        progress("noisy/clean pairs", len(samples), len(generated))
     return samples + [_sample(own[i - count].noisy.vertices, own[i - count].clean, i, config) for i in others]
-
-
-def _file(folder: Path, index: int) -> Path:
-    return folder / f"{index:05d}.safetensors"
 
 
 def _sample(noisy: Vectors, clean: Mesh, index: int, config: TrainConfig) -> _Sample:
