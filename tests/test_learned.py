@@ -222,7 +222,7 @@ def test_openness_is_nothing_for_a_closed_part_and_one_for_a_flat_sheet():
 def test_array_path_equals_torch(activation):
     stage = random_regression("B+G", activation=activation)
     stack = stage_stack("B+G", MESH, MESH)
-    x = stage.standard.numbers(stack, MESH)
+    x = stage.standard.numbers(stack, stage.standard.context(stack, MESH))
     distances = np.linalg.norm(x[:, None] - stage.centers, axis=2)
     expected = np.empty((len(x), 3))
     for c in range(len(stage.centers)):

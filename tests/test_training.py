@@ -12,7 +12,7 @@ from cascadenorm.learned import training
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_stack, pose_free
-from cascadenorm.learned.networks import Faces, chord, train_network
+from cascadenorm.learned.networks import Faces, Numbers, chord, train_network
 from cascadenorm.learned.regression import Standard
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
@@ -64,15 +64,39 @@ def mean_angle(mesh, vertices, clean) -> float:
     return float(np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean())
 
 
-def test_training_lowers_the_loss():
-    clean = cube(10)
-    stack = bilateral_stack(noisy(clean, 0.25))
-    faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
-    losses: list[float] = []
-    train_network(
-        faces, np.arange(len(faces.truth)), Fit(epochs=8, batch=64), seed=0, log=lambda *said: losses.append(said[-1])
+def to_learn_from(clean, level) -> tuple[Faces, Standard]:
+    """All faces of a mesh with noise, and a standard that leaves their numbers as they are."""
+    stack = bilateral_stack(noisy(clean, level))
+    inputs = pose_free(stack).shape[1]
+    zero, one = np.zeros(inputs, np.float32), np.ones(inputs, np.float32)
+    standard = Standard(
+        mean=zero, scale=one, projection=np.zeros((inputs, 0), np.float32), context_mean=zero, context_scale=one
     )
+    context = np.zeros((len(stack), 0), np.float32)
+    return Faces(*map(torch.from_numpy, (stack, context, clean.normals.astype(np.float32)))), standard
+
+
+def test_training_lowers_the_loss():
+    faces, standard = to_learn_from(cube(10), 0.25)
+    losses: list[float] = []
+    rows, fit = np.arange(len(faces.truth)), Fit(epochs=8, batch=64)
+    train_network(faces, rows, standard, fit, seed=0, log=lambda *said: losses.append(said[-1]))
     assert losses[-1] < 0.95 * losses[0]
+
+
+def test_numbers_to_learn_from_are_those_at_run_time():
+    mesh = noisy(icosphere(2), 0.3)
+    stack = bilateral_stack(mesh)
+    rng = np.random.default_rng(0)
+    mean, scale, context_mean, context_scale = (rng.uniform(0.5, 2, n).astype(np.float32) for n in (55, 55, 11, 11))
+    standard = Standard(
+        mean=mean, scale=scale, projection=rng.normal(size=(55, 2)).astype(np.float32),
+        context_mean=context_mean, context_scale=context_scale,
+    )  # fmt: skip
+    context = standard.context(stack, mesh)
+    together = torch.from_numpy(np.concatenate(context, axis=1))
+    learned = Numbers(standard, torch.device("cpu"))(torch.from_numpy(stack), together)
+    np.testing.assert_allclose(learned, standard.numbers(stack, context), rtol=0, atol=1e-5)
 
 
 def test_chord_is_twice_the_sine_of_half_the_angle():
@@ -84,12 +108,10 @@ def test_chord_is_twice_the_sine_of_half_the_angle():
 
 
 def test_early_stopping_returns_the_best_pass():
-    clean = icosphere(2)
-    stack = bilateral_stack(noisy(clean, 0.3))
-    faces = Faces(pose_free(stack), stack, clean.normals.astype(np.float32))
+    faces, standard = to_learn_from(icosphere(2), 0.3)
     seen: list[float] = []
-    fit = Fit(epochs=200, batch=16, hidden=(64,), patience=3)
-    train_network(faces, np.arange(len(faces.truth)), fit, seed=0, log=lambda *said: seen.append(said[-1]))
+    rows, fit = np.arange(len(faces.truth)), Fit(epochs=200, batch=16, hidden=(64,), patience=3)
+    train_network(faces, rows, standard, fit, seed=0, log=lambda *said: seen.append(said[-1]))
     assert len(seen) < 200
     assert np.argmin(seen) == len(seen) - 1 - fit.patience
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from cascadenorm.learned.cascade import Engine
-from cascadenorm.learned.descriptors import CONTEXT_STEPS, FLOOR, Filters, Stack, openness, part_means
-from cascadenorm.learned.networks import ACTIVATIONS
+from cascadenorm.learned.descriptors import CONTEXT_STEPS, Filters, Stack, openness, part_means
+from cascadenorm.learned.networks import ACTIVATIONS, Numbers
 from cascadenorm.learned.reach import LANES, STEEPNESS, ring_weights
 from cascadenorm.learned.regression import Regression
 from cascadenorm.learned.smoothed import vertex_directions
@@ -177,32 +177,17 @@ def _smoothed_normals(
 
 def _regressed(device: torch.device, stage: Regression, mesh: Mesh, stack: Stack) -> Vectors:
     """As `Regression.normals`."""
-    standard = stage.standard
+    standard, numbers = stage.standard, Numbers(stage.standard, device)
     normals, activate = torch.tensor(stack, device=device), ACTIVATIONS[stage.activation]
-    mean, scale, projection, context_mean, context_scale, centers = (
-        torch.tensor(array, device=device)
-        for array in (
-            standard.mean, standard.scale, standard.projection, standard.context_mean, standard.context_scale,
-            stage.centers,
-        )
-    )  # fmt: skip
+    centers, projection = (torch.tensor(array, device=device) for array in (stage.centers, standard.projection))
     layers = [(torch.tensor(weight, device=device), torch.tensor(bias, device=device)) for weight, bias in stage.layers]
-    first, second = torch.triu_indices(stack.shape[1], stack.shape[1], 1, device=device)
-
-    def own(rows: slice) -> Tensor:
-        apart = (normals[rows][:, first] - normals[rows][:, second]).transpose(1, 2)
-        return ((0.5 * _dot(apart, apart) + FLOOR).log() - mean) * scale
-
     parts = [slice(start, start + ROWS) for start in range(0, len(stack), ROWS)]
-    context = None
+    context = torch.empty(len(stack), 0, device=device)
     if standard.projection.size:
-        context = _surroundings(torch.cat([own(rows) @ projection for rows in parts]), mesh)
+        context = _surroundings(torch.cat([numbers.own(normals[rows]) @ projection for rows in parts]), mesh)
     total = []
     for rows in parts:
-        x = own(rows)
-        if context is not None:
-            around = torch.cat([part[rows] for part in context], dim=1)
-            x = torch.cat([x, (around - context_mean) * context_scale], dim=1)
+        x = numbers(normals[rows], context[rows])
         cluster = (centers.square().sum(dim=1) - 2 * x @ centers.T).argmin(dim=1)
         coefficients = torch.empty(len(x), stack.shape[1], device=device)
         for c in range(len(centers)):
@@ -215,7 +200,7 @@ def _regressed(device: torch.device, stage: Regression, mesh: Mesh, stack: Stack
     return unit(torch.cat(total).cpu().numpy(), otherwise=stack[:, 0])
 
 
-def _surroundings(values: Tensor, mesh: Mesh) -> list[Tensor]:
+def _surroundings(values: Tensor, mesh: Mesh) -> Tensor:
     """As `descriptors.surroundings` and `openness`, which stand last."""
     whole = torch.tensor(part_means(values.cpu().numpy(), mesh), device=values.device)
     rings, kept = _Rows(mesh.topology.face_rings(1), values.device), []
@@ -226,7 +211,7 @@ def _surroundings(values: Tensor, mesh: Mesh) -> list[Tensor]:
         values = after
         if done in CONTEXT_STEPS:
             kept.append(values)
-    return [*kept, whole, torch.tensor(openness(mesh)[:, None], device=values.device)]
+    return torch.cat([*kept, whole, torch.tensor(openness(mesh)[:, None], device=values.device)], dim=1)
 
 
 class _Group(NamedTuple):

@@ -7,23 +7,59 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 from torch.nn.parallel import DistributedDataParallel
 
 from cascadenorm.learned import processes
 from cascadenorm.learned.config import Fit
-from cascadenorm.learned.descriptors import Stack
-from cascadenorm.learned.regression import Array
+from cascadenorm.learned.descriptors import FLOOR
+from cascadenorm.learned.regression import Array, Standard
+from cascadenorm.mesh import limit_threads
+
+SHARE_OF_CARD = 0.8
+"""Of the free memory of a graphics card that faces to learn from may take."""
 
 
 class Faces(NamedTuple):
-    """Faces to learn from: numbers that describe them (m, d), filtered normals (m, k, 3), true normals (m, 3)."""
+    """Faces to learn from: filtered normals (m, k, 3), context (m, c), true normals (m, 3), all of 4 bytes."""
 
-    numbers: Array
-    stack: Stack
-    truth: Array
+    stack: Tensor
+    context: Tensor
+    truth: Tensor
+
+    def placed(self) -> "Faces":
+        """Return them where the matrix products are done, if there is room for them."""
+        device, size = processes.device(), sum(tensor.nbytes for tensor in self)
+        if device.type == "cuda" and size > SHARE_OF_CARD * torch.cuda.mem_get_info(device)[0]:
+            return self
+        return Faces(*(tensor.to(device) for tensor in self))
 
 
-ACTIVATIONS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {
+class Numbers:
+    """As `Standard.numbers`, for torch."""
+
+    def __init__(self, standard: Standard, device: torch.device) -> None:
+        self._mean, self._scale, self._context_mean, self._context_scale = (
+            torch.tensor(array, device=device)
+            for array in (standard.mean, standard.scale, standard.context_mean, standard.context_scale)
+        )
+
+    def own(self, stack: Tensor) -> Tensor:
+        """Describe faces by their filtered normals alone, (m, d)."""
+        first, second = torch.triu_indices(stack.shape[1], stack.shape[1], 1, device=stack.device)
+        axes = stack.transpose(1, 2).contiguous()
+        x, y, z = (axes.index_select(2, first) - axes.index_select(2, second)).square_().unbind(dim=1)
+        return ((0.5 * (x + y + z) + FLOOR).log_() - self._mean).mul_(self._scale)
+
+    def __call__(self, stack: Tensor, context: Tensor) -> Tensor:
+        """Describe faces by their filtered normals and their context, (m, d + c)."""
+        own = self.own(stack)
+        if not context.shape[1]:
+            return own
+        return torch.cat([own, (context - self._context_mean) * self._context_scale], dim=1)
+
+
+ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "tanh": torch.tanh,
     "silu": torch.nn.functional.silu,
 }
@@ -44,7 +80,7 @@ class Network(torch.nn.Module):
         torch.nn.init.constant_(layers[-1].bias, 1 / outputs)  # begins as the mean of the normals
         self.layers = torch.nn.ModuleList(layers)
 
-    def forward(self, numbers: torch.Tensor, stack: torch.Tensor) -> torch.Tensor:
+    def forward(self, numbers: Tensor, stack: Tensor) -> Tensor:
         """Return unit normals, (m, 3)."""
         for layer in self.layers[:-1]:
             numbers = self.activation(layer(numbers))
@@ -52,7 +88,20 @@ class Network(torch.nn.Module):
         return torch.nn.functional.normalize((coefficients[:, :, None] * stack).sum(dim=1), dim=1)
 
 
-def chord(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+def numbers_on(device: torch.device, standard: Standard) -> Callable[[Tensor, Tensor], Tensor]:
+    """Return what describes faces by their filtered normals and their context: `Standard.numbers`, which is faster than
+    torch on the processor, or its twin on a graphics card."""
+    if device.type != "cpu":
+        return Numbers(standard, device)
+
+    def kernel(stack: Tensor, context: Tensor) -> Tensor:
+        with limit_threads(1):
+            return torch.from_numpy(standard.numbers(stack.numpy(), [context.numpy()] if context.shape[1] else []))
+
+    return kernel
+
+
+def chord(predicted: Tensor, truth: Tensor) -> Tensor:
     """Return the mean distance between unit normals: robust, where its square follows the few that fail."""
     return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8).mean()
 
@@ -60,6 +109,7 @@ def chord(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
 def train_network(
     faces: Faces,
     rows: NDArray[np.intp],
+    standard: Standard,
     fit: Fit,
     *,
     seed: int,
@@ -73,6 +123,7 @@ def train_network(
     ----------
     faces : of all clusters, those of this process
     rows : those of one cluster, at least one
+    standard : how what is known of the faces becomes numbers
     fit : settings
     seed : of the split, the first weights and the order of the batches
     log : called after each pass with its number from 1, the training loss and the validation loss
@@ -82,30 +133,41 @@ def train_network(
     weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation (), their loss on the 15 %
     """
     generator = torch.Generator().manual_seed(seed)
-    tensors = [torch.from_numpy(array) for array in faces]
+    device, stored = processes.device(), faces.stack.device
     order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
     cut = max(1, int(0.85 * len(order)))
     training, validation = order[:cut], order[cut:] if cut < len(order) else order
-    network = Network(faces.numbers.shape[1], fit, faces.stack.shape[1], generator).to(processes.device())
+    numbers, inputs = numbers_on(device, standard), len(standard.mean) + faces.context.shape[1]
+    network = Network(inputs, fit, faces.stack.shape[1], generator).to(device)
     model = DistributedDataParallel(network) if processes.count() > 1 else network
-    optimiser = torch.optim.AdamW(network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay, fused=device.type == "cuda"
+    )
     used, batch = processes.least(len(training)), max(1, fit.batch // processes.count())
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * -(-used // batch))
+
+    def loss_of(model: torch.nn.Module, part: Tensor) -> Tensor:
+        stack, context, truth = (tensor[part].to(device) for tensor in faces)
+        return chord(model(numbers(stack, context), stack), truth)
+
     best, best_loss, best_epoch = network.state_dict(), np.inf, 0
     for epoch in range(1, fit.epochs + 1):
-        total = 0.0
-        drawn = training[torch.randperm(len(training), generator=generator)][:used]
-        for rows in drawn.split(batch):  # type: ignore[no-untyped-call]
-            numbers, stack, truth = (t[rows].to(processes.device()) for t in tensors)
-            loss = chord(model(numbers, stack), truth)
+        total = torch.zeros((), dtype=torch.float64, device=device)
+        drawn = training[torch.randperm(len(training), generator=generator)][:used].to(stored)
+        for part in drawn.split(batch):  # type: ignore[no-untyped-call]
+            loss = loss_of(model, part)
             optimiser.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
             optimiser.step()
             schedule.step()
-            total += loss.item() * len(rows)
-        validation_loss = _loss(network, tensors, validation)
-        log(epoch, total / used, validation_loss)
+            total += loss.detach() * len(part)
+        with torch.no_grad():
+            parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
+            sums = [sum(loss_of(network, part).item() * len(part) for part in parts), len(validation)]
+        lost, count = processes.total(np.array(sums, np.float64))
+        validation_loss = float(lost / count)
+        log(epoch, total.item() / used, validation_loss)
         if validation_loss < best_loss:
             best = {name: t.clone() for name, t in network.state_dict().items()}
             best_loss, best_epoch = validation_loss, epoch
@@ -116,14 +178,3 @@ def train_network(
         arrays[f"weight{n + 1}"] = best[f"layers.{n}.weight"].T.contiguous().cpu().numpy()
         arrays[f"bias{n + 1}"] = best[f"layers.{n}.bias"].cpu().numpy()
     return arrays
-
-
-def _loss(network: Network, tensors: list[torch.Tensor], rows: torch.Tensor) -> float:
-    """Mean over the given faces of all processes."""
-    loss = 0.0
-    with torch.no_grad():
-        for part in rows.split(65536):  # type: ignore[no-untyped-call]
-            numbers, stack, truth = (t[part].to(processes.device()) for t in tensors)
-            loss += chord(network(numbers, stack), truth).item() * len(part)
-    loss, count = processes.total(np.array([loss, len(rows)]))
-    return float(loss / count)

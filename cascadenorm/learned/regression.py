@@ -1,6 +1,6 @@
 """One stage of the cascade at run time: nearest cluster centre, that cluster's network, the true normal."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -34,8 +34,8 @@ class Standard:
     context_mean: Array
     context_scale: Array
 
-    def numbers(self, stack: Stack, mesh: Mesh) -> Array:
-        """Describe each face by its own filtered normals, and by the mean of the same over its surroundings.
+    def context(self, stack: Stack, mesh: Mesh) -> list[Array]:
+        """Average the main directions of the numbers around each face, and say how open the mesh is.
 
         Parameters
         ----------
@@ -43,24 +43,28 @@ class Standard:
 
         Returns
         -------
-        (m, d + 5 p + 1), or (m, d) where p is 0
+        5 of (m, p), then (m, 1), not yet of mean 0 and deviation 1; nothing where p is 0
         """
-        context = self.context(stack, mesh)
-        return in_blocks(len(stack), lambda i, j: self.joined(stack, context, i, j))
-
-    def context(self, stack: Stack, mesh: Mesh) -> list[Array]:
-        """Average the main directions around each face, and say how open the mesh is: 5 of (m, p), then (m, 1)."""
         if not self.projection.size:
             return []
         around = surroundings(in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection), mesh)
         return [*around, openness(mesh)[:, None]]
 
-    def joined(self, stack: Stack, context: list[Array], start: int, stop: int) -> Array:
-        """Return the numbers of the faces start … stop, of all filtered normals and of what `context` gave for them."""
-        own = self._own(stack[start:stop])
+    def numbers(self, stack: Stack, context: Sequence[Array]) -> Array:
+        """Describe faces by their filtered normals and their context.
+
+        Parameters
+        ----------
+        stack, context : (m, k, 3) of any faces, and what `context` gave for them
+
+        Returns
+        -------
+        (m, d + 5 p + 1), or (m, d) where p is 0
+        """
+        own = self._own(stack)
         if not context:
             return own
-        around = np.concatenate([part[start:stop] for part in context], axis=1)
+        around = np.concatenate(context, axis=1)
         around -= self.context_mean
         around *= self.context_scale
         return np.concatenate([own, around], axis=1)
@@ -131,9 +135,12 @@ class Regression:
         """
         with threadpool_limits(1):  # the blocks are on several threads already
             context = self.standard.context(stack, mesh)
-            total = in_blocks(
-                len(stack), lambda i, j: self._sums(stack[i:j], self.standard.joined(stack, context, i, j))
-            )
+
+            def sums(start: int, stop: int) -> Array:
+                rows = slice(start, stop)
+                return self._sums(stack[rows], self.standard.numbers(stack[rows], [part[rows] for part in context]))
+
+            total = in_blocks(len(stack), sums)
         return unit(total, otherwise=stack[:, 0])
 
     def _sums(self, stack: Stack, x: Array) -> Array:

@@ -2,15 +2,15 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,52 +21,20 @@ from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
 from cascadenorm.learned import processes
-from cascadenorm.learned.cascade import Cascade, advanced
+from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
-from cascadenorm.learned.descriptors import Stack, pose_free
+from cascadenorm.learned.descriptors import pose_free
 from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.progress import Progress, silent, tells
-from cascadenorm.learned.regression import Array, Regression, Standard, nearest, stage_stack
-from cascadenorm.mesh import Mesh, Vectors, in_blocks, limit_threads, thread_count
+from cascadenorm.learned.regression import Array, Regression, Standard, nearest
+from cascadenorm.learned.samples import Sample, Workers, workers
+from cascadenorm.mesh import Mesh, Vectors, in_blocks, thread_count
 
 KMEANS_FACES = 50_000
+STANDARD_MESHES = 500
+"""Of whose faces mean, deviation and main directions are taken."""
 LEAST_DEVIATION = 0.1  # of a number: the logarithms are spread over 2 and more, openness over a third
 COLUMNS = 32  # whose deviations are computed at a time, in double precision
-
-Result = TypeVar("Result")
-
-
-@dataclass
-class _Sample:
-    """A training mesh as it came and as it stands before the coming stage, with the faces drawn and their truth.
-
-    Only positions are kept: what is derived from them takes ten times the memory, and is soon made again.
-    """
-
-    faces: NDArray[np.int32]
-    noisy: Vectors
-    truth: Array
-    rows: NDArray[np.intp]
-    vertices: Vectors | None = None
-    """Behind the stages so far, if there was one."""
-
-    def meshes(self) -> tuple[Mesh, Mesh]:
-        """Return the mesh before the coming stage, and as it came; the same one before the first."""
-        noisy = Mesh(self.noisy, self.faces)
-        return (noisy if self.vertices is None else noisy.moved(self.vertices)), noisy
-
-    def drawn(self, descriptor: str) -> Stack:
-        """Return the stack of the faces drawn."""
-        return stage_stack(descriptor, *self.meshes())[self.rows]
-
-    def numbers(self, descriptor: str, standard: Standard) -> Array:
-        """Return what describes the faces drawn."""
-        mesh, noisy = self.meshes()
-        return standard.numbers(stage_stack(descriptor, mesh, noisy), mesh)[self.rows]
-
-    def advance(self, stage: Regression, sweeps: int) -> None:
-        """Put the mesh behind a stage."""
-        self.vertices = advanced(stage, *self.meshes(), sweeps=sweeps).vertices
 
 
 def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), progress: Progress = silent) -> Cascade:
@@ -98,33 +66,47 @@ def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progres
     samples = _samples(config, own, checkpoint / "pairs", progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
-    for number, descriptor in enumerate(config.descriptors):
-        arrays = _train_stage(samples, config, checkpoint, number, descriptor, progress)
-        stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
-        stages.append(stage)
-        losses.append([round(float(loss), 5) for loss in arrays["validation"]])
-        if number + 1 < len(config.descriptors):
-            steps = _each(samples, partial(_Sample.advance, stage=stage, sweeps=config.sweeps))
-            for done, _ in enumerate(steps, 1):
-                progress(f"apply stage {number + 1}", done, len(samples))
+    with workers() as team:
+        for number, descriptor in enumerate(config.descriptors):
+            arrays = _train_stage(samples, team, config, checkpoint, number, descriptor, progress)
+            stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
+            stages.append(stage)
+            losses.append([round(float(loss), 5) for loss in arrays["validation"]])
+            if number + 1 < len(config.descriptors):
+                moved = team.each(partial(Sample.advanced, stage=stage, sweeps=config.sweeps), samples)
+                for done, vertices in enumerate(moved):
+                    samples[done].vertices = vertices
+                    progress(f"apply stage {number + 1}", done + 1, len(samples))
     faces = int(processes.total(np.array(sum(len(sample.rows) for sample in samples), np.float64)))
     return Cascade(tuple(stages), _card(config, own, faces, losses))
 
 
 def _train_stage(
-    samples: list[_Sample], config: TrainConfig, checkpoint: Path, number: int, descriptor: str, progress: Progress
+    samples: list[Sample],
+    team: Workers,
+    config: TrainConfig,
+    checkpoint: Path,
+    number: int,
+    descriptor: str,
+    progress: Progress,
 ) -> dict[str, Array]:
     """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
     finished = checkpoint / f"stage{number}.safetensors"
     if done := processes.from_first(partial(_read, finished)):
         return done
     rng = np.random.default_rng([config.seed, number])
-    standard, faces = _described(samples, config.context, descriptor, f"stage {number + 1} descriptors", progress)
-    some = rng.choice(len(faces.truth), min(KMEANS_FACES // processes.count(), len(faces.truth)), replace=False)
-    drawn = processes.gathered(faces.numbers[some])
+    standard, faces = _described(samples, team, config.context, descriptor, f"stage {number + 1} descriptors", progress)
+    stack, context = faces.stack.numpy(), faces.context.numpy()
+
+    def numbers(rows: NDArray[np.intp] | slice) -> Array:
+        return standard.numbers(stack[rows], [context[rows]] if context.size else [])
+
+    some = rng.choice(len(stack), min(KMEANS_FACES // processes.count(), len(stack)), replace=False)
+    drawn = processes.gathered(numbers(some))
     kmeans = KMeans(config.clusters, n_init=2, random_state=int(rng.integers(2**31)))
     centers = processes.from_first(lambda: np.ascontiguousarray(kmeans.fit(drawn).cluster_centers_, np.float32))
-    cluster = nearest(faces.numbers, centers)
+    cluster = in_blocks(len(stack), lambda start, stop: nearest(numbers(slice(start, stop)), centers))
+    faces = faces.placed()
 
     def one(c: int) -> Mapping[str, Array]:
         part = checkpoint / f"stage{number}-cluster{c}.safetensors"
@@ -139,7 +121,7 @@ def _train_stage(
             progress(f"stage {number + 1} cluster {c + 1}", epoch, config.fit.epochs, note)
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
-        network = train_network(faces, mine, config.fit, seed=int(seed), log=log)
+        network = train_network(faces, mine, standard, config.fit, seed=int(seed), log=log)
         _save(part, network)
         return network
 
@@ -167,55 +149,44 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
 
 
 def _described(
-    samples: list[_Sample], context: int, descriptor: str, task: str, progress: Progress
+    samples: list[Sample], team: Workers, context: int, descriptor: str, task: str, progress: Progress
 ) -> tuple[Standard, Faces]:
     """Find how to standardise the descriptor, and collect what the drawn faces of all samples show and should be.
 
-    Two passes over the samples: the context can be averaged only where its main directions are known.
+    The context can be averaged only where its main directions are known: those of a few samples serve.
     """
-    ends = np.cumsum([len(sample.rows) for sample in samples])
-    parts = [slice(end - len(sample.rows), end) for sample, end in zip(samples, ends, strict=True)]
-
-    def collected(results: Iterator[Array], before: int) -> Array:
-        """Put the results of all samples into one array."""
-        for done, (result, part) in enumerate(zip(results, parts, strict=True), 1):
-            if done == 1:
-                out = np.empty((ends[-1], *result.shape[1:]), result.dtype)
-            out[part] = result
-            progress(task, before + done, 2 * len(samples))
-        return out
-
-    stack = collected(_each(samples, lambda sample: sample.drawn(descriptor)), 0)
-    own = in_blocks(len(stack), lambda start, stop: pose_free(stack[start:stop]))
+    few = samples[:: -(-len(samples) * processes.count() // STANDARD_MESHES)]
+    steps = len(few) + len(samples)
+    stacks = []
+    for done, stack in enumerate(team.each(partial(Sample.stack, descriptor=descriptor), few), 1):
+        stacks.append(stack)
+        progress(task, done, steps)
+    own = pose_free(np.concatenate(stacks))
     mean, scale = _mean_and_scale(own)
     own -= mean
     own *= scale
-    covariance = processes.total(np.asarray(sum(own[part].T.astype(np.float64) @ own[part] for part in parts)))
+    covariance = processes.total(np.asarray(own.T.astype(np.float64) @ own))
     del own
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(context)])
     none = np.zeros(1, np.float32)
-    first = Standard(
+    standard = Standard(
         mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
         context_mean=none, context_scale=none + 1,
     )  # fmt: skip
-    x = collected(_each(samples, lambda sample: sample.numbers(descriptor, first)), len(samples))
-    context_mean, context_scale = _mean_and_scale(x[:, len(mean) :])
-    x[:, len(mean) :] -= context_mean
-    x[:, len(mean) :] *= context_scale
-    standard = replace(first, context_mean=context_mean, context_scale=context_scale)
-    return standard, Faces(x, stack, np.concatenate([sample.truth for sample in samples]))
-
-
-def _each(samples: list[_Sample], work: Callable[[_Sample], Result]) -> Iterator[Result]:
-    """Do the work of each sample, several at a time, each on one thread; the results come in order."""
-
-    def alone(sample: _Sample) -> Result:
-        with limit_threads(1):
-            return work(sample)
-
-    with ThreadPoolExecutor(thread_count()) as pool:
-        yield from pool.map(alone, samples)
+    truth = np.concatenate([sample.truth for sample in samples])
+    stop = 0
+    work = partial(Sample.described, descriptor=descriptor, standard=standard)
+    for done, parts in enumerate(team.each(work, samples), 1):
+        if done == 1:
+            collected = tuple(np.empty((len(truth), *part.shape[1:]), np.float32) for part in parts)
+        start, stop = stop, stop + len(parts[0])
+        for whole, part in zip(collected, parts, strict=True):
+            whole[start:stop] = part
+        progress(task, len(few) + done, steps)
+    context_mean, context_scale = _mean_and_scale(collected[1])
+    standard = replace(standard, context_mean=context_mean, context_scale=context_scale)
+    return standard, Faces(*map(torch.from_numpy, (*collected, truth)))
 
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
@@ -230,7 +201,7 @@ def _mean_and_scale(x: Array) -> tuple[Array, Array]:
     return mean.astype(np.float32), (1 / np.maximum(deviation, LEAST_DEVIATION)).astype(np.float32)
 
 
-def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: Progress) -> list[_Sample]:
+def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: Progress) -> list[Sample]:
     """Make what this process keeps of the generated pairs and of one's own; those that are in the folder are made."""
     folder.mkdir(parents=True, exist_ok=True)
     count = config.data.count
@@ -243,19 +214,15 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
         positions = {"noisy": new.noisy.vertices, "clean": new.clean.vertices}
         _write(files[i], {**positions, "faces": new.clean.faces})
         progress("noisy/clean pairs", done, len(generated))
+
+    def drawn(noisy: Vectors, clean: Mesh, index: int) -> Sample:
+        return Sample.drawn(noisy, clean, config.faces_per_mesh, (config.seed, index))
+
     samples = []
     for i, file in files.items():
         arrays = load_file(file)
-        samples.append(_sample(arrays["noisy"], Mesh(arrays["clean"], arrays["faces"]), i, config))
-    return samples + [_sample(own[i - count].noisy.vertices, own[i - count].clean, i, config) for i in others]
-
-
-def _sample(noisy: Vectors, clean: Mesh, index: int, config: TrainConfig) -> _Sample:
-    """Draw the faces of a pair."""
-    rng = np.random.default_rng([config.seed, index])
-    whole = np.flatnonzero(clean.areas > 0)
-    rows = np.sort(rng.choice(whole, min(config.faces_per_mesh, len(whole)), replace=False))
-    return _Sample(clean.faces, noisy, clean.normals[rows].astype(np.float32), rows)
+        samples.append(drawn(arrays["noisy"], Mesh(arrays["clean"], arrays["faces"]), i))
+    return samples + [drawn(own[i - count].noisy.vertices, own[i - count].clean, i) for i in others]
 
 
 def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:

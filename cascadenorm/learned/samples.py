@@ -1,0 +1,92 @@
+"""The meshes of a training as they stand before the coming stage, and what is done with each of them, on all cores."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from cascadenorm.learned.cascade import advanced
+from cascadenorm.learned.descriptors import Stack
+from cascadenorm.learned.regression import Array, Regression, Standard, stage_stack
+from cascadenorm.mesh import Mesh, Vectors, limit_threads, thread_count
+
+Result = TypeVar("Result")
+
+
+@dataclass
+class Sample:
+    """A training mesh as it came and as it stands before the coming stage, with the faces drawn and their truth.
+
+    Only positions are kept: what is derived from them takes ten times the memory, and is soon made again.
+    """
+
+    faces: NDArray[np.int32]
+    noisy: Vectors
+    truth: Array
+    rows: NDArray[np.intp]
+    vertices: Vectors | None = None
+    """Behind the stages so far, if there was one."""
+
+    @classmethod
+    def drawn(cls, noisy: Vectors, clean: Mesh, count: int, seed: Sequence[int]) -> "Sample":
+        """Draw at most so many faces of a pair, none without area."""
+        whole = np.flatnonzero(clean.areas > 0)
+        rows = np.sort(np.random.default_rng(seed).choice(whole, min(count, len(whole)), replace=False))
+        return cls(clean.faces, noisy, clean.normals[rows].astype(np.float32), rows)
+
+    def meshes(self) -> tuple[Mesh, Mesh]:
+        """Return the mesh before the coming stage, and as it came; the same one before the first."""
+        noisy = Mesh(self.noisy, self.faces)
+        return (noisy if self.vertices is None else noisy.moved(self.vertices)), noisy
+
+    def stack(self, descriptor: str) -> Stack:
+        """Return the stack of the faces drawn."""
+        return stage_stack(descriptor, *self.meshes())[self.rows]
+
+    def described(self, descriptor: str, standard: Standard) -> tuple[Stack, Array]:
+        """Return the stack of the faces drawn, and their context, (rows, c)."""
+        mesh, noisy = self.meshes()
+        stack = stage_stack(descriptor, mesh, noisy)
+        none = np.empty((len(self.rows), 0), np.float32)
+        context = np.concatenate([none, *(part[self.rows] for part in standard.context(stack, mesh))], axis=1)
+        return stack[self.rows], context
+
+    def advanced(self, stage: Regression, sweeps: int) -> Vectors:
+        """Return where a stage moves the vertices."""
+        return advanced(stage, *self.meshes(), sweeps=sweeps).vertices
+
+
+class Workers:
+    """Processes, of which each takes one sample at a time, on one thread: threads would wait for one another."""
+
+    def __init__(self, pool: ProcessPoolExecutor | None) -> None:
+        self._pool = pool
+
+    def each(self, work: Callable[[Sample], Result], samples: Sequence[Sample]) -> Iterator[Result]:
+        """Do the work of each sample; the results come in order."""
+        return (self._pool.map if self._pool else map)(partial(_alone, work), samples)
+
+
+@contextmanager
+def workers() -> Iterator[Workers]:
+    """Keep as many processes as threads are allowed for the time of the block; for one thread, none but this."""
+    if thread_count() == 1:
+        yield Workers(None)
+        return
+    with ProcessPoolExecutor(thread_count(), get_context("spawn"), threadpool_limits, (1,)) as pool:
+        try:
+            yield Workers(pool)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _alone(work: Callable[[Sample], Result], sample: Sample) -> Result:
+    with limit_threads(1):
+        return work(sample)
