@@ -3,15 +3,12 @@
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple, get_args
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen.families import FAMILIES
 from cascadenorm.data_gen.fusion import Scan
@@ -19,6 +16,7 @@ from cascadenorm.data_gen.noise import NoiseKind, displacements
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.surface import UnfitShapeError
 from cascadenorm.mesh import Mesh
+from cascadenorm.workers import side_by_side
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
 ATTEMPTS = 60  # shapes drawn for one index before giving up
@@ -164,11 +162,8 @@ def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, worker
     if workers < 1:
         raise ValueError(f"workers is {workers}; it must be at least 1")
     chosen = range(config.count) if indices is None else indices
-    if workers == 1:
-        yield from (pair(config, index) for index in chosen)
-        return
-    with ProcessPoolExecutor(workers, get_context("spawn"), threadpool_limits, (1,)) as pool:  # BLAS: one thread each
-        yield from pool.map(partial(pair, config), chosen)
+    with side_by_side(workers) as each:
+        yield from each(partial(pair, config), chosen)
 
 
 def write_dataset(folder: Path, config: DatasetConfig, *, write: Callable[[Path, Mesh], None], workers: int = 1,

@@ -1,23 +1,15 @@
-"""The meshes of a training as they stand before the coming stage, and what is done with each of them, on all cores."""
+"""The meshes of a training as they stand before the coming stage, and what is asked of each of them."""
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from multiprocessing import get_context
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from cascadenorm.learned.cascade import advanced
 from cascadenorm.learned.descriptors import Stack
 from cascadenorm.learned.regression import Array, Regression, Standard, stage_stack
-from cascadenorm.mesh import Mesh, Vectors, limit_threads, thread_count
-
-Result = TypeVar("Result")
+from cascadenorm.mesh import Mesh, Vectors
 
 
 @dataclass
@@ -61,32 +53,3 @@ class Sample:
     def advanced(self, stage: Regression, sweeps: int) -> Vectors:
         """Return where a stage moves the vertices."""
         return advanced(stage, *self.meshes(), sweeps=sweeps).vertices
-
-
-class Workers:
-    """Processes, of which each takes one sample at a time, on one thread: threads would wait for one another."""
-
-    def __init__(self, pool: ProcessPoolExecutor | None) -> None:
-        self._pool = pool
-
-    def each(self, work: Callable[[Sample], Result], samples: Sequence[Sample]) -> Iterator[Result]:
-        """Do the work of each sample; the results come in order."""
-        return (self._pool.map if self._pool else map)(partial(_alone, work), samples)
-
-
-@contextmanager
-def workers() -> Iterator[Workers]:
-    """Keep as many processes as threads are allowed for the time of the block; for one thread, none but this."""
-    if thread_count() == 1:
-        yield Workers(None)
-        return
-    with ProcessPoolExecutor(thread_count(), get_context("spawn"), threadpool_limits, (1,)) as pool:
-        try:
-            yield Workers(pool)
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _alone(work: Callable[[Sample], Result], sample: Sample) -> Result:
-    with limit_threads(1):
-        return work(sample)

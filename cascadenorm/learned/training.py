@@ -27,8 +27,9 @@ from cascadenorm.learned.descriptors import pose_free
 from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.progress import Progress, silent, tells
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest
-from cascadenorm.learned.samples import Sample, Workers, workers
+from cascadenorm.learned.samples import Sample
 from cascadenorm.mesh import Mesh, Vectors, in_blocks, thread_count
+from cascadenorm.workers import Map, side_by_side
 
 KMEANS_FACES = 50_000
 STANDARD_MESHES = 500
@@ -66,14 +67,14 @@ def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progres
     samples = _samples(config, own, checkpoint / "pairs", progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
-    with workers() as team:
+    with side_by_side(thread_count()) as each:
         for number, descriptor in enumerate(config.descriptors):
-            arrays = _train_stage(samples, team, config, checkpoint, number, descriptor, progress)
+            arrays = _train_stage(samples, each, config, checkpoint, number, descriptor, progress)
             stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
             stages.append(stage)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
             if number + 1 < len(config.descriptors):
-                moved = team.each(partial(Sample.advanced, stage=stage, sweeps=config.sweeps), samples)
+                moved = each(partial(Sample.advanced, stage=stage, sweeps=config.sweeps), samples)
                 for done, vertices in enumerate(moved):
                     samples[done].vertices = vertices
                     progress(f"apply stage {number + 1}", done + 1, len(samples))
@@ -83,7 +84,7 @@ def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progres
 
 def _train_stage(
     samples: list[Sample],
-    team: Workers,
+    each: Map,
     config: TrainConfig,
     checkpoint: Path,
     number: int,
@@ -95,7 +96,7 @@ def _train_stage(
     if done := processes.from_first(partial(_read, finished)):
         return done
     rng = np.random.default_rng([config.seed, number])
-    standard, faces = _described(samples, team, config.context, descriptor, f"stage {number + 1} descriptors", progress)
+    standard, faces = _described(samples, each, config.context, descriptor, f"stage {number + 1} descriptors", progress)
     stack, context = faces.stack.numpy(), faces.context.numpy()
 
     def numbers(rows: NDArray[np.intp] | slice) -> Array:
@@ -149,7 +150,7 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
 
 
 def _described(
-    samples: list[Sample], team: Workers, context: int, descriptor: str, task: str, progress: Progress
+    samples: list[Sample], each: Map, context: int, descriptor: str, task: str, progress: Progress
 ) -> tuple[Standard, Faces]:
     """Find how to standardise the descriptor, and collect what the drawn faces of all samples show and should be.
 
@@ -158,7 +159,7 @@ def _described(
     few = samples[:: -(-len(samples) * processes.count() // STANDARD_MESHES)]
     steps = len(few) + len(samples)
     stacks = []
-    for done, stack in enumerate(team.each(partial(Sample.stack, descriptor=descriptor), few), 1):
+    for done, stack in enumerate(each(partial(Sample.stack, descriptor=descriptor), few), 1):
         stacks.append(stack)
         progress(task, done, steps)
     own = pose_free(np.concatenate(stacks))
@@ -177,7 +178,7 @@ def _described(
     truth = np.concatenate([sample.truth for sample in samples])
     stop = 0
     work = partial(Sample.described, descriptor=descriptor, standard=standard)
-    for done, parts in enumerate(team.each(work, samples), 1):
+    for done, parts in enumerate(each(work, samples), 1):
         if done == 1:
             collected = tuple(np.empty((len(truth), *part.shape[1:]), np.float32) for part in parts)
         start, stop = stop, stop + len(parts[0])

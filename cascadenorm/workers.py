@@ -1,0 +1,43 @@
+"""Pieces of work side by side, each in a process of its own and on one thread."""
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing import get_context
+from typing import Protocol, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from cascadenorm.mesh import limit_threads
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+class Map(Protocol):
+    """Like `map` with one iterable."""
+
+    def __call__(self, work: Callable[[Item], Result], items: Iterable[Item], /) -> Iterator[Result]:
+        """Do the work of each item; the results come in order."""
+
+
+@contextmanager
+def side_by_side(count: int) -> Iterator[Map]:
+    """Keep so many processes for the time of the block; one is none beside this, and then threads are as they were.
+
+    For work in Python between short kernels, in which threads would wait for one another.
+    """
+    if count == 1:
+        yield map
+        return
+    with ProcessPoolExecutor(count, get_context("spawn")) as pool:
+        try:
+            yield lambda work, items: pool.map(partial(_alone, work), items)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _alone(work: Callable[[Item], Result], item: Item) -> Result:
+    with limit_threads(1), threadpool_limits(1):  # of all libraries that the work needs: they are loaded by now
+        return work(item)

@@ -1,0 +1,35 @@
+from itertools import islice
+
+import pytest
+import scipy.linalg  # noqa: F401 - brings a BLAS of its own
+from threadpoolctl import threadpool_info
+
+from cascadenorm.mesh import thread_count
+from cascadenorm.workers import side_by_side
+
+
+def most_threads(number: int) -> tuple[int, int, int]:
+    """The number, and how many threads kernels and libraries would take."""
+    return number, thread_count(), max(library["num_threads"] for library in threadpool_info())
+
+
+def failing(number: int) -> int:
+    if number == 3:
+        raise ValueError("the third")
+    return number
+
+
+def test_each_piece_of_work_has_one_thread_and_results_come_in_order():
+    with side_by_side(2) as each:
+        found = list(each(most_threads, range(20)))
+    assert [number for number, *_ in found] == list(range(20))
+    assert {threads for _, *threads in found for threads in threads} == {1}
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_an_error_is_raised_where_its_result_is_asked_for(count):
+    with side_by_side(count) as each:
+        results = each(failing, range(5))
+        assert list(islice(results, 3)) == [0, 1, 2]
+        with pytest.raises(ValueError, match="the third"):
+            next(results)
