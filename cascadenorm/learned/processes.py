@@ -10,6 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import distributed
 
+from cascadenorm.mesh import thread_count
+
 Made = TypeVar("Made")
 
 
@@ -36,6 +38,11 @@ def device() -> torch.device:
 def count() -> int:
     """Return how many processes there are."""
     return distributed.get_world_size() if distributed.is_initialized() else 1
+
+
+def cores() -> int:
+    """Return how many cores there are for this process, beside the others on this machine."""
+    return max(1, thread_count() // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
 
 
 def share() -> slice:

@@ -67,7 +67,7 @@ def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progres
     samples = _samples(config, own, checkpoint / "pairs", progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
-    with side_by_side(thread_count()) as each:
+    with side_by_side(processes.cores()) as each:
         for number, descriptor in enumerate(config.descriptors):
             arrays = _train_stage(samples, each, config, checkpoint, number, descriptor, progress)
             stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
@@ -100,7 +100,7 @@ def _train_stage(
     stack, context = faces.stack.numpy(), faces.context.numpy()
 
     def numbers(rows: NDArray[np.intp] | slice) -> Array:
-        return standard.numbers(stack[rows], [context[rows]] if context.size else [])
+        return standard.numbers(stack[rows], [context[rows]] if context.shape[1] else [])
 
     some = rng.choice(len(stack), min(KMEANS_FACES // processes.count(), len(stack)), replace=False)
     drawn = processes.gathered(numbers(some))
@@ -210,7 +210,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     generated, others = [i for i in mine if i < count], [i for i in mine if i >= count]
     files = {i: folder / f"{i:05d}.safetensors" for i in generated}
     missing = [i for i in generated if not files[i].exists()]
-    made = zip(missing, pairs(config.data, missing, workers=thread_count()), strict=True)
+    made = zip(missing, pairs(config.data, missing, workers=processes.cores()), strict=True)
     for done, (i, new) in enumerate(made, len(generated) - len(missing) + 1):
         positions = {"noisy": new.noisy.vertices, "clean": new.clean.vertices}
         _write(files[i], {**positions, "faces": new.clean.faces})
