@@ -16,8 +16,10 @@ SIGMA_R = (0.1, 0.2, 0.35, 0.5, np.inf)
 """Range spreads of the filters, chords between unit normals."""
 RING = 2
 CONTEXT_STEPS = (1, 2, 4, 8)
-SMOOTH_PASSES = (1, 2, 4, 8, 16)
-"""Of smoothing of the vertices in the first stage; the later ones leave out the last."""
+SMOOTH_PASSES = (1, 2, 4, 8, 16, 64)
+"""Of smoothing of the vertices in the first stage."""
+NEAR_SMOOTH_PASSES = SMOOTH_PASSES[:-2]
+"""In the later ones."""
 SMOOTH_SIGMA_R = 0.35
 """Where the noisy mesh is smoothed along better normals, it stops at edges of that chord."""
 FLOOR = 1e-4
@@ -71,9 +73,9 @@ def _first(mesh: Mesh, noisy: Mesh, filters: Filters) -> list[Stack]:
 
 def _later(mesh: Mesh, noisy: Mesh, filters: Filters) -> list[Stack]:
     """Filter what the stage before left; and smooth the noisy mesh along its normals, so that detail can come back."""
-    reach, passes = filters.reaching(mesh, NEAR_PASSES), SMOOTH_PASSES[:-1]
-    smoothed = filters.smoothed(mesh, reach[:, STEADY], passes)
-    return [reach, smoothed, filters.smoothed(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R)]
+    reach = filters.reaching(mesh, NEAR_PASSES)
+    smoothed = filters.smoothed(mesh, reach[:, STEADY], NEAR_SMOOTH_PASSES)
+    return [reach, smoothed, filters.smoothed(noisy, mesh.normals, NEAR_SMOOTH_PASSES, sigma_r=SMOOTH_SIGMA_R)]
 
 
 DESCRIPTORS: dict[str, Callable[[Mesh, Mesh, Filters], list[Stack]]] = {
