@@ -24,7 +24,7 @@ class Map(Protocol):
 
 @contextmanager
 def side_by_side(count: int) -> Iterator[Map]:
-    """Keep so many processes for the time of the block; one is none beside this, and then threads are as they were.
+    """Keep so many processes for the time of the block; for one, none is started, and threads are not limited.
 
     For work in Python between short kernels, in which threads would wait for one another.
     """
