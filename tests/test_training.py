@@ -68,9 +68,9 @@ def to_learn_from(clean, level) -> tuple[Faces, Standard]:
     """All faces of a mesh with noise, and a standard that leaves their numbers as they are."""
     stack = bilateral_stack(noisy(clean, level))
     inputs = pose_free(stack).shape[1]
-    zero, one = np.zeros(inputs, np.float32), np.ones(inputs, np.float32)
+    zero, one, none = np.zeros(inputs, np.float32), np.ones(inputs, np.float32), np.zeros(0, np.float32)
     standard = Standard(
-        mean=zero, scale=one, projection=np.zeros((inputs, 0), np.float32), context_mean=zero, context_scale=one
+        mean=zero, scale=one, projection=np.zeros((inputs, 0), np.float32), context_mean=none, context_scale=none
     )
     context = np.zeros((len(stack), 0), np.float32)
     return Faces(*map(torch.from_numpy, (stack, context, clean.normals.astype(np.float32)))), standard
@@ -133,6 +133,11 @@ def test_an_interrupted_training_goes_on_to_the_same_bytes(trained, tmp_path, ta
     with pytest.raises(Interrupted):
         train(TINY, tmp_path, progress=interrupt_at(task, done))
     assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+
+
+def test_processes_that_work_side_by_side_change_no_byte(trained, tmp_path):
+    with limit_threads(2):
+        assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
 
 
 def test_pairs_that_are_made_are_not_made_again(trained, tmp_path, monkeypatch):

@@ -53,10 +53,7 @@ class Numbers:
 
     def __call__(self, stack: Tensor, context: Tensor) -> Tensor:
         """Describe faces by their filtered normals and their context, (m, d + c)."""
-        own = self.own(stack)
-        if not context.shape[1]:
-            return own
-        return torch.cat([own, (context - self._context_mean) * self._context_scale], dim=1)
+        return torch.cat([self.own(stack), (context - self._context_mean) * self._context_scale], dim=1)
 
 
 ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
@@ -98,7 +95,7 @@ def numbers_on(device: torch.device, standard: Standard) -> Callable[[Tensor, Te
 
     def kernel(stack: Tensor, context: Tensor) -> Tensor:
         with limit_threads(1):
-            return torch.from_numpy(standard.numbers(stack.numpy(), [context.numpy()] if context.shape[1] else []))
+            return torch.from_numpy(standard.numbers(stack.numpy(), [context.numpy()]))
 
     return kernel
 

@@ -43,10 +43,10 @@ class Standard:
 
         Returns
         -------
-        5 of (m, p), then (m, 1), not yet of mean 0 and deviation 1; nothing where p is 0
+        5 of (m, p), then (m, 1), not yet of mean 0 and deviation 1; (m, 0) alone where p is 0
         """
         if not self.projection.size:
-            return []
+            return [np.empty((len(stack), 0), np.float32)]
         around = surroundings(in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection), mesh)
         return [*around, openness(mesh)[:, None]]
 
@@ -61,13 +61,10 @@ class Standard:
         -------
         (m, d + 5 p + 1), or (m, d) where p is 0
         """
-        own = self._own(stack)
-        if not context:
-            return own
         around = np.concatenate(context, axis=1)
         around -= self.context_mean
         around *= self.context_scale
-        return np.concatenate([own, around], axis=1)
+        return np.concatenate([self._own(stack), around], axis=1)
 
     def _own(self, stack: Stack) -> Array:
         numbers = pose_free(stack)

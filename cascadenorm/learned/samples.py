@@ -46,9 +46,8 @@ class Sample:
         """Return the stack of the faces drawn, and their context, (rows, c)."""
         mesh, noisy = self.meshes()
         stack = stage_stack(descriptor, mesh, noisy)
-        none = np.empty((len(self.rows), 0), np.float32)
-        context = np.concatenate([none, *(part[self.rows] for part in standard.context(stack, mesh))], axis=1)
-        return stack[self.rows], context
+        context = [part[self.rows] for part in standard.context(stack, mesh)]
+        return stack[self.rows], np.concatenate(context, axis=1)
 
     def advanced(self, stage: Regression, sweeps: int) -> Vectors:
         """Return where a stage moves the vertices."""

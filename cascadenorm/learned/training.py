@@ -100,7 +100,7 @@ def _train_stage(
     stack, context = faces.stack.numpy(), faces.context.numpy()
 
     def numbers(rows: NDArray[np.intp] | slice) -> Array:
-        return standard.numbers(stack[rows], [context[rows]] if context.shape[1] else [])
+        return standard.numbers(stack[rows], [context[rows]])
 
     some = rng.choice(len(stack), min(KMEANS_FACES // processes.count(), len(stack)), replace=False)
     drawn = processes.gathered(numbers(some))
