@@ -1,5 +1,6 @@
 """Pieces of work side by side, each in a process of its own and on one thread."""
 
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -33,9 +34,30 @@ def side_by_side(count: int) -> Iterator[Map]:
         return
     with ProcessPoolExecutor(count, get_context("spawn")) as pool:
         try:
-            yield lambda work, items: pool.map(partial(_alone, work), items)
+            yield partial(_handed_out, pool)
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _handed_out(
+    pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item], /
+) -> Iterator[Result]:
+    """Hand work to the pool, whose processes start here; Ctrl-C is for us, who stop them: they tell nothing of it."""
+    with _interrupts_held():
+        return pool.map(partial(_alone, work), items)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait for the end of the block, and pass by the processes that are started in it."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _alone(work: Callable[[Item], Result], item: Item) -> Result:

@@ -1,3 +1,8 @@
+import os
+import signal
+import subprocess
+import sys
+import time
 from itertools import islice
 
 import pytest
@@ -33,3 +38,29 @@ def test_an_error_is_raised_where_its_result_is_asked_for(count):
         assert list(islice(results, 3)) == [0, 1, 2]
         with pytest.raises(ValueError, match="the third"):
             next(results)
+
+
+INTERRUPTED = """
+import time
+from cascadenorm.workers import side_by_side
+try:
+    with side_by_side(2) as each:
+        results = each(time.sleep, [0.1] * 40)
+        print("begun", flush=True)
+        list(results)
+except KeyboardInterrupt:
+    print("stopped")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="processes are told of Ctrl-C in another way there")
+def test_ctrl_c_while_processes_start_is_told_by_none_of_them():
+    command = [sys.executable, "-c", INTERRUPTED]
+    piped = subprocess.PIPE
+    with subprocess.Popen(command, stdout=piped, stderr=piped, text=True, start_new_session=True) as started:
+        assert started.stdout is not None
+        assert started.stdout.readline() == "begun\n"
+        time.sleep(0.5)  # in which processes load their modules
+        os.killpg(started.pid, signal.SIGINT)
+        told, complaints = started.communicate(timeout=60)
+    assert (told, complaints) == ("stopped\n", "")
