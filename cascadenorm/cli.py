@@ -355,7 +355,9 @@ def fill_holes(
 
 @app.command()
 def render(
-    meshes: Annotated[list[str], typer.Argument(metavar="MESH...", help="Drawn side by side, seen from one place.")],
+    meshes: Annotated[
+        list[str], typer.Argument(metavar="MESH...", help="Side by side, from one place if they lie alike.")
+    ],
     *,
     output: Annotated[Path, typer.Option("-o", "--output", help="PNG file.")],
     size: Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")] = 600,

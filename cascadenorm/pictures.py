@@ -12,7 +12,7 @@ from cascadenorm.render import Camera, render, save_png, side_by_side
 
 
 def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = False) -> None:
-    """Draw meshes side by side, all seen from the place that suits the last, each above its name.
+    """Draw meshes side by side, each above its name, from the place that suits the last where they are seen from there.
 
     Parameters
     ----------
@@ -31,8 +31,10 @@ def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = 
         raise MeshError("there are no meshes to draw: give at least one")
     names = [Path(mesh).name if isinstance(mesh, str | Path) else "" for mesh in meshes]
     drawn = scaled_alike(*(as_mesh(mesh) for mesh in meshes))
-    view = Camera.looking_at(drawn[-1])
-    sheet = side_by_side([render(mesh, view=view, size=(size, size)) for mesh in drawn], names)
+    last = Camera.looking_at(drawn[-1])
+    views = [last if last.shows(mesh) else Camera.looking_at(mesh) for mesh in drawn]
+    pictures = [render(mesh, view=view, size=(size, size)) for mesh, view in zip(drawn, views, strict=True)]
+    sheet = side_by_side(pictures, names)
     try:
         save_png(output, sheet)
     except OSError as error:

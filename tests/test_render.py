@@ -191,3 +191,14 @@ def test_the_size_of_the_coordinates_does_not_matter(tmp_path, scale):
         draw([icosphere(2).moved(icosphere(2).vertices * size)], tmp_path / f"{name}.png", size=64)
     usual, other = (decoded((tmp_path / f"{name}.png").read_bytes()) for name in ("usual", "other"))
     assert (np.abs(usual.astype(int) - other) > 8).mean() < 0.01
+
+
+def test_each_mesh_is_seen_also_where_it_lies_elsewhere_than_the_last(tmp_path):
+    here = icosphere(2)
+    beside, far = (here.moved(here.vertices * size + np.array([x, 0, 0])) for size, x in ((1, 0.1), (0.01, 500)))
+    draw([far, beside, here], tmp_path / "all.png", size=64)
+    sheet = decoded((tmp_path / "all.png").read_bytes())[:64]
+    panels = [sheet[:, start : start + 64] for start in range(0, sheet.shape[1], 64 + 12)]
+    middles = [np.argwhere((panel < 250).any(axis=2)).mean(axis=0)[1] for panel in panels]
+    assert middles[0] == pytest.approx(middles[2], abs=0.5)  # by itself
+    assert middles[1] > middles[2] + 1  # as it lies to the last

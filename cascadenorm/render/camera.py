@@ -55,6 +55,11 @@ class Camera:
         width, height = (high - low) / 2
         return cls(axes, middle + offset @ axes[:2], (float(width), float(height)), strength)
 
+    def shows(self, mesh: Mesh) -> bool:
+        """Tell whether most vertices of a mesh are in the picture."""
+        flat = projected((mesh.vertices - self.center) @ self.axes.T, self.perspective)[:, :2]
+        return bool((np.abs(flat) <= self.reach).all(axis=1).mean() > 0.5)
+
 
 def projected(points: NDArray[np.float64], perspective: float) -> NDArray[np.float64]:
     """Map points of the camera's frame to the screen; straight lines stay straight, nearer stays larger z.
