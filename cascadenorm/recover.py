@@ -3,17 +3,31 @@
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.mesh import Mesh, Vectors, kernel, over
 from cascadenorm.registry import Parameter
 
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
+Fit = Literal["heights", "angles"]
+"""What the vertex update makes small; see `recover_vertices`."""
+LENGTHENED: dict[Fit, float] = {"heights": 1.0, "angles": 2.0}
+"""Steps of the update, against the published ones."""
+LEAST_HEIGHT = 0.1
+"""In mean edge lengths: flatter faces count no more than those of this height."""
 
 
 def recover_vertices(
-    mesh: Mesh, normals: Vectors, *, sweeps: int = 20, folds: Literal["avoid", "ignore"] = "avoid"
+    mesh: Mesh,
+    normals: Vectors,
+    *,
+    sweeps: int = 20,
+    fit: Fit = "heights",
+    folds: Literal["avoid", "ignore"] = "avoid",
 ) -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
+
+    With fit = "angles" it is x_i += 2 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, with w_f as in `fit_weights`.
 
     Parameters
     ----------
@@ -21,6 +35,9 @@ def recover_vertices(
     normals : (m, 3), unit; a face with a zero row does not pull
     sweeps : Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of
         the vertices
+    fit : "heights", as published, makes small how far corners lie off the plane of their face, which for a thin face
+        may be little though its normal is far off; "angles" counts that against the height of the face, and takes
+        steps twice as long, so that 20 sweeps bring as much as 80
     folds : "ignore" is the plain update; "avoid" shortens a step that would turn a face against its normal, and
         pulls the vertices of a face that is turned already toward the middle of their neighbours until it lies right
 
@@ -30,15 +47,28 @@ def recover_vertices(
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
+    weights = fit_weights(mesh, fit)
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
             mine = colors.row(color)
-            over(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, *around, folds == "avoid")
+            over(
+                len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, LENGTHENED[fit], *around,
+                folds == "avoid",
+            )  # fmt: skip
     return vertices
 
 
+def fit_weights(mesh: Mesh, fit: Fit) -> NDArray[np.float64]:
+    """How much each face pulls at its vertices, (m,): 1, or one over its height in mean edge lengths, 10 at most."""
+    if fit == "heights" or not mesh.mean_edge_length > 0:
+        return np.ones(len(mesh.faces))
+    return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
+
+
 @kernel
-def _sweep_range(start, stop, movable, vertices, faces, normals, vf_indptr, vf_indices, avoid_folds):  # type: ignore[no-untyped-def]
+def _sweep_range(
+    start, stop, movable, vertices, faces, normals, weights, lengthened, vf_indptr, vf_indices, avoid_folds
+):  # type: ignore[no-untyped-def]
     """Move vertices that share no face, in place; those moved later see where these went.
 
     The area of a face along its normal is affine in the place of a corner: it is read once, for all lengths of a step.
@@ -51,7 +81,7 @@ def _sweep_range(start, stop, movable, vertices, faces, normals, vf_indptr, vf_i
             areas, slopes = np.empty(last - first), np.empty((last - first, 3))
         x, y, z = vertices[i]
         step[:] = 0.0
-        turned = 0
+        total, turned = 0.0, 0
         for k in range(last - first):
             f = vf_indices[first + k]
             a, b, c = faces[f]
@@ -60,7 +90,8 @@ def _sweep_range(start, stop, movable, vertices, faces, normals, vf_indptr, vf_i
             nx, ny, nz = normals[f]
             ux, uy, uz = vertices[b, 0] - x, vertices[b, 1] - y, vertices[b, 2] - z
             vx, vy, vz = vertices[c, 0] - x, vertices[c, 1] - y, vertices[c, 2] - z
-            pull = (nx * (ux + vx) + ny * (uy + vy) + nz * (uz + vz)) / 3.0
+            pull = (nx * (ux + vx) + ny * (uy + vy) + nz * (uz + vz)) / 3.0 * weights[f]
+            total += weights[f]
             step[0] += pull * nx
             step[1] += pull * ny
             step[2] += pull * nz
@@ -69,7 +100,7 @@ def _sweep_range(start, stop, movable, vertices, faces, normals, vf_indptr, vf_i
             slopes[k, 1] = nz * (vx - ux) - nx * (vz - uz)
             slopes[k, 2] = nx * (vy - uy) - ny * (vx - ux)
             turned += areas[k] < 0
-        step /= last - first
+        step /= total / lengthened
         if not avoid_folds:
             vertices[i] += step
             continue

@@ -38,11 +38,8 @@ def rim_count(topology: Topology) -> int:
 
 def thin_faces(mesh: Mesh) -> tuple[Mask, Mask]:
     """Return which faces have no area but by rounding, and which others are slivers; each (m,)."""
-    a, b, c = np.moveaxis(mesh.corners, 1, 0)
-    longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
-    height = np.divide(2 * mesh.areas, longest, out=np.zeros_like(longest), where=longest > 0)
-    flat = height <= FLAT * longest
-    return np.asarray(flat), np.asarray(~flat & (height < THIN * longest))
+    flat = mesh.heights <= FLAT * mesh.longest_edges
+    return np.asarray(flat), np.asarray(~flat & (mesh.heights < THIN * mesh.longest_edges))
 
 
 def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:

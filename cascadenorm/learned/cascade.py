@@ -15,7 +15,7 @@ from safetensors.numpy import save
 from cascadenorm.learned.descriptors import DESCRIPTORS, FILTERS, Filters, Stack
 from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.recover import Fit, Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, ParameterError, method
 from cascadenorm.steps import steps
 
@@ -47,10 +47,14 @@ class Cascade:
     card: Mapping[str, Any]
 
     def steps(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Iterator[Mesh]:
-        """Yield the mesh after each stage."""
-        noisy = mesh
-        for number in steps(len(self.stages)):
-            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps, engine=engine)
+        """Yield the mesh after each stage; the last one is fitted by angles.
+
+        Between the stages it is not, though faces would come nearer to their normals: later stages learn less from it.
+        """
+        noisy, count = mesh, len(self.stages)
+        for number in steps(count):
+            fit: Fit = "angles" if number + 1 == count else "heights"
+            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps, fit=fit, engine=engine)
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Vectors:
@@ -97,10 +101,12 @@ class Cascade:
         return cls(tuple(stages), header["card"])
 
 
-def advanced(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int, engine: Engine = PROCESSOR) -> Mesh:
+def advanced(
+    stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int, fit: Fit = "heights", engine: Engine = PROCESSOR
+) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from its stack, its vertices moved to them."""
     stack = stage_stack(stage.descriptor, mesh, noisy, engine.filters)
-    return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps))
+    return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps, fit=fit))
 
 
 @cache

@@ -21,6 +21,7 @@ from cascadenorm.learned.reach import LANES, STEEPNESS, ring_weights
 from cascadenorm.learned.regression import Regression
 from cascadenorm.learned.smoothed import vertex_directions
 from cascadenorm.mesh import Csr, Mesh, Vectors, unit
+from cascadenorm.recover import LENGTHENED, Fit, fit_weights
 from cascadenorm.registry import ParameterError
 from cascadenorm.steps import steps
 
@@ -221,10 +222,11 @@ class _Group(NamedTuple):
     corners: Tensor
     """Of each face: that vertex, the next, the last."""
     normals: Tensor
+    weights: Tensor
     around: _Part
 
 
-def _groups(device: torch.device, mesh: Mesh, normals: Vectors) -> Iterator[_Group]:
+def _groups(device: torch.device, mesh: Mesh, normals: Vectors, weights: NDArray[np.float64]) -> Iterator[_Group]:
     """Gather for each group of `Topology.vertex_colors` what its vertices see."""
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
     for color in range(len(colors.counts)):
@@ -239,28 +241,36 @@ def _groups(device: torch.device, mesh: Mesh, normals: Vectors) -> Iterator[_Gro
             torch.tensor(mine, device=device).long(),
             torch.tensor(turned, device=device).long(),
             torch.tensor(normals[faces], device=device),
+            torch.tensor(weights[faces], device=device),
             _Part(slice(0, len(mine)), slice(0, len(faces)), torch.tensor(offsets, device=device)),
         )
 
 
 def _recovered(
-    device: torch.device, mesh: Mesh, normals: Vectors, *, sweeps: int = 20, folds: Literal["avoid", "ignore"] = "avoid"
+    device: torch.device,
+    mesh: Mesh,
+    normals: Vectors,
+    *,
+    sweeps: int = 20,
+    fit: Fit = "heights",
+    folds: Literal["avoid", "ignore"] = "avoid",
 ) -> Vectors:
     """As `recover.recover_vertices`."""
     positions = torch.tensor(mesh.vertices, device=device)
-    groups = list(_groups(device, mesh, normals))
+    groups = list(_groups(device, mesh, normals, fit_weights(mesh, fit)))
     for _ in range(sweeps):
         for group in groups:
-            positions[group.vertices] += _step(group, positions, avoid_folds=folds == "avoid")
+            positions[group.vertices] += _step(group, positions, LENGTHENED[fit], avoid_folds=folds == "avoid")
     return positions.cpu().numpy()
 
 
-def _step(group: _Group, positions: Tensor, *, avoid_folds: bool) -> Tensor:
+def _step(group: _Group, positions: Tensor, lengthened: float, *, avoid_folds: bool) -> Tensor:
     """Return how far each vertex of a group goes."""
     n, around = group.normals, group.around
     own, following, last = positions[group.corners]
     u, v = following - own, last - own
-    step = around.sums((_dot(n, u + v) / 3)[:, None] * n) / around.counts
+    pulls = (_dot(n, u + v) / 3 * group.weights)[:, None] * n
+    step = around.sums(pulls) / (around.sums(group.weights) / lengthened)[:, None]
     if not avoid_folds:
         return step
     areas, slopes = _dot(n, _cross(u, v)), _cross(n, v - u)

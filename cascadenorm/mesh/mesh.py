@@ -69,6 +69,19 @@ class Mesh:
         return np.asarray(np.linalg.norm(self.area_vectors, axis=1))
 
     @cached_property
+    def longest_edges(self) -> NDArray[np.float64]:
+        """(m,) length of the longest edge of each face."""
+        out = np.empty(len(self.faces))
+        over(len(out), _longest_range, self.vertices, self.faces, out)
+        return out
+
+    @cached_property
+    def heights(self) -> NDArray[np.float64]:
+        """(m,) height of each face over its longest edge; zero where it has no extent."""
+        longest = self.longest_edges
+        return np.divide(2 * self.areas, longest, out=np.zeros_like(longest), where=longest > 0)
+
+    @cached_property
     def normals(self) -> Vectors:
         """(m, 3) unit normal of each face; zero where the face has no area."""
         return unit(self.area_vectors)
@@ -131,6 +144,17 @@ def _area_vector_range(start, stop, vertices, faces, out):  # type: ignore[no-un
         out[f, 0] = 0.5 * (uy * vz - uz * vy)
         out[f, 1] = 0.5 * (uz * vx - ux * vz)
         out[f, 2] = 0.5 * (ux * vy - uy * vx)
+
+
+@kernel
+def _longest_range(start, stop, vertices, faces, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        longest = 0.0
+        for k in range(3):
+            i, j = faces[f, k - 1], faces[f, k]
+            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+            longest = max(longest, x * x + y * y + z * z)
+        out[f] = np.sqrt(longest)
 
 
 @kernel
