@@ -57,10 +57,9 @@ def trained(config: TrainConfig, path: Path) -> Cascade:
     return Cascade.load(path) if path.exists() else models.train(config, path).cascade
 
 
-def angles(cascade: Cascade, meshes: Meshes) -> list[float]:
-    """Mean angle of normals over the meshes after each stage, in degrees."""
-    rows = [[angle(m, clean) for m in cascade.steps(noisy)] for noisy, clean in meshes]
-    return np.mean(rows, axis=0).tolist()
+def angles(cascade: Cascade, sets: list[Meshes]) -> list[float]:
+    """Mean angle of normals over the meshes of each set, in degrees."""
+    return [float(np.mean([angle(n.moved(cascade.vertices(n)), clean) for n, clean in meshes])) for meshes in sets]
 
 
 def angle(mesh: Mesh, clean: Mesh) -> float:
@@ -123,13 +122,12 @@ def main() -> None:
         for seed in options.seeds:
             path = options.keep / f"{name.replace(' ', '-')}-{options.count}-{seed}.safetensors"
             seeded = replace(changed, seed=seed, data=replace(changed.data, seed=seed))
-            after = [angles(trained(seeded, path), meshes) for meshes in sets]
-            if name == WHOLE:
-                for stage in range(len(config.descriptors) - 1):
-                    rows.setdefault(f"stage {stage + 1} alone" if not stage else f"stages 1 to {stage + 1}", []).append(
-                        [by_stage[stage] for by_stage in after]
-                    )
-            rows.setdefault(name, []).append([by_stage[-1] for by_stage in after])
+            cascade = trained(seeded, path)
+            for count in range(1, len(cascade.stages)) if name == WHOLE else ():
+                shorter = Cascade(cascade.stages[:count], cascade.card)
+                title = "stage 1 alone" if count == 1 else f"stages 1 to {count}"
+                rows.setdefault(title, []).append(angles(shorter, sets))
+            rows.setdefault(name, []).append(angles(cascade, sets))
             print(name, seed, rows[name][-1], flush=True)
         write_table(rows, options.count, len(options.seeds), shipped.data.count)
 
