@@ -66,9 +66,7 @@ def fit_weights(mesh: Mesh, fit: Fit) -> NDArray[np.float64]:
 
 
 @kernel
-def _sweep_range(
-    start, stop, movable, vertices, faces, normals, weights, lengthened, vf_indptr, vf_indices, avoid_folds
-):  # type: ignore[no-untyped-def]
+def _sweep_range(start, stop, movable, vertices, faces, normals, weights, lengthened, indptr, indices, avoid_folds):  # type: ignore[no-untyped-def]
     """Move vertices that share no face, in place; those moved later see where these went.
 
     The area of a face along its normal is affine in the place of a corner: it is read once, for all lengths of a step.
@@ -76,14 +74,14 @@ def _sweep_range(
     step = np.empty(3)
     areas, slopes = np.empty(64), np.empty((64, 3))
     for i in movable[start:stop]:
-        first, last = vf_indptr[i], vf_indptr[i + 1]
+        first, last = indptr[i], indptr[i + 1]
         if last - first > len(areas):
             areas, slopes = np.empty(last - first), np.empty((last - first, 3))
         x, y, z = vertices[i]
         step[:] = 0.0
         total, turned = 0.0, 0
         for k in range(last - first):
-            f = vf_indices[first + k]
+            f = indices[first + k]
             a, b, c = faces[f]
             while a != i:
                 a, b, c = b, c, a
@@ -105,7 +103,7 @@ def _sweep_range(
             vertices[i] += step
             continue
         if turned > 0:
-            _add_tangential_pull(vertices, faces, normals, vf_indices[first:last], i, step)
+            _add_tangential_pull(vertices, faces, normals, indices[first:last], i, step)
         for _ in range(4):
             count = 0
             for k in range(last - first):
