@@ -7,7 +7,7 @@ each time. Only what takes the time is here: topology and geometry come from the
 from collections.abc import Callable, Iterator
 from functools import wraps
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -247,32 +247,24 @@ def _groups(device: torch.device, mesh: Mesh, normals: Vectors, weights: NDArray
 
 
 def _recovered(
-    device: torch.device,
-    mesh: Mesh,
-    normals: Vectors,
-    *,
-    sweeps: int = 20,
-    fit: Fit = "heights",
-    folds: Literal["avoid", "ignore"] = "avoid",
+    device: torch.device, mesh: Mesh, normals: Vectors, *, sweeps: int = 20, fit: Fit = "heights"
 ) -> Vectors:
-    """As `recover.recover_vertices`."""
+    """As `recover.recover_vertices`, avoiding folds."""
     positions = torch.tensor(mesh.vertices, device=device)
     groups = list(_groups(device, mesh, normals, fit_weights(mesh, fit)))
     for _ in range(sweeps):
         for group in groups:
-            positions[group.vertices] += _step(group, positions, LENGTHENED[fit], avoid_folds=folds == "avoid")
+            positions[group.vertices] += _step(group, positions, LENGTHENED[fit])
     return positions.cpu().numpy()
 
 
-def _step(group: _Group, positions: Tensor, lengthened: float, *, avoid_folds: bool) -> Tensor:
+def _step(group: _Group, positions: Tensor, lengthened: float) -> Tensor:
     """Return how far each vertex of a group goes."""
     n, around = group.normals, group.around
     own, following, last = positions[group.corners]
     u, v = following - own, last - own
     pulls = (_dot(n, u + v) / 3 * group.weights)[:, None] * n
     step = around.sums(pulls) / (around.sums(group.weights) / lengthened)[:, None]
-    if not avoid_folds:
-        return step
     areas, slopes = _dot(n, _cross(u, v)), _cross(n, v - u)
     turned = around.sums((areas < 0).double())
     step = torch.where(turned[:, None] > 0, step + _tangential_pull(group, positions), step)
