@@ -11,7 +11,7 @@ from shapes import icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.data_gen import DatasetConfig, pair
-from cascadenorm.learned.cascade import shipped
+from cascadenorm.learned.cascade import advanced, shipped
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.metrics import measure
 from cascadenorm.pairs import training_pairs
@@ -48,6 +48,14 @@ def test_each_stage_comes_closer_to_shapes_that_no_training_saw(name):
     assert (np.diff(errors) < 0).all(), errors
     bilateral = [measure(cn.denoise(p.noisy, method="bilateral-normal"), p.clean).normal_error_deg for p in made]
     assert errors[-1] < np.mean(bilateral)
+
+
+def test_the_last_stage_alone_is_fitted_by_angles():
+    rough, stages = noisy(icosphere(3), 0.2), shipped("cascade").stages
+    mesh, fits = rough, ("heights", "heights", "angles")
+    for stage, fit, after in zip(stages, fits, shipped("cascade").steps(rough), strict=True):
+        mesh = advanced(stage, mesh, rough, sweeps=20, fit=fit)
+        assert (mesh.vertices == after.vertices).all()
 
 
 def test_a_denoiser_is_the_method_with_its_weights():
