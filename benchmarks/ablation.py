@@ -123,10 +123,11 @@ def main() -> None:
             path = options.keep / f"{name.replace(' ', '-')}-{options.count}-{seed}.safetensors"
             seeded = replace(changed, seed=seed, data=replace(changed.data, seed=seed))
             cascade = trained(seeded, path)
-            for count in range(1, len(cascade.stages)) if name == WHOLE else ():
-                shorter = Cascade(cascade.stages[:count], cascade.card)
-                title = "stage 1 alone" if count == 1 else f"stages 1 to {count}"
-                rows.setdefault(title, []).append(angles(shorter, sets))
+            if name == WHOLE:
+                for count in range(1, len(cascade.stages)):
+                    shorter = Cascade(cascade.stages[:count], cascade.card)
+                    title = "stage 1 alone" if count == 1 else f"stages 1 to {count}"
+                    rows.setdefault(title, []).append(angles(shorter, sets))
             rows.setdefault(name, []).append(angles(cascade, sets))
             print(name, seed, rows[name][-1], flush=True)
         write_table(rows, options.count, len(options.seeds), shipped.data.count)

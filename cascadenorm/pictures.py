@@ -12,7 +12,7 @@ from cascadenorm.render import Camera, render, save_png, side_by_side
 
 
 def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = False) -> None:
-    """Draw meshes side by side, each above its name, from the place that suits the last where they are seen from there.
+    """Draw meshes side by side, each above its name, from where the last is seen well; what that does not show, alone.
 
     Parameters
     ----------

@@ -9,9 +9,9 @@ from cascadenorm.mesh import Mesh, Vectors, kernel, over
 from cascadenorm.registry import Parameter
 
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
-Fit = Literal["heights", "angles"]
+Misfit = Literal["heights", "angles"]
 """What the vertex update makes small; see `recover_vertices`."""
-LENGTHENED: dict[Fit, float] = {"heights": 1.0, "angles": 2.0}
+LENGTHENED: dict[Misfit, float] = {"heights": 1.0, "angles": 2.0}
 """Steps of the update, against the published ones."""
 LEAST_HEIGHT = 0.1
 """In mean edge lengths: flatter faces count no more than those of this height."""
@@ -22,12 +22,12 @@ def recover_vertices(
     normals: Vectors,
     *,
     sweeps: int = 20,
-    fit: Fit = "heights",
+    misfit: Misfit = "heights",
     folds: Literal["avoid", "ignore"] = "avoid",
 ) -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
-    With fit = "angles" it is x_i += 2 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, with w_f as in `fit_weights`.
+    With misfit = "angles" it is x_i += 2 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, w_f from `misfit_weights`.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def recover_vertices(
     normals : (m, 3), unit; a face with a zero row does not pull
     sweeps : Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of
         the vertices
-    fit : "heights", as published, makes small how far corners lie off the plane of their face, which for a thin face
+    misfit : "heights", as published, makes small how far corners lie off the plane of their face, which for a thin face
         may be little though its normal is far off; "angles" counts that against the height of the face, and takes
         steps twice as long, so that 20 sweeps bring as much as 80
     folds : "ignore" is the plain update; "avoid" shortens a step that would turn a face against its normal, and
@@ -47,20 +47,20 @@ def recover_vertices(
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
-    weights = fit_weights(mesh, fit)
+    weights = misfit_weights(mesh, misfit)
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
             mine = colors.row(color)
             over(
-                len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, LENGTHENED[fit], *around,
+                len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, LENGTHENED[misfit], *around,
                 folds == "avoid",
             )  # fmt: skip
     return vertices
 
 
-def fit_weights(mesh: Mesh, fit: Fit) -> NDArray[np.float64]:
+def misfit_weights(mesh: Mesh, misfit: Misfit) -> NDArray[np.float64]:
     """How much each face pulls at its vertices, (m,): 1, or one over its height in mean edge lengths, 10 at most."""
-    if fit == "heights" or not mesh.mean_edge_length > 0:
+    if misfit == "heights" or not mesh.mean_edge_length > 0:
         return np.ones(len(mesh.faces))
     return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
 

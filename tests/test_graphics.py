@@ -48,19 +48,19 @@ def test_regression_equals_that_of_the_processor(card, activation):
     np.testing.assert_allclose(card.regress(stage, smooth, stack), stage.normals(smooth, stack), atol=1e-5)
 
 
-@pytest.mark.parametrize("fit", ["heights", "angles"])
-def test_vertices_equal_those_of_the_processor(card, fit):
+@pytest.mark.parametrize("misfit", ["heights", "angles"])
+def test_vertices_equal_those_of_the_processor(card, misfit):
     folded = noisy(cube(6), 1.0)
     for normals in (folded.normals, cube(6).normals):
-        expected = PROCESSOR.recover(folded, normals, sweeps=5, fit=fit)
-        np.testing.assert_allclose(card.recover(folded, normals, sweeps=5, fit=fit), expected, atol=1e-12)
+        expected = PROCESSOR.recover(folded, normals, sweeps=5, misfit=misfit)
+        np.testing.assert_allclose(card.recover(folded, normals, sweeps=5, misfit=misfit), expected, atol=1e-12)
 
 
 def test_mean_meshes_come_out_as_on_the_processor(card):
     for mesh in MEAN:
-        for fit in ("heights", "angles"):
-            expected = PROCESSOR.recover(mesh, mesh.normals, sweeps=2, fit=fit)
-            found = card.recover(mesh, mesh.normals, sweeps=2, fit=fit)
+        for misfit in ("heights", "angles"):
+            expected = PROCESSOR.recover(mesh, mesh.normals, sweeps=2, misfit=misfit)
+            found = card.recover(mesh, mesh.normals, sweeps=2, misfit=misfit)
             np.testing.assert_allclose(found, expected, atol=1e-12)
         if mesh.mean_edge_length > 0:
             reach = PROCESSOR.filters.reaching(mesh, NEAR_PASSES)

@@ -15,7 +15,7 @@ from safetensors.numpy import save
 from cascadenorm.learned.descriptors import DESCRIPTORS, FILTERS, Filters, Stack
 from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.recover import Fit, Sweeps, recover_vertices
+from cascadenorm.recover import Misfit, Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, ParameterError, method
 from cascadenorm.steps import steps
 
@@ -53,8 +53,8 @@ class Cascade:
         """
         noisy, count = mesh, len(self.stages)
         for number in steps(count):
-            fit: Fit = "angles" if number + 1 == count else "heights"
-            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps, fit=fit, engine=engine)
+            misfit: Misfit = "angles" if number + 1 == count else "heights"
+            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps, misfit=misfit, engine=engine)
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Vectors:
@@ -102,11 +102,11 @@ class Cascade:
 
 
 def advanced(
-    stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int, fit: Fit = "heights", engine: Engine = PROCESSOR
+    stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int, misfit: Misfit = "heights", engine: Engine = PROCESSOR
 ) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from its stack, its vertices moved to them."""
     stack = stage_stack(stage.descriptor, mesh, noisy, engine.filters)
-    return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps, fit=fit))
+    return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps, misfit=misfit))
 
 
 @cache

@@ -21,7 +21,7 @@ from cascadenorm.learned.reach import LANES, STEEPNESS, ring_weights
 from cascadenorm.learned.regression import Regression
 from cascadenorm.learned.smoothed import vertex_directions
 from cascadenorm.mesh import Csr, Mesh, Vectors, unit
-from cascadenorm.recover import LENGTHENED, Fit, fit_weights
+from cascadenorm.recover import LENGTHENED, Misfit, misfit_weights
 from cascadenorm.registry import ParameterError
 from cascadenorm.steps import steps
 
@@ -247,14 +247,14 @@ def _groups(device: torch.device, mesh: Mesh, normals: Vectors, weights: NDArray
 
 
 def _recovered(
-    device: torch.device, mesh: Mesh, normals: Vectors, *, sweeps: int = 20, fit: Fit = "heights"
+    device: torch.device, mesh: Mesh, normals: Vectors, *, sweeps: int = 20, misfit: Misfit = "heights"
 ) -> Vectors:
     """As `recover.recover_vertices`, avoiding folds."""
     positions = torch.tensor(mesh.vertices, device=device)
-    groups = list(_groups(device, mesh, normals, fit_weights(mesh, fit)))
+    groups = list(_groups(device, mesh, normals, misfit_weights(mesh, misfit)))
     for _ in range(sweeps):
         for group in groups:
-            positions[group.vertices] += _step(group, positions, LENGTHENED[fit])
+            positions[group.vertices] += _step(group, positions, LENGTHENED[misfit])
     return positions.cpu().numpy()
 
 

@@ -55,9 +55,13 @@ class Camera:
         width, height = (high - low) / 2
         return cls(axes, middle + offset @ axes[:2], (float(width), float(height)), strength)
 
+    def framed(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bring points, (…, 3), into the frame of the camera: to the right, upward, toward the viewer."""
+        return (points - self.center) @ self.axes.T
+
     def shows(self, mesh: Mesh) -> bool:
         """Tell whether most vertices of a mesh are in the picture."""
-        flat = projected((mesh.vertices - self.center) @ self.axes.T, self.perspective)[:, :2]
+        flat = projected(self.framed(mesh.vertices), self.perspective)[:, :2]
         return bool((np.abs(flat) <= self.reach).all(axis=1).mean() > 0.5)
 
 

@@ -47,8 +47,7 @@ def render(
         raise ValueError(f"size is {size} and samples {samples}; they must be at least 1")
     if not isinstance(view, Camera):
         view = Camera.looking_at(mesh, direction=view)
-    seen = (mesh.corners - view.center) @ view.axes.T
-    screen = projected(seen, view.perspective)
+    screen = projected(view.framed(mesh.corners), view.perspective)
     pixels = min(width / max(view.reach[0], 1e-300), height / max(view.reach[1], 1e-300)) / (2 * _MARGIN)
     screen[..., :2] *= (pixels, -pixels)
     screen[..., :2] += (width / 2, height / 2)
@@ -59,8 +58,7 @@ def render(
 def _shaded(mesh: Mesh, view: Camera, colors: NDArray[np.float64] | None) -> NDArray[np.float64]:
     """(m, 3) linear colour of each face: a light at the viewer, a second one from the upper left."""
     normals = mesh.normals @ view.axes.T
-    seen = (mesh.centroids - view.center) @ view.axes.T
-    outside = normals[:, 2] - view.perspective * np.einsum("ij,ij->i", seen, normals) >= 0
+    outside = normals[:, 2] - view.perspective * np.einsum("ij,ij->i", view.framed(mesh.centroids), normals) >= 0
     normals = np.where(outside[:, None], normals, -normals)
     light = np.full(len(normals), _AMBIENT)
     for direction, strength in _LIGHTS:
