@@ -10,6 +10,7 @@ stay in the folder, so that an interrupted run goes on where it was.
 import argparse
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.mesh import Mesh, angles_between, thread_count
 from cascadenorm.pairs import find_pairs
+from cascadenorm.workers import side_by_side
 
 ROOT = Path(__file__).parents[1]
 UNSEEN = 1_000_003  # seed of the generated pairs that are measured on
@@ -59,12 +61,14 @@ def trained(config: TrainConfig, path: Path) -> Cascade:
 
 def angles(cascade: Cascade, sets: list[Meshes]) -> list[float]:
     """Mean angle of normals over the meshes of each set, in degrees."""
-    return [float(np.mean([angle(n.moved(cascade.vertices(n)), clean) for n, clean in meshes])) for meshes in sets]
+    with side_by_side(thread_count()) as each:
+        return [float(np.mean(list(each(partial(angle, cascade), meshes)))) for meshes in sets]
 
 
-def angle(mesh: Mesh, clean: Mesh) -> float:
-    """Mean angle of the normals of the same faces, in degrees; `measure` takes longer, since it knows more."""
-    return float(np.degrees(angles_between(mesh.normals, clean.normals).mean()))
+def angle(cascade: Cascade, meshes: tuple[Mesh, Mesh]) -> float:
+    """Mean angle of the normals of a denoised mesh, in degrees; `measure` takes longer, since it knows more."""
+    noisy, clean = meshes
+    return float(np.degrees(angles_between(noisy.moved(cascade.vertices(noisy)).normals, clean.normals).mean()))
 
 
 def generated(data: DatasetConfig, **changes: object) -> Meshes:

@@ -1,11 +1,13 @@
 """Pieces of work side by side, each in a process of its own and on one thread."""
 
+import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Thread
 from typing import Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -32,7 +34,7 @@ def side_by_side(count: int) -> Iterator[Map]:
     if count == 1:
         yield map
         return
-    with ProcessPoolExecutor(count, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(count, get_context("spawn"), initializer=_end_with_the_caller) as pool:
         try:
             yield partial(_handed_out, pool)
         finally:
@@ -58,6 +60,18 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end_with_the_caller() -> None:
+    """See to it that this process ends when the one that started it is killed, and does not wait for work for ever."""
+    caller = parent_process()
+    assert caller is not None
+
+    def watch() -> None:
+        caller.join()
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
 
 
 def _alone(work: Callable[[Item], Result], item: Item) -> Result:

@@ -64,3 +64,22 @@ def test_ctrl_c_while_processes_start_is_told_by_none_of_them():
         os.killpg(started.pid, signal.SIGINT)
         told, complaints = started.communicate(timeout=60)
     assert (told, complaints) == ("stopped\n", "")
+
+
+KILLED = """
+import time
+from cascadenorm.workers import side_by_side
+with side_by_side(2) as each:
+    results = each(time.sleep, [0.1] * 2 + [600] * 2)
+    next(results)
+    print("begun", flush=True)
+    list(results)
+"""
+
+
+def test_no_process_outlives_the_one_that_started_it():
+    with subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True) as started:
+        assert started.stdout is not None
+        assert started.stdout.readline() == "begun\n"
+        started.kill()
+        started.communicate(timeout=60)  # which waits for all that could still write
