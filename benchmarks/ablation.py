@@ -8,8 +8,9 @@ stay in the folder, so that an interrupted run goes on where it was.
 """
 
 import argparse
+import json
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -56,7 +57,9 @@ def without(data: DatasetConfig, *left_out: str) -> DatasetConfig:
 
 def trained(config: TrainConfig, path: Path) -> Cascade:
     """Train, unless the model lies there already."""
-    return Cascade.load(path) if path.exists() else models.train(config, path).cascade
+    if path.exists() and (kept := Cascade.load(path)).card["config"] == json.loads(json.dumps(asdict(config))):
+        return kept
+    return models.train(config, path, force=True).cascade
 
 
 def angles(cascade: Cascade, sets: list[Meshes]) -> list[float]:

@@ -152,7 +152,7 @@ def judged(dirty: Dirty, out: np.ndarray, at_origin: np.ndarray) -> str:
         return f"**{spoiled.sum()} sound vertices are not finite any more**"
     with np.errstate(all="ignore"):
         moved = out.astype(float) - before
-    edge = mean_edge(dirty)
+    edge = middling_side(dirty)
     if dirty.alike:
         reference = dirty_meshes()["sound"].vertices
         step = moved[: len(reference)] / dirty.scale - (at_origin - reference)
@@ -163,8 +163,8 @@ def judged(dirty: Dirty, out: np.ndarray, at_origin: np.ndarray) -> str:
     return f"**vertices move by {farthest:.2g} edges**" if farthest > FAR else "done"
 
 
-def mean_edge(dirty: Dirty) -> float:
-    """Mean length of the sides of the faces that have ordinary coordinates."""
+def middling_side(dirty: Dirty) -> float:
+    """Length of the middling side of the faces, as the largest of its differences of coordinates."""
     good = ((dirty.faces >= 0) & (dirty.faces < len(dirty.vertices))).all(axis=1)
     corners = dirty.vertices[dirty.faces[good]].astype(float)
     with np.errstate(all="ignore"):

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Iterable
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from cascadenorm.controls import DenoiseError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
-from cascadenorm.learned.progress import Progress, silent, tells
+from cascadenorm.learned.progress import Progress, leads, silent, tells
 from cascadenorm.mesh import limit_threads
 from cascadenorm.pairs import training_pairs
 
@@ -86,6 +87,7 @@ def train(
     DenoiseError : torch or scikit-learn are not installed
     """
     try:
+        import_module("skimage")  # which makes the shapes
         from cascadenorm.learned import training
     except ImportError as error:
         raise DenoiseError(f"training needs {error.name}: pip install 'cascadenorm[train]'") from None
@@ -96,5 +98,6 @@ def train(
         cascade = training.train(config, checkpoint, own=own, progress=progress)
     if tells():
         write_atomically(output, [cascade.to_bytes()], force=force)
-        shutil.rmtree(checkpoint)
+    if leads():
+        shutil.rmtree(checkpoint, ignore_errors=True)  # machines may share a disk
     return Denoiser(cascade)

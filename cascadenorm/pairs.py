@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -10,11 +11,13 @@ import numpy as np
 
 from cascadenorm import data_gen
 from cascadenorm.api import as_mesh, save_mesh
+from cascadenorm.controls import DenoiseError
 from cascadenorm.data_gen import DatasetConfig, write_dataset
 from cascadenorm.data_gen.pieces import piece, pieces
 from cascadenorm.io import OutputError, ReadError
 from cascadenorm.learned.config import DATA
-from cascadenorm.mesh import Mesh, MeshError
+from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
+from cascadenorm.orientation import oriented
 
 
 class Pair(NamedTuple):
@@ -48,7 +51,7 @@ def find_pairs(folders: Iterable[str | PathLike[str]]) -> list[Pair]:
 def training_pairs(
     shapes: Iterable[str | PathLike[str]], noisy: Iterable[str | PathLike[str]], config: DatasetConfig
 ) -> list[data_gen.Pair]:
-    """Read meshes of one's own to train on, cut into pieces of at most config.max_faces.
+    """Read meshes of one's own to train on, wound and scaled as for denoising, in pieces of at most config.max_faces.
 
     Parameters
     ----------
@@ -61,13 +64,16 @@ def training_pairs(
     ------
     ReadError, MeshError : a file that is missing or no mesh, a folder without one, a pair of different faces
     """
-    clean = [part for path in _mesh_files(shapes) for part in _pieces(as_mesh(path), config)]
+    clean = [part for path in _mesh_files(shapes) for part in _pieces(oriented(in_frame(as_mesh(path))[0]), config)]
     rounds = max(1, min(20, config.count // (4 * len(clean)))) if clean else 0
     made = [data_gen.own_pair(config, i, part) for i, part in enumerate(clean * rounds)]
     for files in find_pairs(noisy):
         first, true = as_mesh(files.noisy), as_mesh(files.clean)
         if not np.array_equal(first.faces, true.faces):
             raise MeshError(f"{files.noisy} and {files.clean} have different faces: a training needs the same in both")
+        first, true = scaled_alike(first, true)
+        true = oriented(true)
+        first = Mesh(first.vertices, true.faces)
         for chosen in pieces(true, faces=config.max_faces):
             made.append(data_gen.Pair(piece(first, chosen), piece(true, chosen), data_gen.OWN, "none", 0.0))
     return made
@@ -110,7 +116,10 @@ def write_pairs(
     Raises
     ------
     OutputError : the folder is not empty and force is not given, or it is a file or cannot be made
+    DenoiseError : scikit-image is not installed
     """
+    if find_spec("skimage") is None:
+        raise DenoiseError("generating needs skimage: pip install 'cascadenorm[train]'")
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder} is a file: give the name of a folder")
     if folder.is_dir() and any(folder.iterdir()) and not force:

@@ -17,17 +17,12 @@ LEAST_HEIGHT = 0.1
 """In mean edge lengths: flatter faces count no more than those of this height."""
 
 
-def recover_vertices(
-    mesh: Mesh,
-    normals: Vectors,
-    *,
-    sweeps: int = 20,
-    misfit: Misfit = "heights",
-    folds: Literal["avoid", "ignore"] = "avoid",
-) -> Vectors:
+def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, misfit: Misfit = "heights") -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
     With misfit = "angles" it is x_i += 2 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, w_f from `misfit_weights`.
+    A step that would turn a face against its normal is shortened; the vertices of a face that is turned already are
+    pulled toward the middle of their neighbours until it lies right.
 
     Parameters
     ----------
@@ -38,8 +33,6 @@ def recover_vertices(
     misfit : "heights", as published, makes small how far corners lie off the plane of their face, which for a thin face
         may be little though its normal is far off; "angles" counts that against the height of the face, and takes
         steps twice as long, so that 20 sweeps bring as much as 80
-    folds : "ignore" is the plain update; "avoid" shortens a step that would turn a face against its normal, and
-        pulls the vertices of a face that is turned already toward the middle of their neighbours until it lies right
 
     Returns
     -------
@@ -51,10 +44,7 @@ def recover_vertices(
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
             mine = colors.row(color)
-            over(
-                len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, LENGTHENED[misfit], *around,
-                folds == "avoid",
-            )  # fmt: skip
+            over(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, LENGTHENED[misfit], *around)
     return vertices
 
 
@@ -66,7 +56,7 @@ def misfit_weights(mesh: Mesh, misfit: Misfit) -> NDArray[np.float64]:
 
 
 @kernel
-def _sweep_range(start, stop, movable, vertices, faces, normals, weights, lengthened, indptr, indices, avoid_folds):  # type: ignore[no-untyped-def]
+def _sweep_range(start, stop, movable, vertices, faces, normals, weights, lengthened, indptr, indices):  # type: ignore[no-untyped-def]
     """Move vertices that share no face, in place; those moved later see where these went.
 
     The area of a face along its normal is affine in the place of a corner: it is read once, for all lengths of a step.
@@ -99,9 +89,6 @@ def _sweep_range(start, stop, movable, vertices, faces, normals, weights, length
             slopes[k, 2] = nx * (vy - uy) - ny * (vx - ux)
             turned += areas[k] < 0
         step /= total / lengthened
-        if not avoid_folds:
-            vertices[i] += step
-            continue
         if turned > 0:
             _add_tangential_pull(vertices, faces, normals, indices[first:last], i, step)
         for _ in range(4):

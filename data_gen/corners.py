@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.data_gen.pieces import compact
 from cascadenorm.mesh import Mesh, kernel
 
 SMOOTH, CREASE, CORNER = 0, 1, 2
@@ -75,9 +76,7 @@ def corners_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity
 def mesh_of(corners: Corners) -> Mesh:
     """Pack the faces and vertices that are left."""
     faces = corners.origin[: 3 * corners.used[1]].reshape(-1, 3)
-    faces = faces[faces[:, 0] >= 0]
-    names, packed = np.unique(faces, return_inverse=True)
-    return Mesh(corners.points[names], packed.reshape(-1, 3))
+    return compact(corners.points, faces[faces[:, 0] >= 0])
 
 
 def _kinds(mesh: Mesh, marked_edge: NDArray[np.bool_]) -> NDArray[np.int8]:

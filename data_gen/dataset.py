@@ -19,6 +19,7 @@ from cascadenorm.mesh import Mesh
 from cascadenorm.workers import side_by_side
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
+LEAST_FACES = 1200  # of fewer, the details of some families would be finer than their triangles
 ATTEMPTS = 60  # shapes drawn for one index before giving up
 
 OWN = "own"  # in place of a family, where the mesh was not generated
@@ -71,8 +72,10 @@ class DatasetConfig:
         unknown = [name for name in self.families if name not in FAMILIES]
         if unknown or not self.families:
             raise ValueError(f"families are {unknown or 'empty'}; there are {', '.join(FAMILIES)}")
-        if not 200 <= self.min_faces <= self.max_faces:
-            raise ValueError(f"faces are {self.min_faces} to {self.max_faces}; at least 200, and the larger one last")
+        if not LEAST_FACES <= self.min_faces <= self.max_faces:
+            raise ValueError(
+                f"faces are {self.min_faces} to {self.max_faces}; at least {LEAST_FACES}, and the larger one last"
+            )
         strange = [kind for kind in self.noise_kinds if kind not in get_args(NoiseKind)]
         if strange or not self.noise_kinds:
             raise ValueError(f"noise kinds are {strange or 'empty'}; there are {', '.join(get_args(NoiseKind))}")

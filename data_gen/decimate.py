@@ -72,8 +72,6 @@ def _miss(q, r, p):  # type: ignore[no-untyped-def]
 def _best(c, quadrics, evenness, h):  # type: ignore[no-untyped-def]
     """Cheapest place for the merged vertex, as a share of the way along h, and its cost."""
     a, b = c.origin[h], c.origin[after(h)]
-    if c.kind[a] == CORNER and c.twin[h] == -1:
-        return 1.0, np.inf
     best, cost = 1.0, np.inf
     for share in (0.0, 0.5, 1.0):
         if share < 1.0 and c.kind[b] == CORNER:

@@ -28,12 +28,6 @@ def sphere(*, radius: float) -> Field:
     return lambda points: norm(points) - radius
 
 
-def half_space(normal: ArrayLike, *, offset: float) -> Field:
-    """All points whose component along the unit `normal` is below `offset`."""
-    direction = np.asarray(normal, np.float64)
-    return lambda points: points @ direction - offset
-
-
 def box(half: ArrayLike) -> Field:
     """Box around the origin with half edge lengths `half`."""
     half = np.asarray(half, np.float64)

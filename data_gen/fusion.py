@@ -130,4 +130,4 @@ def _meshed(distances: NDArray[np.float64], nodes: NDArray[np.float64], spacing:
     cells = np.floor(found[faces].mean(axis=1)).astype(np.int64)
     whole = np.all([seen[tuple((cells + corner).T)] for corner in np.ndindex(2, 2, 2)], axis=0)
     origin, axes = nodes[0, 0, 0], np.stack([nodes[1, 0, 0], nodes[0, 1, 0], nodes[0, 0, 1]]) - nodes[0, 0, 0]
-    return largest_sheets(Mesh(origin + found.astype(np.float64) @ axes, faces[whole]))
+    return largest_sheets(origin + found.astype(np.float64) @ axes, faces[whole])

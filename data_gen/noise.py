@@ -15,7 +15,7 @@ NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mi
 
 `normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat.
 `impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
-`mixed`: two. `sensor`: the error of a depth camera, for sheets seen from one side.
+`mixed`: two. `sensor`: the error of a depth camera, for sheets seen from one side. `none`: none.
 """
 
 

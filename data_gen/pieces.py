@@ -1,9 +1,9 @@
-"""Large meshes cut into pieces of a size to train on."""
+"""Parts of meshes: some faces over the vertices that they use, and large meshes cut to a size to train on."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, Vectors
 
 Faces = NDArray[np.intp]
 """(k,) numbers of faces, ascending."""
@@ -26,5 +26,10 @@ def pieces(mesh: Mesh, *, faces: int) -> list[Faces]:
 
 def piece(mesh: Mesh, chosen: Faces) -> Mesh:
     """Return some of the faces of a mesh, over the vertices that they use."""
-    used, corners = np.unique(mesh.faces[chosen], return_inverse=True)
-    return Mesh(mesh.vertices[used], corners.reshape(-1, 3))
+    return compact(mesh.vertices, mesh.faces[chosen])
+
+
+def compact(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
+    """Keep the vertices that have faces."""
+    names, packed = np.unique(faces, return_inverse=True)
+    return Mesh(vertices[names], packed.reshape(-1, 3))

@@ -60,17 +60,6 @@ def around(field: Field, *, count: int) -> Field:
     return repeated
 
 
-def along(field: Field, *, step: float, count: int) -> Field:
-    """Repeat the shape `count` times along x, `step` apart and centred."""
-    half = 0.5 * (count - 1)
-
-    def repeated(points: Vectors) -> Values:
-        cell = np.clip(np.round(points[:, 0] / step + half), 0, count - 1) - half
-        return field(np.stack([points[:, 0] - step * cell, points[:, 1], points[:, 2]], axis=1))
-
-    return repeated
-
-
 def mirrored(field: Field) -> Field:
     """Reflect the half x > 0 to the other side."""
     return lambda points: field(np.stack([np.abs(points[:, 0]), points[:, 1], points[:, 2]], axis=1))

@@ -45,7 +45,7 @@ def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.r
     seen = _blurred(distance, blur, int(rng.integers(0, 3))) + white * rng.normal(size=len(distance)) + spread * wide
     step = np.sqrt(12) * rounding * LONGEST ** rng.uniform() / np.mean(distance) ** 2  # of the disparity 1 / distance
     phase = float(rng.random())
-    rounded = 1 / (step * (np.round(1 / (seen * step) + phase) - phase))
+    rounded = 1 / (step * np.maximum(np.round(1 / (seen * step) + phase) - phase, 0.5))
     return distance - _blurred(rounded, blur, int(rng.integers(0, 3)))
 
 

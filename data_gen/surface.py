@@ -3,11 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.data_gen.corners import is_manifold
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.lattice import sample
+from cascadenorm.data_gen.pieces import compact
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.polygonise import NoSurfaceError, dual_contouring, marching_cubes
 from cascadenorm.data_gen.untangle import untangled
@@ -99,12 +99,6 @@ def largest_components(mesh: Mesh, *, share: float) -> Mesh:
     label = mesh.topology.face_components
     counts = np.bincount(label)
     return compact(mesh.vertices, mesh.faces[(counts >= share * counts.max())[label]])
-
-
-def compact(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
-    """Keep the vertices that have faces."""
-    names, packed = np.unique(faces, return_inverse=True)
-    return Mesh(vertices[names], packed.reshape(-1, 3))
 
 
 def fit(mesh: Mesh) -> None:

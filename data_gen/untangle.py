@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.mesh import Mesh, Vectors
 
@@ -70,19 +69,8 @@ def _pieces(face: NDArray[np.int32], marks: dict[int, int]) -> list[tuple[int, i
 
 
 def _with_single_fans(mesh: Mesh) -> Mesh:
-    """Number the fans of faces: corners at one vertex hang together where their faces share an edge there."""
-    inner = mesh.topology.interior_edges
-    first = mesh.topology.edge_faces.indptr[inner]
-    f, g = mesh.topology.edge_faces.indices[first], mesh.topology.edge_faces.indices[first + 1]
-    ends = mesh.topology.edges[inner]
-    links = []
-    for k in range(2):
-        at_f = 3 * f + (mesh.faces[f] == ends[:, k, None]).argmax(axis=1)
-        at_g = 3 * g + (mesh.faces[g] == ends[:, k, None]).argmax(axis=1)
-        links.append(np.stack([at_f, at_g]))
-    rows, columns = np.concatenate(links, axis=1)
-    graph = sparse.coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), (mesh.faces.size, mesh.faces.size))
-    _, fan = sparse.csgraph.connected_components(graph, directed=False)
+    """Give each fan of faces at a vertex a vertex of its own; they hang together across edges of two faces."""
+    fan = mesh.topology.fans(mesh.topology.edge_faces.counts == 2)
     vertices = np.empty((fan.max() + 1, 3))
     vertices[fan] = mesh.vertices[mesh.faces.ravel()]
     return Mesh(vertices, fan.reshape(-1, 3))

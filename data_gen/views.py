@@ -69,7 +69,7 @@ def view(field: Field, extent: Extent, *, faces: int, rng: np.random.Generator) 
     turn = random_rotation(rng=rng)
     distance = float(rng.choice(DISTANCES))
     image = depth_image(field, extent.middle, turn, distance=distance, step=step)
-    return largest_sheets(Mesh(image.points, image.faces))
+    return largest_sheets(image.points, image.faces)
 
 
 def traced(field: Field, eye: Vectors, directions: Vectors, *, start: float, stop: float) -> Values:
@@ -89,8 +89,8 @@ def traced(field: Field, eye: Vectors, directions: Vectors, *, start: float, sto
     return depth
 
 
-def largest_sheets(mesh: Mesh) -> Mesh:
+def largest_sheets(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
     """Make a manifold of the larger parts of what is seen."""
-    if len(mesh.faces) < FEWEST:
+    if len(faces) < FEWEST:
         raise UnfitShapeError("the view shows next to nothing")
-    return largest_components(untangled(largest_components(mesh, share=0.05)), share=0.05)
+    return largest_components(untangled(largest_components(Mesh(vertices, faces), share=0.05)), share=0.05)

@@ -18,7 +18,6 @@ EXACT = {
     "cylinder": fields.cylinder(radius=0.4, half_height=0.6),
     "torus": fields.torus(major=0.8, minor=0.25),
     "tube": fields.tube(points(3, count=7), radius=0.2),
-    "half space": fields.half_space([0.6, 0.8, 0], offset=0.2),
     "polytope": fields.polytope(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 0.7)),
     "prism": profiles.extruded(profiles.polygon(HEXAGON), half_height=0.4),
     "lathe": profiles.revolved(profiles.polygon(HEXAGON + np.array([1.5, 0]))),
@@ -98,10 +97,15 @@ def test_noise_is_continuous_bounded_and_set_by_its_generator():
     assert np.abs(pattern(at + 1e-7) - pattern(at)).max() < 1e-5
 
 
-def test_cells_give_the_distances_to_the_nearest_of_all_points():
+def test_cells_know_the_nearest_two_of_the_scattered_points():
     at = points(10, count=200)
-    bumps = patterns.cells(wavelength=1.0, kind="bumps", rng=np.random.default_rng(3))
-    assert bumps(at).max() <= 1
-    assert bumps(at).min() >= -1
-    slope = np.abs(bumps(at + 1e-6 * np.eye(3)[0]) - bumps(at)) / 1e-6
-    assert slope.max() < 4.01
+    seed = patterns.seed_of(np.random.default_rng(3))
+    cells = np.stack(np.meshgrid(*[np.arange(-4, 4)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    drawn = [patterns._hash(*cell, seed) for cell in cells.tolist()]
+    scattered = cells + np.array([[h & 1023, h >> 10 & 1023, h >> 20 & 1023] for h in drawn]) / 1024
+    first, second = np.sort(np.linalg.norm(at[:, None] - scattered, axis=2), axis=1)[:, :2].T
+    bumps, cracks = (
+        patterns.cells(wavelength=1.0, kind=kind, rng=np.random.default_rng(3))(at) for kind in ("bumps", "cracks")
+    )
+    np.testing.assert_allclose(bumps, 1 - 2 * np.minimum(first, 1) ** 2, atol=1e-12)
+    np.testing.assert_allclose(cracks, 2 * np.minimum((second - first) / 0.35, 1) - 1, atol=1e-12)

@@ -9,6 +9,7 @@ from cascadenorm.data_gen import FAMILIES, DatasetConfig, fields, pair
 from cascadenorm.data_gen.corners import is_manifold
 from cascadenorm.data_gen.fusion import Scan, fused
 from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.views import largest_sheets
 
 BALL = fields.sphere(radius=1)
 
@@ -63,8 +64,18 @@ def test_vertices_of_a_sliver_err_alike():
 def test_detail_that_drowns_is_unfit():
     """A scan whose clean mesh would be wrong is none to learn from."""
     hair = fields.intersection(BALL, lambda points: np.abs(np.sin(60 * points[:, 0])) / 60 - 0.004)
-    with pytest.raises(UnfitShapeError):
-        scan_of(hair, level=0.9, seed=0)
+    reasons = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        with pytest.raises(UnfitShapeError) as unfit:
+            fused(hair, extent_of(hair, rng=rng), faces=4000, level=0.9, rng=rng)
+        reasons.append(str(unfit.value))
+    assert sum("not that of the shape" in reason for reason in reasons) >= 6
+
+
+def test_a_sheet_without_any_face_is_unfit():
+    with pytest.raises(UnfitShapeError, match="next to nothing"):
+        largest_sheets(np.zeros((3, 3)), np.zeros((0, 3), np.int32))
 
 
 def test_half_of_the_scans_have_the_error_of_cameras_and_the_others_another():

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from shapes import grid
 
 from cascadenorm.data_gen import displacements
 from cascadenorm.data_gen.fields import sphere
 from cascadenorm.data_gen.lattice import sample
 from cascadenorm.data_gen.polygonise import dual_contouring
+from cascadenorm.data_gen.sensor import camera_errors
 from cascadenorm.mesh import Mesh
 
 
@@ -72,6 +74,16 @@ def test_a_depth_camera_errs_along_its_view_and_by_its_level_from_pixel_to_pixel
         sizes.append(np.sqrt(np.mean(moved**2) * 3))
     assert 0.1 < np.median(steps) < 0.3
     assert np.median(sizes) > 1.5 * np.median(steps)  # neighbours err alike
+
+
+def test_a_depth_camera_sees_nothing_behind_itself():
+    """Coarse steps of the disparity may round it to nothing."""
+    x, y = np.meshgrid(np.arange(11.0), np.arange(11.0))
+    pixels = grid(10, 10)
+    distance = np.hypot(np.hypot(x, y), 12.0).ravel()
+    for seed in range(200):
+        errors = camera_errors(distance, pixels, 2.0, rng=np.random.default_rng(seed))
+        assert (np.abs(errors) < 20 * distance.max()).all() and (distance - errors > 0).all()
 
 
 def test_no_noise_is_the_identity(ball):

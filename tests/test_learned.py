@@ -11,6 +11,7 @@ from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.learned.cascade import FORMAT, Cascade
 from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import (
+    CONSTANTS,
     CONTEXT_STEPS,
     DESCRIPTORS,
     FILTERS,
@@ -288,7 +289,9 @@ def test_files_that_hold_no_cascade_are_refused(tmp_path):
         Cascade.load(other)
     partial = tmp_path / "partial.safetensors"
     arrays = {f"stage0.{name}": a for name, a in random_regression("B").arrays().items() if name != "projection"}
-    header = {"format": FORMAT, "stages": [{"descriptor": "B", "activation": "tanh"}], "card": {}}
+    constants = json.loads(json.dumps(CONSTANTS))
+    stage = {"descriptor": "B", "activation": "tanh"}
+    header = {"format": FORMAT, "constants": constants, "stages": [stage], "card": {}}
     save_file(arrays, partial, {"cascadenorm": json.dumps(header)})
     with pytest.raises(ParameterError, match="lacks 'projection' of stage 1"):
         Cascade.load(partial)
@@ -297,6 +300,10 @@ def test_files_that_hold_no_cascade_are_refused(tmp_path):
         save_file(arrays, partial, {"cascadenorm": json.dumps(later)})
         with pytest.raises(ParameterError, match=f"needs the {lacks}, which this version lacks"):
             Cascade.load(partial)
+    other_filters = header | {"constants": constants | {"smooth_passes": [1, 2, 4]}}
+    save_file(arrays, partial, {"cascadenorm": json.dumps(other_filters)})
+    with pytest.raises(ParameterError, match="was trained with other filters than this version has"):
+        Cascade.load(partial)
     truncated = tmp_path / "truncated.safetensors"
     truncated.write_bytes(Cascade((random_regression("B"),), {}).to_bytes()[:-5])
     with pytest.raises(ParameterError, match="is not a weights file"):

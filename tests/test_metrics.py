@@ -103,12 +103,6 @@ def test_faces_without_area_have_no_angle():
         measure(Mesh(plane.vertices, flat_face), plane)
 
 
-def test_unused_vertices_do_not_count():
-    plane = grid(2, 2)
-    stray = Mesh(np.concatenate([plane.vertices, [[0, 0, 1000]]]), plane.faces)
-    assert measure(stray, plane).hausdorff_diagonal == 0
-
-
 def test_a_reference_without_extent_is_refused():
     with pytest.raises(MeshError, match="at one place"):
         measure(grid(1, 1), Mesh(np.zeros((3, 3)), [[0, 1, 2]]))

@@ -13,6 +13,7 @@ from cascadenorm.cli import run
 from cascadenorm.data_gen import DatasetConfig, pair
 from cascadenorm.learned.cascade import advanced, shipped
 from cascadenorm.learned.config import TrainConfig, read_config
+from cascadenorm.mesh import Mesh, in_frame, scaled_alike
 from cascadenorm.metrics import measure
 from cascadenorm.pairs import training_pairs
 
@@ -27,8 +28,8 @@ epochs = 3
 [data]
 count = 2
 families = ["polyhedron"]
-min_faces = 900
-max_faces = 1200
+min_faces = 1200
+max_faces = 1250
 """
 
 
@@ -54,7 +55,7 @@ def test_the_last_stage_alone_is_fitted_by_angles():
     rough, stages = noisy(icosphere(3), 0.2), shipped("cascade").stages
     mesh, misfits = rough, ("heights", "heights", "angles")
     for stage, misfit, after in zip(stages, misfits, shipped("cascade").steps(rough), strict=True):
-        mesh = advanced(stage, mesh, rough, sweeps=20, misfit=misfit)
+        mesh = advanced(stage, mesh, rough, misfit=misfit)
         assert (mesh.vertices == after.vertices).all()
 
 
@@ -93,17 +94,17 @@ def test_own_shapes_get_noise_again_and_again_and_own_pairs_are_taken_as_they_ar
     save(ball, tmp_path / "shapes" / "ball.ply")
     save(rough, tmp_path / "pairs" / "ball" / "noisy.ply")
     save(icosphere(4), tmp_path / "pairs" / "ball" / "clean.ply")
-    config = DatasetConfig(count=12, min_faces=900, max_faces=1280, noise_kinds=("normal",), min_level=0.1)
+    config = DatasetConfig(count=12, min_faces=1200, max_faces=1280, noise_kinds=("normal",), min_level=0.1)
     made = training_pairs([tmp_path / "shapes"], [tmp_path / "pairs"], config)
     shapes, pieces = made[:3], made[3:]
     assert len(pieces) == 4 and sum(len(p.clean.faces) for p in pieces) == len(rough.faces)
     for p in shapes:
-        np.testing.assert_array_equal(p.clean.vertices, ball.vertices)
-        spread = np.linalg.norm(p.noisy.vertices - p.clean.vertices, axis=1).std() / ball.mean_edge_length
+        np.testing.assert_array_equal(p.clean.vertices, in_frame(ball)[0].vertices)
+        spread = np.linalg.norm(p.noisy.vertices - p.clean.vertices, axis=1).std() / p.clean.mean_edge_length
         assert spread > 0.03 and p.family == "own"
     assert (shapes[0].noisy.vertices != shapes[1].noisy.vertices).any()
     corners = np.concatenate([p.noisy.corners for p in pieces]).reshape(-1, 9)
-    expected = rough.corners.reshape(-1, 9)
+    expected = scaled_alike(rough, icosphere(4))[0].corners.reshape(-1, 9)
     np.testing.assert_array_equal(np.unique(corners, axis=0), np.unique(expected, axis=0))
     cn.write(cn.from_arrays(ball.vertices, ball.faces), tmp_path / "pairs" / "ball" / "noisy.ply", force=True)
     with pytest.raises(cn.MeshError, match="different faces"):
@@ -111,6 +112,30 @@ def test_own_shapes_get_noise_again_and_again_and_own_pairs_are_taken_as_they_ar
     (tmp_path / "empty").mkdir()
     with pytest.raises(cn.ReadError, match="holds no files"):
         training_pairs([tmp_path / "empty"], [], config)
+
+
+def test_own_meshes_are_wound_as_they_are_to_be_denoised(tmp_path):
+    ball, rough = icosphere(4), noisy(icosphere(4), 0.2)
+    faces = ball.faces.copy()
+    faces[::3] = faces[::3, ::-1]
+    save(Mesh(ball.vertices, faces), tmp_path / "shapes" / "ball.ply")
+    save(Mesh(rough.vertices, faces), tmp_path / "pairs" / "ball" / "noisy.ply")
+    save(Mesh(ball.vertices, faces), tmp_path / "pairs" / "ball" / "clean.ply")
+    config = DatasetConfig(count=8, min_faces=1200, max_faces=1280)
+    made = training_pairs([tmp_path / "shapes"], [tmp_path / "pairs"], config)
+    assert len(made) == 8
+    for p in made:
+        assert ((p.clean.normals * p.clean.centroids).sum(axis=1) > 0).all()
+        np.testing.assert_array_equal(p.noisy.faces, p.clean.faces)
+
+
+def test_without_what_makes_shapes_neither_training_nor_generating_begins(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "skimage", None)
+    assert run(["train", "-o", str(tmp_path / "new.safetensors")]) == 1
+    assert "training needs skimage: pip install 'cascadenorm[train]'" in capsys.readouterr().err
+    assert run(["generate", str(tmp_path / "data")]) == 1
+    assert "generating needs skimage: pip install 'cascadenorm[train]'" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_own_meshes_change_the_model_and_stand_in_its_card(tmp_path):

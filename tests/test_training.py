@@ -1,6 +1,7 @@
 import subprocess
 import sys
-from dataclasses import fields
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,12 @@ import torch
 from shapes import cube, icosphere, noisy
 
 from cascadenorm.data_gen import DatasetConfig, pairs
-from cascadenorm.learned import training
+from cascadenorm.learned import processes, training
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_stack, pose_free
 from cascadenorm.learned.networks import Faces, Numbers, chord, train_network
+from cascadenorm.learned.progress import leads, tells
 from cascadenorm.learned.regression import Standard
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
@@ -27,7 +29,7 @@ TINY = TrainConfig(
     data=DatasetConfig(
         count=4,
         families=("smooth",),  # each mesh has faces of both clusters, whichever process it goes to
-        min_faces=900,
+        min_faces=1200,
         max_faces=1500,
         noise_kinds=("normal",),
         min_level=0.15,
@@ -117,7 +119,7 @@ def test_early_stopping_returns_the_best_pass():
 
 
 def test_a_tiny_training_beats_the_noisy_input(trained):
-    clean = cube(10)
+    clean = icosphere(3)
     mesh = noisy(clean, 0.15, seed=5)
     assert mean_angle(mesh, trained.vertices(mesh), clean) < 0.6 * mean_angle(mesh, mesh.vertices, clean)
 
@@ -158,7 +160,7 @@ def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path
     settings = tmp_path / "tiny.toml"
     settings.write_text(
         "faces_per_mesh = 500\nclusters = 2\n[fit]\nhidden = [16, 8]\nepochs = 15\nbatch = 128\n"
-        '[data]\ncount = 4\nfamilies = ["smooth"]\nmin_faces = 900\nmax_faces = 1500\n'
+        '[data]\ncount = 4\nfamilies = ["smooth"]\nmin_faces = 1200\nmax_faces = 1500\n'
         'noise_kinds = ["normal"]\nmin_level = 0.15\nmax_level = 0.3\n'
     )
     assert read_config(settings) == TINY
@@ -189,6 +191,39 @@ def test_the_folder_of_another_training_is_refused(tmp_path):
         train(TrainConfig(seed=7), tmp_path)
 
 
+def test_the_folder_of_another_version_is_refused(tmp_path, monkeypatch):
+    with pytest.raises(Interrupted):
+        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
+    monkeypatch.setattr(training, "FORMAT", "cascadenorm/another")
+    with pytest.raises(ConfigError, match="another version"):
+        train(TINY, tmp_path)
+
+
+def test_more_directions_than_numbers_are_all_of_them(tmp_path):
+    one = replace(
+        TINY, descriptors=("B",), context=60, fit=Fit(hidden=(4,), epochs=1), data=replace(TINY.data, count=1)
+    )
+    assert train(one, tmp_path).stages[0].standard.projection.shape == (55, 55)
+
+
+def test_a_process_that_a_scheduler_has_numbered_is_alone_all_the_same(monkeypatch):
+    for name in ("RANK", "LOCAL_RANK"):
+        monkeypatch.setenv(name, "3")
+    assert tells() and leads()
+    monkeypatch.setenv("WORLD_SIZE", "4")
+    assert not tells() and not leads()
+
+
+@pytest.mark.parametrize(("cards", "expected"), [(0, "cpu"), (1, "cpu"), (2, "cuda:1")])
+def test_each_process_has_a_card_of_its_own_or_none_has_one(monkeypatch, cards, expected):
+    for name, value in {"WORLD_SIZE": "4", "LOCAL_WORLD_SIZE": "2", "LOCAL_RANK": "1", "RANK": "3"}.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: cards)
+    assert processes.device() == torch.device(expected)
+    with ThreadPoolExecutor(1) as pool:  # networks are trained in threads, which do not know of one another's card
+        assert pool.submit(processes.device).result() == torch.device(expected)
+
+
 def test_settings_are_read_from_toml(tmp_path):
     path = tmp_path / "some.toml"
     path.write_text(
@@ -204,7 +239,11 @@ def test_settings_are_read_from_toml(tmp_path):
     ("text", "message"),
     [
         ("cluster = 3", "there is no setting cluster"),
-        ("[fit]\nwidth = 3", "there is no setting fit.width"),
+        ("[fit]\nwidth = 3", "there is no setting fit.width; fit settings are hidden"),
+        ("seed = -1", "seed is -1; it must be at least 0"),
+        ("context = -1", "context is -1; it must be at least 0"),
+        ("[fit]\nweight_decay = -1", "weight_decay is -1.0; it must be at least 0"),
+        ("[data]\nmin_faces = 1000", "faces are 1000 to 20000; at least 1200"),
         ("fit = 3", "fit is 3; it must be a table"),
         ('clusters = "many"', "clusters is 'many'; it must be of type int"),
         ("clusters = 0", "clusters is 0"),

@@ -12,14 +12,14 @@ from typing import Annotated, Any, Literal, NamedTuple
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.learned.descriptors import DESCRIPTORS, FILTERS, Filters, Stack
+from cascadenorm.learned.descriptors import CONSTANTS, DESCRIPTORS, FILTERS, Filters, Stack
 from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.recover import Misfit, Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, ParameterError, method
 from cascadenorm.steps import steps
 
-FORMAT = "cascadenorm/3"
+FORMAT = "cascadenorm/4"
 
 
 class Engine(NamedTuple):
@@ -66,7 +66,7 @@ class Cascade:
         """Return the content of a weights file: the same bytes for the same cascade."""
         tensors = {f"stage{s}.{name}": a for s, stage in enumerate(self.stages) for name, a in stage.arrays().items()}
         reads = [{"descriptor": stage.descriptor, "activation": stage.activation} for stage in self.stages]
-        header = {"format": FORMAT, "stages": reads, "card": self.card}
+        header = {"format": FORMAT, "constants": CONSTANTS, "stages": reads, "card": self.card}
         return save(tensors, {"cascadenorm": json.dumps(header, sort_keys=True)})
 
     @classmethod
@@ -75,7 +75,7 @@ class Cascade:
 
         Raises
         ------
-        ParameterError : the file is missing, or is not a cascade of this format
+        ParameterError : the file is missing, or is not a cascade of this format, for the filters of this version
         """
         try:
             with safe_open(fspath(path), framework="numpy") as file:
@@ -88,6 +88,8 @@ class Cascade:
             raise ParameterError(f"the weights {fspath(path)} cannot be read: {error.strerror or error}") from None
         except (SafetensorError, json.JSONDecodeError):
             raise ParameterError(f"{fspath(path)} is not a weights file: train one with `cascadenorm train`") from None
+        if header["constants"] != json.loads(json.dumps(CONSTANTS)):
+            raise ParameterError(f"{fspath(path)} was trained with other filters than this version has: train it again")
         stages = []
         for s, stage in enumerate(header["stages"]):
             for part, known in (("descriptor", DESCRIPTORS), ("activation", ACTIVATIONS)):
@@ -102,7 +104,13 @@ class Cascade:
 
 
 def advanced(
-    stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int, misfit: Misfit = "heights", engine: Engine = PROCESSOR
+    stage: Regression,
+    mesh: Mesh,
+    noisy: Mesh,
+    *,
+    sweeps: int = 20,
+    misfit: Misfit = "heights",
+    engine: Engine = PROCESSOR,
 ) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from its stack, its vertices moved to them."""
     stack = stage_stack(stage.descriptor, mesh, noisy, engine.filters)

@@ -53,6 +53,8 @@ class Fit:
         for name in ("epochs", "patience", "batch", "learning_rate", "clip"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"fit.{name} is {getattr(self, name)}; it must be above 0")
+        if not self.weight_decay >= 0:
+            raise ConfigError(f"fit.weight_decay is {self.weight_decay}; it must be at least 0")
 
 
 DATA = DatasetConfig(
@@ -66,7 +68,7 @@ DATA = DatasetConfig(
     min_level=0.03,
     max_level=0.7,
 )  # fmt: skip
-"""What the shipped weights are trained on."""
+"""What the shipped `cascade` is trained on, and a training without settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +82,6 @@ class TrainConfig:
     clusters : networks in each stage
     descriptors : what each stage reads, names in DESCRIPTORS; as many stages as entries
     context : main directions of the descriptor that are averaged over the surroundings of a face
-    sweeps : of the vertex update between the stages
     fit : settings of each network
     data : the noisy/clean pairs
     """
@@ -90,16 +91,13 @@ class TrainConfig:
     clusters: int = 4
     descriptors: tuple[str, ...] = ("B+G", "B", "B")
     context: int = 24
-    sweeps: int = 20
     fit: Fit = field(default_factory=Fit)
     data: DatasetConfig = field(default_factory=lambda: DATA)
 
     def __post_init__(self) -> None:
-        for name in ("faces_per_mesh", "clusters"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least 1")
-        if self.context < 0:
-            raise ConfigError(f"context is {self.context}; it must be at least 0")
+        for name, least in (("faces_per_mesh", 1), ("clusters", 1), ("context", 0), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least {least}")
         if not self.descriptors or not set(self.descriptors) <= set(DESCRIPTORS):
             raise ConfigError(f"descriptors are {list(self.descriptors)}; each must be one of {', '.join(DESCRIPTORS)}")
 
@@ -140,7 +138,7 @@ def settings_from(base: Settings, table: Mapping[str, Any], *, prefix: str = "")
     unknown = [key for key in table if key not in known]
     if unknown:
         raise ConfigError(
-            f"there is no setting {prefix}{unknown[0]}; {prefix or 'the'} settings are {', '.join(known)}"
+            f"there is no setting {prefix}{unknown[0]}; {prefix[:-1] or 'the'} settings are {', '.join(known)}"
         )
     changes = {key: _value(hints[key], getattr(base, key), value, prefix + key) for key, value in table.items()}
     return replace(base, **changes)  # type: ignore[type-var]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.learned.reach import NEAR_PASSES, REACH_PASSES, STEADY, reaching_stack
+from cascadenorm.learned.reach import NEAR_PASSES, REACH_PASSES, REACH_SIGMA_R, STEADY, reaching_stack
 from cascadenorm.learned.smoothed import smoothed_normals
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, row_sums
 
@@ -24,6 +24,21 @@ SMOOTH_SIGMA_R = 0.35
 """Where the noisy mesh is smoothed along better normals, it stops at edges of that chord."""
 FLOOR = 1e-4
 """Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
+
+CONSTANTS = {
+    "sigma_s": SIGMA_S,
+    "sigma_r": SIGMA_R,
+    "ring": RING,
+    "context_steps": CONTEXT_STEPS,
+    "reach_sigma_r": REACH_SIGMA_R,
+    "reach_passes": REACH_PASSES,
+    "near_passes": NEAR_PASSES,
+    "smooth_passes": SMOOTH_PASSES,
+    "near_smooth_passes": NEAR_SMOOTH_PASSES,
+    "smooth_sigma_r": SMOOTH_SIGMA_R,
+    "floor": FLOOR,
+}
+"""What stands behind the names of DESCRIPTORS: weights serve these numbers alone."""
 
 Stack = NDArray[np.float32]
 """(m, k, 3) float32: k filtered unit normals of each of m faces."""

@@ -249,7 +249,7 @@ def _groups(device: torch.device, mesh: Mesh, normals: Vectors, weights: NDArray
 def _recovered(
     device: torch.device, mesh: Mesh, normals: Vectors, *, sweeps: int = 20, misfit: Misfit = "heights"
 ) -> Vectors:
-    """As `recover.recover_vertices`, avoiding folds."""
+    """As `recover.recover_vertices`."""
     positions = torch.tensor(mesh.vertices, device=device)
     groups = list(_groups(device, mesh, normals, misfit_weights(mesh, misfit)))
     for _ in range(sweeps):

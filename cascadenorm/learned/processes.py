@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import distributed
 
+from cascadenorm.learned.progress import alone
 from cascadenorm.mesh import thread_count
 
 Made = TypeVar("Made")
@@ -18,12 +19,10 @@ Made = TypeVar("Made")
 @contextmanager
 def together() -> Iterator[None]:
     """Join the processes that torchrun has started for the time of the block; a process started alone stays alone."""
-    if torch.cuda.is_available():
-        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
-    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+    if alone():
         yield
         return
-    distributed.init_process_group("cpu:gloo,cuda:nccl" if torch.cuda.is_available() else "gloo")
+    distributed.init_process_group("cpu:gloo,cuda:nccl" if device().type == "cuda" else "gloo")
     try:
         yield
     finally:
@@ -31,8 +30,10 @@ def together() -> Iterator[None]:
 
 
 def device() -> torch.device:
-    """Return where this process does its matrix products: its graphics card where there is one."""
-    return torch.device("cuda", torch.cuda.current_device()) if torch.cuda.is_available() else torch.device("cpu")
+    """Return where this process does its matrix products: a graphics card of its own, where there is one for each."""
+    if torch.cuda.device_count() < _beside():
+        return torch.device("cpu")
+    return torch.device("cuda", 0 if alone() else int(os.environ["LOCAL_RANK"]))
 
 
 def count() -> int:
@@ -42,7 +43,12 @@ def count() -> int:
 
 def cores() -> int:
     """Return how many cores there are for this process, beside the others on this machine."""
-    return max(1, thread_count() // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
+    return max(1, thread_count() // _beside())
+
+
+def _beside() -> int:
+    """Return how many processes there are on this machine, with this one."""
+    return 1 if alone() else int(os.environ["LOCAL_WORLD_SIZE"])
 
 
 def share() -> slice:
@@ -75,6 +81,11 @@ def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
     tensor = torch.from_numpy(np.array(values, np.float64))
     distributed.all_reduce(tensor)
     return np.asarray(tensor.numpy())
+
+
+def meet() -> None:
+    """Wait until all processes are here."""
+    least(0)
 
 
 def least(number: int) -> int:

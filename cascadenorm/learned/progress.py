@@ -11,9 +11,19 @@ class Progress(Protocol):
         """Say that `done` of `total` parts of a task are done."""
 
 
+def alone() -> bool:
+    """Whether this process is the only one; a scheduler may have numbered it all the same."""
+    return os.environ.get("WORLD_SIZE", "1") == "1"
+
+
 def tells() -> bool:
     """Whether this process is the one that tells and writes: the only one, or the first of those of torchrun."""
-    return os.environ.get("RANK", "0") == "0"
+    return alone() or os.environ["RANK"] == "0"
+
+
+def leads() -> bool:
+    """Whether this process is the first one on its machine, which sees to the files there."""
+    return alone() or os.environ["LOCAL_RANK"] == "0"
 
 
 def silent(task: str, done: int, total: int, note: str = "") -> None:

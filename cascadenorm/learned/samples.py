@@ -49,6 +49,6 @@ class Sample:
         context = [part[self.rows] for part in standard.context(stack, mesh)]
         return stack[self.rows], np.concatenate(context, axis=1)
 
-    def advanced(self, stage: Regression, sweeps: int) -> Vectors:
+    def advanced(self, stage: Regression) -> Vectors:
         """Return where a stage moves the vertices."""
-        return advanced(stage, *self.meshes(), sweeps=sweeps).vertices
+        return advanced(stage, *self.meshes()).vertices

@@ -21,11 +21,11 @@ from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
 from cascadenorm.learned import processes
-from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.cascade import FORMAT, Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.descriptors import pose_free
 from cascadenorm.learned.networks import Faces, train_network
-from cascadenorm.learned.progress import Progress, silent, tells
+from cascadenorm.learned.progress import Progress, leads, silent, tells
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest
 from cascadenorm.learned.samples import Sample
 from cascadenorm.mesh import Mesh, Vectors, in_blocks, thread_count
@@ -62,8 +62,9 @@ def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), pr
 def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progress: Progress) -> Cascade:
     if (meshes := config.data.count + len(own)) < processes.count():
         raise ConfigError(f"{processes.count()} processes are more than the meshes, {meshes}: take fewer")
-    if tells():
+    if leads():
         _claim(checkpoint, config, own)
+    processes.meet()  # by then each machine has a folder
     samples = _samples(config, own, checkpoint / "pairs", progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
@@ -74,7 +75,7 @@ def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progres
             stages.append(stage)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
             if number + 1 < len(config.descriptors):
-                moved = each(partial(Sample.advanced, stage=stage, sweeps=config.sweeps), samples)
+                moved = each(partial(Sample.advanced, stage=stage), samples)
                 for done, vertices in enumerate(moved):
                     samples[done].vertices = vertices
                     progress(f"apply stage {number + 1}", done + 1, len(samples))
@@ -139,7 +140,7 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
     others = f"and {len(own)} meshes that were handed in" if own else "no mesh of anybody else"
     return {
         "model": "cascaded normal regression (Wang, Liu, Tong 2016)",
-        "made_with": {name: version(name) for name in ("cascadenorm", "numpy", "scikit-learn", "torch")},
+        "made_with": _versions(),
         "data": f"procedural shapes with simulated noise from cascadenorm.data_gen; {others}",
         "faces_trained_on": faces,
         "validation_chord_by_stage_and_cluster": losses,
@@ -147,6 +148,10 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
         "licence": "MIT",
         "config": asdict(config),
     }
+
+
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in ("cascadenorm", "numpy", "scikit-learn", "torch")}
 
 
 def _described(
@@ -169,7 +174,7 @@ def _described(
     covariance = processes.total(np.asarray(own.T.astype(np.float64) @ own))
     del own
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
-    directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(context)])
+    directions *= np.sign(np.take_along_axis(directions, np.abs(directions).argmax(axis=0)[None], axis=0))
     none = np.zeros(1, np.float32)
     standard = Standard(
         mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
@@ -227,16 +232,19 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
 
 
 def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
-    """Make the folder for this config and these pairs, or see that it is theirs."""
+    """Make the folder for this config, these pairs and this version, or see that it is theirs."""
     checkpoint.mkdir(parents=True, exist_ok=True)
     digest = sha256()
     for pair in own:
         for array in (pair.noisy.vertices, pair.clean.vertices, pair.clean.faces):
             digest.update(array.tobytes())
     note = checkpoint / "config.json"
-    text = json.dumps(asdict(config) | {"own": digest.hexdigest()}, indent=1, sort_keys=True)
+    made_with = {"format": FORMAT, **_versions()}
+    text = json.dumps(asdict(config) | {"own": digest.hexdigest(), "made_with": made_with}, indent=1, sort_keys=True)
     if note.exists() and note.read_text() != text:
-        raise ConfigError(f"{checkpoint} holds a training with other settings: remove it, or name another folder")
+        raise ConfigError(
+            f"{checkpoint} holds a training with other settings or another version: remove it, or name another folder"
+        )
     note.write_text(text)
 
 
