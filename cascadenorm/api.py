@@ -268,6 +268,13 @@ def fill_holes_file(
     return Filling(faces=len(file.mesh.faces), added=added, left_out=tuple(dict.fromkeys(left_out)))
 
 
+def beside(source: Path, what: str) -> Path:
+    """Return `<stem>_<what><suffix>` in the folder of a mesh file; raises ReadError where that is a folder itself."""
+    if source.is_dir():
+        raise io.ReadError(f"{source} is a folder: give the name of a mesh file in it")
+    return source.with_name(f"{source.stem}_{what}{source.suffix}")
+
+
 def _isolates(on_bad: str) -> bool:
     """Tell whether bad vertices and faces are set aside; raises ParameterError where nothing of the kind is said."""
     if on_bad not in get_args(OnBad):
@@ -307,8 +314,7 @@ def _denoised_file(
     if output is None:
         if not isinstance(source, str | PathLike):
             raise TypeError("a stream has no place for its output: give one")
-        path = Path(source)
-        output = path.with_name(f"{path.stem}_denoised{path.suffix}")
+        output = beside(Path(source), "denoised")
         check_output(output, force=force)
     elif isinstance(output, str | PathLike):
         check_output(Path(output), force=force)

@@ -115,7 +115,7 @@ def denoise(
 
     from cascadenorm import api, report
 
-    target: Any = output or ("-" if source == "-" else None)
+    target: Any = output if output is not None else ("-" if source == "-" else None)
     parameters = _parameters(settings)
     if model is not None:
         parameters["model"] = model
@@ -346,7 +346,7 @@ def fill_holes(
     """Close the holes of a mesh by patches as dense as what is around them; what is there stays as it is."""
     from cascadenorm import api, report
 
-    target = output or source.with_name(f"{source.stem}_filled{source.suffix}")
+    target = api.beside(source, "filled") if output is None else output
     kind = cast(Literal[1, 2, 3], order)  # typer holds the range
     done = api.fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
     print(f"{target}: {counted(done.added, 'face')} added to {done.faces}")

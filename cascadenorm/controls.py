@@ -15,15 +15,12 @@ from cascadenorm.creases import crease_edges, cut
 from cascadenorm.detail import finer_than
 from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, limit_threads
 from cascadenorm.orientation import oriented
-from cascadenorm.registry import Method, ParameterError
+from cascadenorm.registry import REGION, Method, ParameterError
 from cascadenorm.rims import along_the_rim, rim_of
 from cascadenorm.steps import steps, told_to
 from cascadenorm.volume import with_volume_of
 
 Boundary = Literal["free", "smooth", "fixed"]
-
-REGION = "region"
-"""A method with a parameter of this name is told which vertices may move, (n,) bool; callers say it by a mask."""
 
 
 class DenoiseError(RuntimeError):
@@ -77,8 +74,8 @@ class Controls:
             raise ParameterError(f"boundary is {self.boundary!r}; it must be one of {', '.join(get_args(Boundary))}")
         if self.volume not in (None, "keep"):
             raise ParameterError(f"volume is {self.volume!r}; it must be 'keep' or None")
-        if self.threads is not None and self.threads < 1:
-            raise ParameterError(f"threads is {self.threads}; it must be at least 1, or None for all")
+        if self.threads is not None and not (isinstance(self.threads, numbers.Integral) and self.threads >= 1):
+            raise ParameterError(f"threads is {self.threads!r}; it must be a whole number, at least 1, or None for all")
         for name in ("keep_detail", "max_displacement"):
             _read_length(name, getattr(self, name))
 

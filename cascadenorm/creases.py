@@ -75,7 +75,8 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike) -> NDArray[np.bool_]:
         if not 0 <= creases <= 180:
             raise ParameterError(f"creases is {creases!r}; an angle in degrees must be within 0 … 180")
         return _turns(mesh) > np.radians(float(creases))
-    return _given(mesh, np.asarray(creases))
+    pairs = np.asarray(creases)
+    return _given(mesh, pairs if pairs.size else np.zeros((0, 2), np.int64))
 
 
 def _turns(mesh: Mesh) -> NDArray[np.float64]:

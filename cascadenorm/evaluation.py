@@ -32,6 +32,10 @@ class Result:
         return {"pair": self.pair, "method": self.method, **asdict(self.measures), "seconds": self.seconds}
 
 
+COLUMNS = ("pair", "method", *(field.name for field in fields(Measures)), "seconds")
+"""Names in a row of a result."""
+
+
 class Failure(NamedTuple):
     """A pair, or a method on it, that could not be measured."""
 

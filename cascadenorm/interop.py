@@ -43,7 +43,7 @@ def _trimesh_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
-    moved = mesh.copy()
+    moved = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.copy()  # the vertices of a primitive are fixed
     moved.vertices = vertices
     return moved
 

@@ -14,7 +14,7 @@ from cascadenorm.api import as_mesh, save_mesh
 from cascadenorm.controls import DenoiseError
 from cascadenorm.data_gen import DatasetConfig, write_dataset
 from cascadenorm.data_gen.pieces import piece, pieces
-from cascadenorm.io import OutputError, ReadError
+from cascadenorm.io import OutputError, ReadError, is_mesh_name
 from cascadenorm.learned.config import DATA
 from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
 from cascadenorm.orientation import oriented
@@ -84,12 +84,16 @@ def _pieces(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
 
 
 def _mesh_files(places: Iterable[str | PathLike[str]]) -> list[Path]:
-    """List files as they are, and what lies in folders by name."""
+    """List files as they are, and the mesh files in folders by name."""
     files = []
     for place in map(Path, places):
-        found = sorted(file for file in place.iterdir() if file.is_file()) if place.is_dir() else [place]
+        found = (
+            sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
+            if place.is_dir()
+            else [place]
+        )
         if not found:
-            raise ReadError(f"{place} holds no files: put clean meshes into it")
+            raise ReadError(f"{place} holds no mesh files: put clean meshes into it")
         files += found
     return files
 
@@ -149,6 +153,7 @@ def _pair(folder: Path) -> Pair | None:
     halves = {}
     for half in ("noisy", "clean"):
         files = sorted(file for file in folder.glob(f"{half}.*") if file.is_file())
+        files = [file for file in files if is_mesh_name(file)] or files  # beside them may lie what they name
         if len(files) > 1:
             raise ReadError(f"{folder} holds {len(files)} files {half}.*: leave one")
         if files:

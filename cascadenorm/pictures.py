@@ -27,6 +27,8 @@ def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = 
     OutputError : the file exists and force is not given, or it cannot be written
     """
     check_output(output, force=force)
+    if output.suffix.lower() not in ("", ".png"):
+        raise OutputError(f"{output} would hold a PNG picture: give a name that ends in .png")
     if not meshes:
         raise MeshError("there are no meshes to draw: give at least one")
     names = [Path(mesh).name if isinstance(mesh, str | Path) else "" for mesh in meshes]

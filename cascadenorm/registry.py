@@ -16,6 +16,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from cascadenorm.mesh import Mesh, Vectors
 
+REGION = "region"
+"""A method with a parameter of this name is told which vertices may move, (n,) bool; callers say it by a mask."""
+
 
 class ParameterError(ValueError):
     """A method that does not exist, a parameter that it does not have, or a value out of range."""
@@ -110,6 +113,11 @@ class Method:
         """First line of the function's docstring."""
         return (inspect.getdoc(self.function) or "").split("\n", 1)[0]
 
+    @property
+    def given_by_name(self) -> list[Setting]:
+        """Settings that users name: all but the region."""
+        return [setting for setting in self.settings.values() if setting.name != REGION]
+
     def checked(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters in their types.
 
@@ -119,7 +127,7 @@ class Method:
         """
         for name in parameters:
             if name not in self.settings:
-                known = ", ".join(self.settings) or "none"
+                known = ", ".join(setting.name for setting in self.given_by_name) or "none"
                 raise ParameterError(f"{self.name} has no parameter {name!r}; it has: {known}")
         return {name: self.settings[name].checked(value) for name, value in parameters.items()}
 

@@ -15,8 +15,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 
 from cascadenorm.api import Report
-from cascadenorm.controls import REGION
-from cascadenorm.evaluation import Evaluation, Result
+from cascadenorm.evaluation import COLUMNS, Evaluation, Result
 from cascadenorm.inspection import Inspection
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.learned import progress
@@ -202,11 +201,10 @@ def evaluation_object(done: Evaluation) -> dict[str, Any]:
 
 def write_table(path: Path, done: Evaluation, *, force: bool) -> None:
     """Write a line for each pair and method as comma-separated values, the names of the columns first."""
-    rows = [result.row() for result in done.results]
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows(result.row() for result in done.results)
     write_atomically(path, [text.getvalue().encode()], force=force)
 
 
@@ -216,7 +214,7 @@ def print_methods(methods: Mapping[str, Method]) -> None:
     for title in ("method", "what it does", "parameters", "source"):
         table.add_column(title)
     for method in methods.values():
-        names = ", ".join(setting.name for setting in _shown(method))
+        names = ", ".join(setting.name for setting in method.given_by_name)
         table.add_row(method.name, method.summary, names, method.source)
     print_table(table)
 
@@ -227,7 +225,7 @@ def print_method(method: Method) -> None:
     table = Table()
     for title in ("parameter", "default", "unit", "allowed", "meaning"):
         table.add_column(title)
-    for setting in _shown(method):
+    for setting in method.given_by_name:
         table.add_row(setting.name, str(setting.default), setting.about.unit, _allowed(setting), setting.about.help)
     print_table(table)
 
@@ -246,14 +244,9 @@ def method_object(method: Method) -> dict[str, Any]:
                 "allowed": _allowed(setting),
                 "help": setting.about.help,
             }
-            for setting in _shown(method)
+            for setting in method.given_by_name
         ],
     }
-
-
-def _shown(method: Method) -> list[Setting]:
-    """Settings that a user gives by name; the region is given by a mask."""
-    return [setting for setting in method.settings.values() if setting.name != REGION]
 
 
 def _allowed(setting: Setting) -> str:

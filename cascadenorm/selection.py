@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,8 @@ def selected(controls: Controls, file: MeshFile) -> Controls:
     ------
     ParameterError : names that the file does not have, files that cannot be read, numbers out of range
     """
+    given = {name: getattr(controls, name) for name in ("mask", "fixed", "creases")}
+    controls = replace(controls, **{name: fspath(at) for name, at in given.items() if isinstance(at, PathLike)})
     changed: dict[str, Any] = {}
     if controls.mask is not None:
         changed["mask"] = _mask(controls.mask, file)
@@ -177,7 +180,7 @@ def _table(name: str, path: str, columns: int) -> NDArray[Any]:
 
 
 def _lines(path: str) -> list[str]:
-    return Path(path).read_text(encoding="utf-8").splitlines()
+    return Path(path).read_text(encoding="utf-8-sig").splitlines()
 
 
 def _listed(names: Any) -> str:

@@ -14,6 +14,7 @@ class _Span:
     """The part of the whole, from 0 to 1, that the present step takes."""
 
     listener: Listener
+    told: float = 0.0
     begin: float = 0.0
     length: float = 1.0
 
@@ -40,6 +41,7 @@ def steps(count: int) -> Iterator[int]:
     begin, length = span.begin, span.length
     for step in range(count):
         span.begin, span.length = begin + length * step / count, length / count
-        span.listener(span.begin)
+        span.told = max(span.told, span.begin)  # a method may count several times, one after the other
+        span.listener(span.told)
         yield step
     span.begin, span.length = begin, length

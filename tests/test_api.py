@@ -89,6 +89,7 @@ def test_a_mesh_of_one_point_stays():
         ({"max_displacement": "1 mile"}, "max_displacement is '1 mile'"),
         ({"volume": "double"}, "volume is 'double'; it must be 'keep' or None"),
         ({"threads": 0}, "threads is 0"),
+        ({"threads": "2"}, "threads is '2'; it must be a whole number"),
         ({"method": "magic"}, "there is no method 'magic'; there are: "),
         ({"iterations": -1}, "iterations is -1; it must be at least 0"),
         ({"wings": 2}, "bilateral-normal has no parameter 'wings'; it has: "),
@@ -185,6 +186,12 @@ def test_single_precision_is_worked_on_in_double():
     vertices = BALL.vertices.astype(np.float32)
     out = cn.denoise(vertices, BALL.faces, **METHOD)
     np.testing.assert_array_equal(out, cn.denoise(vertices.astype(float), BALL.faces, **METHOD).astype(np.float32))
+
+
+def test_a_primitive_of_trimesh_comes_back_as_a_mesh():
+    ball = trimesh.primitives.Sphere(subdivisions=2)
+    out = cn.denoise(ball, method="laplacian")
+    np.testing.assert_array_equal(out.vertices, cn.denoise(ball.vertices, ball.faces, method="laplacian"))
 
 
 def test_trimesh_comes_back_with_its_attributes():

@@ -206,6 +206,12 @@ def test_missing_files_and_folders(place, capsys):
     code, message = refused(capsys, "denoise", "absent.ply", *FAST)
     assert code == 3 and "absent.ply does not exist" in message
     assert refused(capsys, "denoise", ".", "-o", "out.ply", *FAST)[0] == 3
+    for name in ("", ".", "..", "/"):
+        for command in (("denoise", name, *FAST), ("fill-holes", name)):
+            code, message = refused(capsys, *command)
+            assert code == 3 and "is a folder: give the name of a mesh file in it" in message
+    code, message = refused(capsys, "denoise", "ball.ply", "-o", "", *FAST)
+    assert code == 5 and "is a folder" in message
     code, message = refused(capsys, "denoise", "ball.ply", "-o", "nowhere/out.ply", *FAST)
     assert code == 5 and "the folder nowhere does not exist" in message
     code, message = refused(capsys, "denoise", "ball.ply", "-o", "out.docx", *FAST)
@@ -330,6 +336,13 @@ def test_evaluate_prints_a_table_json_and_csv(pairs, tmp_path, capsys):
     assert [float(row["normal_error_deg"]) for row in rows] == errors
     assert rows[0]["volume_ratio"] and rows[2]["volume_ratio"] == ""  # a sheet encloses nothing
     assert refused(capsys, "evaluate", str(pairs), *FAST, "--csv", str(table))[0] == 5
+    header = table.read_text().split("\n")[0]
+    (tmp_path / "bad" / "one").mkdir(parents=True)
+    for name in ("noisy.ply", "clean.ply"):
+        (tmp_path / "bad" / "one" / name).write_bytes(b"")
+    assert run(["evaluate", str(tmp_path / "bad"), *FAST, "--csv", str(tmp_path / "none.csv")]) == 6
+    assert (tmp_path / "none.csv").read_text() == f"{header}\n"
+    capsys.readouterr()
 
     assert run(["evaluate", str(pairs / "sheet"), *FAST]) == 0
     out = capsys.readouterr().out

@@ -98,6 +98,12 @@ def test_sides_meet_where_their_planes_do(angle):
         np.testing.assert_allclose(reached, offset, atol=0.003)
 
 
+def test_no_creases_are_none():
+    expected = cn.denoise(cube(4), method="laplacian").vertices
+    for none in ([], (), np.zeros((0, 2), int)):
+        np.testing.assert_array_equal(cn.denoise(cube(4), method="laplacian", creases=none).vertices, expected)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_off_the_creases_the_method_gives_what_it_gives_for_the_sides_alone(method):
     rough = noisy(BOX, 0.1, seed=3)

@@ -38,6 +38,10 @@ def test_folders_without_pairs_are_refused(folder, tmp_path):
     (tmp_path / "noisy.ply").touch()
     with pytest.raises(ReadError, match=r"holds noisy\.ply alone"):
         find_pairs([tmp_path])
+    (tmp_path / "clean.gltf").touch()
+    for beside in ("noisy.mtl", "clean.bin", "clean.png"):  # what a mesh file names is none itself
+        (tmp_path / beside).touch()
+    assert [(pair.noisy.name, pair.clean.name) for pair in find_pairs([tmp_path])] == [("noisy.ply", "clean.gltf")]
     (tmp_path / "noisy.obj").touch()
     with pytest.raises(ReadError, match=r"holds 2 files noisy\.\*"):
         find_pairs([tmp_path])

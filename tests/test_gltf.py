@@ -538,3 +538,33 @@ def test_several_types_of_positions_in_a_mesh_are_refused():
     described["buffers"][0]["byteLength"] = 2 * size
     with pytest.raises(cn.ReadError, match="in several types"):
         read(GlbFile._made(described, chunk + chunk))
+
+
+def changed(change) -> io.MeshFile:
+    found = json.loads(gltf())
+    change(found)
+    return read(json.dumps(found).encode())
+
+
+def test_primitives_over_the_same_vertices_share_them_in_other_formats():
+    def twice(found: dict) -> None:
+        found["meshes"][0]["primitives"].append(found["meshes"][0]["primitives"][0] | {"material": 1})
+
+    alone, both = read(gltf()).content(), changed(twice).content()
+    np.testing.assert_array_equal(both.positions, alone.positions)
+    assert len(both.polygons.counts) == len(alone.polygons.counts) + 2
+
+
+def test_meshes_that_the_scene_does_not_show_are_named_and_all_are_there_if_it_shows_none():
+    def without_strip(found: dict) -> None:
+        found["scenes"][0]["nodes"] = [0]
+
+    def without_meshes(found: dict) -> None:
+        found["nodes"] = [{"name": "empty"}]
+        found["scenes"][0]["nodes"] = [0]
+
+    named = "meshes that the scene does not show"
+    assert named not in read(gltf()).content().left_out
+    part, whole = changed(without_strip).content(), changed(without_meshes).content()
+    assert named in part.left_out and len(part.positions) == 6
+    assert named not in whole.left_out and len(whole.positions) == 10

@@ -311,3 +311,9 @@ def test_the_json_holds_every_field(tmp_path, capsys):
     assert (found["version"], found["command"]) == (1, "inspect")
     assert set(found) - {"version", "command"} == set(Inspection.__dataclass_fields__)
     assert found["bad_indices"] == {"count": 1, "first": [2]} and found["genus"] is None
+
+
+def test_a_mesh_at_one_point_has_no_noise_to_tell():
+    ball = icosphere(2)
+    found = cn.inspect(ball.vertices * 0, ball.faces)
+    assert found.noise is None and found.mean_edge_length == 0

@@ -1,5 +1,6 @@
 """Opening and writing files: names, streams, errors, and files that are whole or absent."""
 
+import codecs
 import io as streams
 import os
 import stat
@@ -190,3 +191,21 @@ def test_device_is_written_to_and_not_replaced(tetrahedron):
 def test_a_long_obj_is_known_without_its_name():
     data = b"# scan\n" + b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" * 10_000 + b"f 1 2 3\n"
     assert io.read(streams.BytesIO(data)).format == "obj"
+
+
+@pytest.mark.parametrize("name", [name for name in SAMPLES if "binary" not in name and name != "glb"])
+def test_a_byte_order_mark_is_no_part_of_the_mesh(name):
+    marked, plain = (io.read(streams.BytesIO(mark + SAMPLES[name])) for mark in (codecs.BOM_UTF8, b""))
+    assert marked.format == plain.format
+    np.testing.assert_array_equal(marked.positions, plain.positions)
+    np.testing.assert_array_equal(marked.triangles, plain.triangles)
+
+
+def test_the_header_of_a_binary_stl_may_begin_as_it_likes():
+    data = codecs.BOM_UTF8 + stl_binary()[3:]
+    assert len(io.read(streams.BytesIO(data)).triangles) == len(io.read(streams.BytesIO(stl_binary())).triangles)
+
+
+def test_a_stream_of_text_is_refused_in_words():
+    with pytest.raises(io.ReadError, match="open the file in binary mode"):
+        io.read(streams.StringIO("OFF\n"))

@@ -299,3 +299,40 @@ def test_other_formats_go_through_trimesh(tmp_path):
         foreign("glb")(data[:100])
     with pytest.raises(io.ReadError, match="no triangle mesh"):
         read(b"0 0 0\n1 0 0\n", "xyz")
+
+
+def test_an_stl_without_facets_has_no_faces():
+    with pytest.raises(MeshError, match="no faces"):
+        _ = read(b"solid nothing\nendsolid nothing\n").mesh
+
+
+def test_no_format_takes_a_vertex_beyond_its_limit():
+    """Of positions that are single in some coordinates only, these are rounded."""
+    far = 3000 + np.random.default_rng(0).normal(size=(300, 3))
+    rows = np.zeros(300, [("x", "<f4"), ("y", "<f8"), ("z", "<f4")])
+    for axis, name in enumerate(rows.dtype.names):
+        rows[name] = far[:, axis]
+    faces = np.zeros(100, [("n", "u1"), ("corners", "<i4", (3,))])
+    faces["n"], faces["corners"] = 3, np.arange(300).reshape(-1, 3)
+    header = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 300\nproperty float x\nproperty double y\n"
+        "property float z\nelement face 100\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    file = read(header.encode() + rows.tobytes() + faces.tobytes())
+    step = np.random.default_rng(1).normal(size=(300, 3))
+    step *= 1e-4 / np.linalg.norm(step, axis=1, keepdims=True)
+    after = written(file.with_vertices(file.mesh.vertices + step, limit=1e-4))
+    moved = read(after).positions - file.positions
+    assert moved.any() and np.linalg.norm(moved, axis=1).max() <= 1e-4
+
+
+def test_what_obj_vertices_say_beyond_colours_is_named_when_it_is_left_out():
+    faces = b"f 1 2 3\n"
+    for rows, named in (
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", False),
+        (b"v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\n", False),
+        (b"v 0 0 0 2\nv 1 0 0 2\nv 0 1 0 2\n", True),
+        (b"v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\n", True),
+    ):
+        left_out = read(rows + faces).content().left_out
+        assert any("further numbers of vertices" in what for what in left_out) == named

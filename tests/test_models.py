@@ -110,7 +110,7 @@ def test_own_shapes_get_noise_again_and_again_and_own_pairs_are_taken_as_they_ar
     with pytest.raises(cn.MeshError, match="different faces"):
         training_pairs([], [tmp_path / "pairs"], config)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(cn.ReadError, match="holds no files"):
+    with pytest.raises(cn.ReadError, match="holds no mesh files"):
         training_pairs([tmp_path / "empty"], [], config)
 
 

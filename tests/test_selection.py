@@ -1,5 +1,6 @@
 import json
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,9 +47,9 @@ def expected(mesh=BALL, **controls) -> np.ndarray:
 
 def test_a_mask_is_an_attribute_a_file_or_an_array(ball):
     np.save("soft.npy", SOFT)
-    np.savetxt("soft.txt", SOFT, header="painted")
+    np.savetxt("soft.txt", SOFT, header="painted", encoding="utf-8-sig")
     by_hand = expected(mask=SOFT)
-    for mask in ("quality", "soft.npy", SOFT, SOFT.tolist()):
+    for mask in ("quality", "soft.npy", Path("soft.npy"), SOFT, SOFT.tolist()):
         np.testing.assert_array_equal(denoised(mask=mask), by_hand)
     np.testing.assert_allclose(denoised(mask="soft.txt"), by_hand, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(denoised(mask="paint"), expected(mask=PAINT / 255))

@@ -33,7 +33,10 @@ def test_after_an_interruption_nobody_listens():
     assert list(steps(2)) == [0, 1]
 
 
-@pytest.mark.parametrize("name", ["bilateral-normal", "guided-normal", "l0", "tv-normal", "laplacian"])
+METHODS = ["bilateral-normal", "guided-normal", "l0", "tv-normal", "laplacian", "prescribed-mean-curvature"]
+
+
+@pytest.mark.parametrize("name", METHODS)
 def test_methods_tell_how_far_they_are(name):
     heard: list[float] = []
     cn.denoise(noisy(icosphere(2), 0.2), method=name, progress=heard.append)

@@ -1,5 +1,6 @@
 """Read a mesh file of any format, and write one."""
 
+import codecs
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -54,8 +55,12 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     """
     name, folder, data = _bytes_of(source)
     try:
+        if isinstance(data, str):
+            raise ReadError('the stream gives text: open the file in binary mode, "rb"')
         if not data:
             raise ReadError("the file is empty")
+        if not is_binary_stl(data):
+            data = data.removeprefix(codecs.BOM_UTF8)
         chosen = (format or _sniffed(data) or Path(name).suffix).lower().lstrip(".")
         kind = _kind(chosen)
         if kind is None:
@@ -64,7 +69,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
                 raise ReadError(f"{chosen!r} files need further packages: pip install {NEEDS[chosen]}")
             raise ReadError(
                 f"{f'{chosen!r} is' if chosen else 'the content is'} no mesh format known here ({known}): "
-                "convert it, or name its format"
+                "convert it (in Python, its format can be named)"
             )
         return kind(data, folder)
     except ReadError as error:
@@ -187,6 +192,12 @@ def output_format(target: Source, otherwise: str = "") -> str:
     return chosen
 
 
+def is_mesh_name(path: Path) -> bool:
+    """Whether a file can be a mesh by its extension, even if packages are missing to read it."""
+    format = path.suffix[1:].lower()
+    return format in NEEDS or _kind(format) is not None
+
+
 def _kind(format: str) -> type[MeshFile] | None:
     return FORMATS.get(format) or _meshio_formats().get(format) or foreign(format)
 
@@ -242,7 +253,7 @@ def _sniffed(data: bytes) -> str | None:
         return "vtk"
     if data[:4] == b"glTF":
         return "glb"
-    if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{") and b'"asset"' in data:
+    if data.lstrip().startswith(b"{") and b'"asset"' in data:
         return "gltf"
     if MAGIC.match(data):
         return "off"

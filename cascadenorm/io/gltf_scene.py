@@ -36,10 +36,15 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
     shapes : of all meshes
     """
     filled = [shape for shape in shapes if len(shape.triangles)]
-    shown = [_placed(shape, matrix) for mesh, matrix in _shown(document) for shape in filled if shape.mesh == mesh]
+    joined, places = _joined(filled), _shown(document)
+    if not {mesh for mesh, _ in places} & {shape.mesh for shape in joined}:  # a library of meshes, without a scene
+        places = [(mesh, np.eye(4)) for mesh in dict.fromkeys(shape.mesh for shape in joined)]
+    shown = [_placed(shape, matrix) for mesh, matrix in places for shape in joined if shape.mesh == mesh]
     left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
     if len(filled) < len(shapes):
         left_out.append("points and lines")
+    if {shape.mesh for shape in joined} - {mesh for mesh, _ in places}:
+        left_out.append("meshes that the scene does not show")
     sizes = [len(shape.positions) for shape in shown]
     first = np.cumsum([0, *sizes])[:-1]
     triangles = [shape.triangles + start for shape, start in zip(shown, first, strict=True)]
@@ -57,6 +62,16 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
         values,
         left_out=tuple(left_out),
     )
+
+
+def _joined(shapes: list[Shape]) -> list[Shape]:
+    """Put primitives of a mesh over the same vertices together; usually they differ in their materials."""
+    alike: dict[tuple[Any, ...], list[Shape]] = {}
+    for shape in shapes:
+        alike.setdefault((shape.mesh, *sorted(shape.attributes.items())), []).append(shape)
+    return [
+        group[0]._replace(triangles=np.concatenate([shape.triangles for shape in group])) for group in alike.values()
+    ]
 
 
 def _placed(shape: Shape, matrix: Matrix) -> Shape:
@@ -88,7 +103,7 @@ def _shown(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
     """Return the meshes that the scene shows, with the transforms of their nodes."""
     nodes = document.get("nodes", [])
     if not nodes:
-        return [(mesh, np.eye(4)) for mesh in range(len(document.get("meshes", [])))]
+        return []
     inner = {child for node in nodes for child in node.get("children", [])}
     roots = [number for number in range(len(nodes)) if number not in inner]
     if document.get("scenes"):

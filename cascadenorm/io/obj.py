@@ -156,6 +156,8 @@ class ObjFile(MeshFile):
         left_out = [what for key, what in KEPT_ELSEWHERE.items() if len(text.lines_with(key.encode()))]
         if textured:
             left_out.remove("texture coordinates")
+        if width.max(initial=0) > (6 if has_colors else 3):
+            left_out.append("further numbers of vertices, such as weights, or colours that some lack")
         if b"#" in self.data:
             left_out.append("comments")
         return Content(self.positions, self.polygons, {**values, **colors, **textured}, {}, tuple(left_out))

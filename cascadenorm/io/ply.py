@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.colors import CHANNELS
-from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
+from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, Positions, ReadError
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header
@@ -71,6 +71,13 @@ class PlyFile(MeshFile):
             short = self._text.significant_digits(words) <= 9 and not (np.abs(values) > np.finfo(np.float32).max).any()
             return values.astype(np.float32 if short else np.float64)
         return values.astype(np.float32 if declared == {"f4"} else np.float64)
+
+    def _storable(self, positions: Positions) -> Positions:
+        """Return positions rounded in the coordinates that the file holds in single precision beside double ones."""
+        single = [p is not None and p.kind == "f4" for p in (self._property("vertex", name) for name in XYZ)]
+        if positions.dtype == np.float32 or self._text is not None or not any(single):
+            return positions
+        return np.where(single, positions.astype(np.float32), positions)
 
     def _polygons(self) -> Polygons:
         for name in CORNERS:

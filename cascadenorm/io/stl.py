@@ -92,7 +92,9 @@ def is_binary_stl(data: bytes) -> bool:
 
 
 def _is_text(data: bytes) -> bool:
-    return not is_binary_stl(data) and data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:100_000].lower()
+    if is_binary_stl(data) or data.lstrip()[:5].lower() != b"solid":
+        return False
+    return any(word in data[:100_000].lower() for word in (b"facet", b"endsolid"))
 
 
 def _facets(text: Text) -> tuple[Places, Places]:

@@ -38,7 +38,7 @@ def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
     """
     positions, corners = vertex_array(vertices), face_array(faces)
     left = corners[~bad_faces(positions, corners)]
-    if not len(left):
+    if len(corners) and not len(left):
         raise MeshError(
             f"none of {len(corners)} faces can be worked on: each names a vertex that does not exist or is "
             "not finite, or one vertex twice; write the mesh again where it came from"
