@@ -10,7 +10,7 @@ from cascadenorm.mesh import Vectors, kernel
 LARGEST_OPTIMAL = 300  # vertices of a loop; the best triangulation takes cubic time
 
 
-def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.bool_]) -> NDArray[np.int32]:
+def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
     """Return (n - 2, 3) triangles over a loop: the least bend, and with the same bend the least area.
 
     Beyond 300 vertices ears are cut, shortest new edge first.
@@ -19,13 +19,14 @@ def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.bool_]
     ----------
     points : (n, 3), in the order in which the triangles are to run along the loop
     outside : (n, 3) unit normal of the face on the other side of the edge from point k to k + 1
-    taken : (n, n) symmetric; pairs that must not become an edge if there is another way, for they are one elsewhere
+    taken : (e, 2) pairs of points that must not become an edge if there is another way, for they are one elsewhere
     """
     n = len(points)
     if n > LARGEST_OPTIMAL:
         return _cut_ears(points, taken)
-    choice = np.zeros((n, n), np.int32)
-    _least_bend(np.ascontiguousarray(points), outside, taken, choice)
+    choice, joined = np.zeros((n, n), np.int32), np.zeros((n, n), bool)
+    joined[taken[:, 0], taken[:, 1]] = joined[taken[:, 1], taken[:, 0]] = True
+    _least_bend(np.ascontiguousarray(points), outside, joined, choice)
     triangles, spans = [], [(0, n - 1)]
     while spans:
         i, k = spans.pop()
@@ -36,13 +37,13 @@ def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.bool_]
     return np.array(triangles, np.int32)
 
 
-def _cut_ears(points: Vectors, taken: NDArray[np.bool_]) -> NDArray[np.int32]:
-    n = len(points)
+def _cut_ears(points: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
+    n, joined = len(points), set(map(tuple, np.sort(taken, axis=1).tolist()))
     before, after = np.roll(np.arange(n), 1), np.roll(np.arange(n), -1)
 
     def cost(i: int) -> tuple[bool, float, int, int, int]:
         a, b = int(before[i]), int(after[i])
-        return bool(taken[a, b]), float(np.linalg.norm(points[b] - points[a])), a, i, b
+        return (min(a, b), max(a, b)) in joined, float(np.linalg.norm(points[b] - points[a])), a, i, b
 
     queue = [cost(i) for i in range(n)]
     heapq.heapify(queue)

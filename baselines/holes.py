@@ -43,7 +43,7 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None) ->
             continue
         taken = _edges_within(mesh, loop, chords)
         normals = mesh.normals[[beside[b, a] for a, b in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)]]
-        patch = loop[triangulate_loop(mesh.vertices[loop], normals, _pairs(loop, taken))]
+        patch = loop[triangulate_loop(mesh.vertices[loop], normals, _places(loop, taken))]
         count = len(vertices)
         vertices, patch = refine(vertices, patch, scale, taken)
         scale = np.concatenate([scale, np.zeros(len(vertices) - count)])
@@ -103,13 +103,10 @@ def _edges_within(mesh: Mesh, loop: NDArray[np.int32], chords: NDArray[np.int64]
     return np.asarray(edges[np.isin(edges, loop).all(axis=1)])
 
 
-def _pairs(loop: NDArray[np.int32], edges: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return (k, k) whether two vertices of a loop are the ends of an edge."""
+def _places(loop: NDArray[np.int32], edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (e, 2) where on a loop the ends of edges between its vertices are."""
     order = np.argsort(loop)
-    ends = order[np.searchsorted(loop, edges, sorter=order)]
-    joined = np.zeros((len(loop), len(loop)), bool)
-    joined[ends[:, 0], ends[:, 1]] = joined[ends[:, 1], ends[:, 0]] = True
-    return joined
+    return np.asarray(order[np.searchsorted(loop, edges, sorter=order)])
 
 
 def _edge_length_around(mesh: Mesh) -> NDArray[np.float64]:

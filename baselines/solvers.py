@@ -102,7 +102,9 @@ def conjugate_gradients(matrix: Any, right: Vector, precondition: Callable[[Vect
     if right.ndim == 2:
         return np.stack([conjugate_gradients(matrix, column, precondition) for column in right.T.copy()], axis=1)
     with one_blas_thread():
-        solution, _ = cg(matrix, right, rtol=TOLERANCE, M=LinearOperator(matrix.shape, precondition))
+        solution, unsolved = cg(matrix, right, rtol=TOLERANCE, M=LinearOperator(matrix.shape, precondition))
+        if unsolved:
+            raise MeshError(f"the equations of this mesh were not solved in {unsolved} steps: take weaker settings")
     return np.asarray(solution)
 
 

@@ -40,6 +40,12 @@ def spectral(
     available = int((mesh.topology.vertex_faces.counts > 0).sum())
     count = min(DEFAULT_COUNT, available) if harmonics is None else harmonics
     check_count(count, available)
+    parts = len(np.unique(mesh.topology.face_components))
+    if parts >= count and count < available:
+        raise ParameterError(
+            f"the mesh has {parts} connected parts, each of which takes a harmonic for its place alone; harmonics is "
+            f"{count}: take more, or leave small parts out"
+        )
     end = count if band_end is None else band_end
     if end > count or (band_start >= end and transfer != "low-pass"):
         raise ParameterError(f"the band from {band_start} to {end} must be within the {count} harmonics, and not empty")

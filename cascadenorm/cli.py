@@ -216,12 +216,12 @@ def evaluate(
         )
     for failure in done.failures:
         _complain(f"{failure.pair}{f', {failure.method}' if failure.method else ''}: {failure.error}")
-    if csv is not None:
-        report.write_table(csv, done, force=force)
     if as_json:
         report.print_json("evaluate", report.evaluation_object(done))
     else:
         report.print_evaluation(done)
+    if csv is not None:
+        report.write_table(csv, done, force=force)
     if done.failures:
         raise typer.Exit(PARTLY)
 

@@ -71,7 +71,7 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike) -> NDArray[np.bool_]:
     ------
     ParameterError : an angle out of 0 … 180, or pairs that are no edges
     """
-    if isinstance(creases, numbers.Real):
+    if isinstance(creases, numbers.Real) and not isinstance(creases, bool):
         if not 0 <= creases <= 180:
             raise ParameterError(f"creases is {creases!r}; an angle in degrees must be within 0 … 180")
         return _turns(mesh) > np.radians(float(creases))

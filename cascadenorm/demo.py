@@ -12,8 +12,9 @@ from rich.table import Table
 
 from cascadenorm.api import as_mesh, denoise, save_mesh
 from cascadenorm.io import OutputError
-from cascadenorm.mesh import Mesh
-from cascadenorm.render import Camera, Image, error_colors, error_legend, render, save_png, side_by_side
+from cascadenorm.io.atomic import write_atomically
+from cascadenorm.mesh import Mesh, angles_between
+from cascadenorm.render import Camera, Image, error_colors, error_legend, png, render, side_by_side
 
 EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.45, 0.4, 0.8), "head": (0.15, 0.15, 1), "scan": None}
 """Name of each example and the direction that it is seen from."""
@@ -80,8 +81,9 @@ def demo(
             examples.append(_example(name, methods))
             _save(folder / name, examples[-1])
         report("drawing", total - 1, total)
-        save_png(folder / BEFORE_AFTER, np.concatenate([_before_after(example) for example in examples]))
-        save_png(folder / ERRORS, np.concatenate([_errors(example) for example in examples]))
+        for name, drawn in ((BEFORE_AFTER, _before_after), (ERRORS, _errors)):
+            picture = np.concatenate([drawn(example) for example in examples])
+            write_atomically(folder / name, [png(picture)], force=True)
     except OSError as error:
         raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
     return examples
@@ -120,8 +122,7 @@ def _example(name: str, methods: Sequence[str]) -> Example:
 
 def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
     """(m,) angle between the normals of a face in both meshes, in degrees."""
-    chord = np.linalg.norm(mesh.normals - clean.normals, axis=1)
-    return np.asarray(np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1))))
+    return np.asarray(np.degrees(angles_between(mesh.normals, clean.normals)))
 
 
 def _save(folder: Path, example: Example) -> None:

@@ -30,7 +30,7 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
 
     Returns
     -------
-    A linear function of (n, 3) displacements; vertices whose faces have no area do not move
+    A linear function of (n, 3) displacements; vertices without a face do not move
     """
     laplacian = cotangent_laplacian(mesh)
     inside = np.flatnonzero(laplacian.mass > 0)

@@ -8,6 +8,7 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 from cascadenorm.api import as_mesh, denoise
+from cascadenorm.controls import Controls
 from cascadenorm.mesh import Mesh
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.pairs import find_pairs
@@ -85,6 +86,7 @@ def evaluate(
     ParameterError : a method or a parameter that does not exist, or a value out of range
     ReadError : there are no pairs
     """
+    Controls(strength=strength, threads=threads)  # says what is wrong with them
     settings = {"strength": strength, "threads": threads, **(parameters or {})}
     for name in methods:
         find(name).checked(parameters or {})

@@ -29,7 +29,7 @@ class Pair(NamedTuple):
 
 
 def find_pairs(folders: Iterable[str | PathLike[str]]) -> list[Pair]:
-    """List the pairs `noisy.*` + `clean.*` in each folder itself, or else in the folders in it, by name.
+    """List the pairs `noisy.*` + `clean.*` in each folder itself and in the folders in it, by name.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def find_pairs(folders: Iterable[str | PathLike[str]]) -> list[Pair]:
 def training_pairs(
     shapes: Iterable[str | PathLike[str]], noisy: Iterable[str | PathLike[str]], config: DatasetConfig
 ) -> list[data_gen.Pair]:
-    """Read meshes of one's own to train on, wound and scaled as for denoising, in pieces of at most config.max_faces.
+    """Read meshes of one's own to train on, wound alike, of about unit size, in pieces of at most config.max_faces.
 
     Parameters
     ----------

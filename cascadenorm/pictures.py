@@ -6,9 +6,9 @@ from typing import Any
 
 from cascadenorm.api import as_mesh
 from cascadenorm.io import OutputError
-from cascadenorm.io.atomic import check_output
+from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError, scaled_alike
-from cascadenorm.render import Camera, render, save_png, side_by_side
+from cascadenorm.render import Camera, png, render, side_by_side
 
 
 def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = False) -> None:
@@ -36,8 +36,4 @@ def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = 
     last = Camera.looking_at(drawn[-1])
     views = [last if last.shows(mesh) else Camera.looking_at(mesh) for mesh in drawn]
     pictures = [render(mesh, view=view, size=(size, size)) for mesh, view in zip(drawn, views, strict=True)]
-    sheet = side_by_side(pictures, names)
-    try:
-        save_png(output, sheet)
-    except OSError as error:
-        raise OutputError(f"{output} cannot be written: {error.strerror or error}") from error
+    write_atomically(output, [png(side_by_side(pictures, names))], force=force)

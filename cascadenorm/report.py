@@ -32,7 +32,8 @@ PLAIN_WIDTH = 120
 
 def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
     """Print a result with the command that made it and the version of the format."""
-    print(json.dumps({"version": JSON_VERSION, "command": command, **content}, indent=2, default=str), file=file)
+    found = {"version": JSON_VERSION, "command": command, **content}
+    print(json.dumps(found, indent=2, default=str, allow_nan=False), file=file)
 
 
 UNTOUCHED = {"strength": 1.0, "boundary": "free", "on_bad": "error"}
@@ -122,7 +123,7 @@ def print_inspection(found: Inspection) -> None:
         more = ", …" if places.count > len(places.first) else ""
         print(f"  {counted(places.count, *FINDINGS[name])}: {first}{more}")
     if found.crossing_faces is None:
-        print("  faces that pass through others were not looked for, there are too many; --self-intersections does")
+        print("  faces that pass through others were not looked for; --self-intersections does")
     if not found.findings:
         print("  nothing is wrong with it")
     else:
@@ -286,19 +287,19 @@ def progress_tasks() -> Iterator[progress.Progress]:
             text = f"{task}  {note}" if note else task
             bar.update(started[task], completed=done, description=text)
             if done == total:
-                bar.remove_task(started[task])
+                bar.remove_task(started.pop(task))
                 bar.console.print(f"{text}: done", highlight=False)
 
         yield show
 
 
 def _progress() -> Progress:
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    console = Console(stderr=True, markup=False)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
 def print_table(table: Table) -> None:
     """Print a table, as wide as the terminal or as PLAIN_WIDTH."""
-    console = Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
+    console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, markup=False, emoji=False)
     console.print(table)

@@ -101,7 +101,10 @@ def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
     if fixed in attributes:
         return _joined(np.asarray(attributes[fixed] != 0), file, np.maximum)
     if fixed.endswith(FILES):
-        return file.welds[_vertex_numbers("fixed", _table("fixed", fixed, 1)[:, 0], count)]
+        column = _table("fixed", fixed, 1)[:, 0]
+        if column.dtype == bool:
+            return _joined(column, file, np.maximum)
+        return file.welds[_vertex_numbers("fixed", column, count)]
     runs = [RUN.fullmatch(run) for run in fixed.split(",")]
     if not all(runs):
         raise ParameterError(
@@ -158,7 +161,8 @@ def _vertex_numbers(name: str, numbers: NDArray[Any], count: int) -> NDArray[np.
     bad = ~np.asarray((numbers >= 0) & (numbers < count) & (numbers % 1 == 0), bool)
     if bad.any():
         raise ParameterError(
-            f"{name} names vertex {numbers[bad][0]:g}; the file has {count} vertices, counted from 0 as whole numbers"
+            f"{name} names vertex {numbers[bad][0]:.15g}; the file has {count} vertices, counted from 0 as whole "
+            "numbers"
         )
     return numbers.astype(np.int64)
 

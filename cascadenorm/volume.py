@@ -42,7 +42,7 @@ def is_closed(mesh: Mesh) -> bool:
 
 
 def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.float64]) -> Vectors:
-    """Scale each closed part about its centroid until it encloses the volume that it had.
+    """Scale each closed part about the mean of its vertices until it encloses the volume that it had.
 
     Parameters
     ----------

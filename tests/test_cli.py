@@ -336,6 +336,13 @@ def test_evaluate_prints_a_table_json_and_csv(pairs, tmp_path, capsys):
     assert [float(row["normal_error_deg"]) for row in rows] == errors
     assert rows[0]["volume_ratio"] and rows[2]["volume_ratio"] == ""  # a sheet encloses nothing
     assert refused(capsys, "evaluate", str(pairs), *FAST, "--csv", str(table))[0] == 5
+    assert run(["evaluate", str(pairs), *FAST, "--csv", str(tmp_path / "no" / "table.csv")]) == 5
+    capsys.readouterr()
+    (tmp_path / "marked" / "[final]").mkdir(parents=True)
+    for half in ("noisy.ply", "clean.ply"):
+        (tmp_path / "marked" / "[final]" / half).write_bytes((pairs / "ball" / half).read_bytes())
+    assert run(["evaluate", str(tmp_path / "marked"), *FAST]) == 0
+    assert "[final]" in capsys.readouterr().out
     header = table.read_text().split("\n")[0]
     (tmp_path / "bad" / "one").mkdir(parents=True)
     for name in ("noisy.ply", "clean.ply"):

@@ -98,6 +98,12 @@ def test_sides_meet_where_their_planes_do(angle):
         np.testing.assert_allclose(reached, offset, atol=0.003)
 
 
+@pytest.mark.parametrize("wrong", [True, False])
+def test_a_truth_is_no_angle(wrong):
+    with pytest.raises(cn.ParameterError, match="they must be an angle in degrees"):
+        cn.denoise(cube(4), method="laplacian", creases=wrong)
+
+
 def test_no_creases_are_none():
     expected = cn.denoise(cube(4), method="laplacian").vertices
     for none in ([], (), np.zeros((0, 2), int)):

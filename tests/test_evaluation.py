@@ -90,6 +90,12 @@ def test_one_bad_pair_does_not_end_the_evaluation(folder, tmp_path):
     assert "noisy.ply" in str(done.failures[0].error)
 
 
+@pytest.mark.parametrize("wrong", [{"strength": -1.0}, {"strength": np.inf}, {"threads": 0}])
+def test_wrong_strength_and_threads_are_refused_before_any_work(folder, wrong):
+    with pytest.raises(ParameterError, match=next(iter(wrong))):
+        evaluate([folder], methods=["laplacian"], **wrong)
+
+
 def test_unknown_methods_and_parameters_are_refused_before_any_work(folder):
     with pytest.raises(ParameterError, match="there is no method 'magic'"):
         evaluate([folder / "absent"], methods=["magic"])

@@ -317,3 +317,24 @@ def test_a_mesh_at_one_point_has_no_noise_to_tell():
     ball = icosphere(2)
     found = cn.inspect(ball.vertices * 0, ball.faces)
     assert found.noise is None and found.mean_edge_length == 0
+
+
+def test_noise_is_that_of_the_mesh_where_a_few_vertices_lie_at_one_place():
+    mesh = noisy(icosphere(4), 0.2)
+    vertices = mesh.vertices.copy()
+    vertices[mesh.topology.vertex_neighbors.row(100)] = vertices[100]
+    assert noise_level(mesh.moved(vertices)) == pytest.approx(noise_level(mesh), rel=0.05)
+
+
+def test_a_length_beyond_all_numbers_is_none_in_json(capsys, tmp_path):
+    (tmp_path / "large.obj").write_text(
+        "v -1.7e308 -1.7e308 -1.7e308\nv 1.7e308 1.7e308 1.7e308\nv 1.7e308 -1.7e308 1.7e308\nf 1 2 3\n"
+    )
+    assert run(["inspect", str(tmp_path / "large.obj"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert found["mean_edge_length"] is None and found["resolution"] is None
+
+
+def test_a_polygon_counts_once(tmp_path):
+    (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 0 1 0\nf 1 2 3 4\nf 1 2 5\n")
+    assert inspect(tmp_path / "flat.obj").zero_area == Found(1, (1,))

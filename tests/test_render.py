@@ -7,7 +7,7 @@ from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.mesh import Mesh, limit_threads
 from cascadenorm.pictures import draw
-from cascadenorm.render import Camera, error_colors, error_legend, render, save_png, side_by_side
+from cascadenorm.render import Camera, error_colors, error_legend, png, render, side_by_side
 from cascadenorm.render.lettering import lettering
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
@@ -145,10 +145,18 @@ def test_senseless_settings_are_refused(wrong):
         Camera.looking_at(cube(1), perspective=1)
 
 
-def test_a_png_decodes_to_the_same_pixels(tmp_path):
+def test_the_whole_mesh_is_seen_from_near():
+    """What is nearer moves farther when the middle of the picture moves."""
+    corners = [[-2.04, 0.9, -0.28], [-0.17, 0.01, -0.78], [0.23, -1.66, -0.7], [-0.15, 1.1, -0.85], [-0.36, 0.79, 0.67]]
+    mesh = Mesh(corners, [[0, 4, 3], [1, 0, 4], [2, 1, 0], [3, 2, 1], [4, 3, 2]])
+    picture = render(mesh, view=Camera.looking_at(mesh), size=(200, 200))
+    border = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
+    assert (border == border[0]).all()
+
+
+def test_a_png_decodes_to_the_same_pixels():
     image = render(noisy(icosphere(2), 0.3), size=(61, 47))
-    save_png(tmp_path / "a.png", image)
-    assert (decoded((tmp_path / "a.png").read_bytes()) == image).all()
+    assert (decoded(png(image)) == image).all()
 
 
 def test_error_colors_darken_all_the_way():

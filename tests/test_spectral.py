@@ -22,6 +22,18 @@ def test_all_pass_is_the_identity_and_so_is_a_low_pass_with_all():
     np.testing.assert_allclose(spectral(MESH), MESH.vertices, atol=1e-11)  # 300 by default, here all 162
 
 
+@pytest.mark.parametrize("eigenpairs", ["exact", "approximate"])
+def test_more_parts_than_harmonics_are_refused_before_each_shrinks_to_a_point(eigenpairs):
+    ball = icosphere(1)
+    parts = 12
+    faces = np.concatenate([ball.faces + k * len(ball.vertices) for k in range(parts)])
+    many = Mesh(np.concatenate([ball.vertices + 3 * k for k in range(parts)]), faces)
+    with pytest.raises(ParameterError, match="12 connected parts"):
+        spectral(many, harmonics=12, eigenpairs=eigenpairs)
+    spread = np.ptp(spectral(many, harmonics=60, eigenpairs="exact").reshape(parts, -1, 3), axis=1)
+    assert (spread > 1).all()
+
+
 def test_low_pass_keeps_what_is_low_and_drops_the_rest():
     before, after = energies(MESH.vertices), energies(spectral(MESH, harmonics=50))
     np.testing.assert_allclose(after[:50], before[:50], rtol=1e-9)

@@ -40,5 +40,5 @@ METHODS = ["bilateral-normal", "guided-normal", "l0", "tv-normal", "laplacian", 
 def test_methods_tell_how_far_they_are(name):
     heard: list[float] = []
     cn.denoise(noisy(icosphere(2), 0.2), method=name, progress=heard.append)
-    assert heard[0] == 0 and heard[-1] == 1 and len(heard) > 3
+    assert heard[0] == 0 and heard[-1] == 1 and len(set(heard)) > 3
     assert heard == sorted(heard)

@@ -41,6 +41,9 @@ def test_steps_that_do_not_pass_are_refused():
         taubin(MESH, step=1.0, pass_band=1.2)
     with pytest.raises(ParameterError, match="take a smaller step"):
         taubin(MESH, step=0.8, pass_band=0.1)
+    with pytest.raises(ParameterError, match="multiply frequencies within the pass band by 34"):
+        taubin(MESH, pass_band=1.0)
+    taubin(MESH, pass_band=1.0, iterations=5)
 
 
 def test_vertices_outside_the_region_stay():

@@ -140,7 +140,8 @@ class Given(NamedTuple):
 
     def at_faces(self, bad: NDArray[np.bool_]) -> Found:
         """Name faces; one that was cut into several is named once."""
-        return _found(int(bad.sum()), np.unique(self.face_numbers[bad]), self.counts_from)
+        places = np.unique(self.face_numbers[bad])  # a polygon is one, however many triangles it is cut into
+        return _found(len(places), places, self.counts_from)
 
     def at_edges(self, edges: NDArray[np.int32]) -> Found:
         """Name edges by the numbers of their ends."""
@@ -201,7 +202,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
     corners = mesh.vertices[mesh.faces.ravel()]
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
-    edge = float(np.ldexp(small.mean_edge_length, exponent))
+    edge = _scaled(small.mean_edge_length, exponent)
     return {
         "parts": len(np.unique(topology.face_components)),
         "closed": bool((around > 1).all()),
@@ -222,7 +223,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "mean_edge_length": edge,
         "area": _scaled(small.area, 2 * exponent),
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
-        "resolution": step / edge if edge > 0 else None,
+        "resolution": step / edge if edge else None,
         "noise": noise_level(oriented(small)),
     }
 

@@ -53,7 +53,8 @@ def noise_level(mesh: Mesh) -> float | None:
         around.indices,
         differences,
     )
-    return _clipped_deviation(differences) / mesh.mean_edge_length
+    known = differences[np.isfinite(differences)]
+    return _clipped_deviation(known) / mesh.mean_edge_length if len(known) >= FEWEST else None
 
 
 def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
@@ -82,12 +83,12 @@ def _differences(start, stop, vertices, vectors, edges, indptr, indices, out):  
         i, j = edges[e]
         normal[:] = vectors[i] + vectors[j]
         length = np.sqrt((normal * normal).sum())
-        if length == 0:
-            out[e] = 0.0
-            continue
-        normal /= length
         around_i, around_j = indices[indptr[i] : indptr[i + 1]], indices[indptr[j] : indptr[j + 1]]
         spread_i, spread_j = _spread(vertices, i, around_i), _spread(vertices, j, around_j)
+        if length == 0 or spread_i == 0 or spread_j == 0:
+            out[e] = np.nan
+            continue
+        normal /= length
         a, b = 0.5 + 0.5 * spread_j / spread_i, 0.5 + 0.5 * spread_i / spread_j
         a_each, b_each = a / len(around_i), b / len(around_j)
         at_i, at_j = a + b_each, -b - a_each

@@ -118,13 +118,17 @@ def _train_stage(
         if not processes.least(len(mine)):
             raise ConfigError(f"a process has no face of cluster {c + 1}: take fewer processes, or more meshes")
 
+        task, epochs, notes = f"stage {number + 1} cluster {c + 1}", config.fit.epochs, list[str]()
+
         def log(epoch: int, loss: float, validation: float) -> None:
-            note = f"{len(mine)} faces, loss {loss:.4f}, validation {validation:.4f}"
-            progress(f"stage {number + 1} cluster {c + 1}", epoch, config.fit.epochs, note)
+            notes.append(f"{len(mine)} faces, loss {loss:.4f}, validation {validation:.4f}")
+            progress(task, epoch, epochs, notes[-1])
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
         network = train_network(faces, mine, standard, config.fit, seed=int(seed), log=log)
         _save(part, network)
+        if len(notes) < epochs:  # no longer better
+            progress(task, epochs, epochs, notes[-1])
         return network
 
     with ThreadPoolExecutor(thread_count() if processes.count() == 1 else 1) as pool:

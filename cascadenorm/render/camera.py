@@ -50,10 +50,10 @@ class Camera:
         middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
         strength = 2 * perspective / mesh.diagonal if mesh.diagonal else 0.0
         flat = projected((mesh.vertices - middle) @ axes.T, strength)[:, :2]
-        low, high = flat.min(axis=0), flat.max(axis=0)
-        offset = (low + high) / 2
-        width, height = (high - low) / 2
-        return cls(axes, middle + offset @ axes[:2], (float(width), float(height)), strength)
+        center = middle + (flat.min(axis=0) + flat.max(axis=0)) / 2 @ axes[:2]
+        flat = projected((mesh.vertices - center) @ axes.T, strength)[:, :2]  # nearer points have gone farther
+        width, height = np.abs(flat).max(axis=0)
+        return cls(axes, center, (float(width), float(height)), strength)
 
     def framed(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Bring points, (…, 3), into the frame of the camera: to the right, upward, toward the viewer."""

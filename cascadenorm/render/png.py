@@ -2,15 +2,14 @@
 
 import struct
 import zlib
-from pathlib import Path
 
 import numpy as np
 
 from cascadenorm.render.color import Image
 
 
-def save_png(path: str | Path, image: Image) -> None:
-    """Write a picture as a PNG file of 8 bits a channel."""
+def png(image: Image) -> bytes:
+    """Return a picture as a PNG file of 8 bits a channel."""
     height, width, _ = image.shape
     rows = np.zeros((height, 1 + 3 * width), np.uint8)
     rows[:, 0] = 1  # each byte is kept as the difference from the same channel of the pixel to the left
@@ -22,10 +21,6 @@ def save_png(path: str | Path, image: Image) -> None:
         (b"IDAT", zlib.compress(rows.tobytes(), 6)),
         (b"IEND", b""),
     )
-    Path(path).write_bytes(
-        b"\x89PNG\r\n\x1a\n"
-        + b"".join(
-            struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-            for name, data in chunks
-        )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
     )
