@@ -23,7 +23,7 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.mesh import Mesh, angles_between, thread_count
 from cascadenorm.pairs import find_pairs
-from cascadenorm.workers import side_by_side
+from cascadenorm.workers import Map, side_by_side
 
 ROOT = Path(__file__).parents[1]
 UNSEEN = 1_000_003  # seed of the generated pairs that are measured on
@@ -62,10 +62,9 @@ def trained(config: TrainConfig, path: Path) -> Cascade:
     return models.train(config, path, force=True).cascade
 
 
-def angles(cascade: Cascade, sets: list[Meshes]) -> list[float]:
+def angles(cascade: Cascade, sets: list[Meshes], each: Map) -> list[float]:
     """Mean angle of normals over the meshes of each set, in degrees."""
-    with side_by_side(thread_count()) as each:
-        return [float(np.mean(list(each(partial(angle, cascade), meshes)))) for meshes in sets]
+    return [float(np.mean(list(each(partial(angle, cascade), meshes)))) for meshes in sets]
 
 
 def angle(cascade: Cascade, meshes: tuple[Mesh, Mesh]) -> float:
@@ -125,19 +124,20 @@ def main() -> None:
         *(generated(config.data, families=(seen,), noise_kinds=("sensor",)) for seen in ("view", "fused")),
     ]
     rows: dict[str, list[list[float]]] = {}
-    for name, changed in variants(config).items():
-        for seed in options.seeds:
-            path = options.keep / f"{name.replace(' ', '-')}-{options.count}-{seed}.safetensors"
-            seeded = replace(changed, seed=seed, data=replace(changed.data, seed=seed))
-            cascade = trained(seeded, path)
-            if name == WHOLE:
-                for count in range(1, len(cascade.stages)):
-                    shorter = Cascade(cascade.stages[:count], cascade.card)
-                    title = "stage 1 alone" if count == 1 else f"stages 1 to {count}"
-                    rows.setdefault(title, []).append(angles(shorter, sets))
-            rows.setdefault(name, []).append(angles(cascade, sets))
-            print(name, seed, rows[name][-1], flush=True)
-        write_table(rows, options.count, len(options.seeds), shipped.data.count)
+    with side_by_side(thread_count()) as each:
+        for name, changed in variants(config).items():
+            for seed in options.seeds:
+                path = options.keep / f"{name.replace(' ', '-')}-{options.count}-{seed}.safetensors"
+                seeded = replace(changed, seed=seed, data=replace(changed.data, seed=seed))
+                cascade = trained(seeded, path)
+                if name == WHOLE:
+                    for count in range(1, len(cascade.stages)):
+                        shorter = Cascade(cascade.stages[:count], cascade.card)
+                        title = "stage 1 alone" if count == 1 else f"stages 1 to {count}"
+                        rows.setdefault(title, []).append(angles(shorter, sets, each))
+                rows.setdefault(name, []).append(angles(cascade, sets, each))
+                print(name, seed, rows[name][-1], flush=True)
+            write_table(rows, options.count, len(options.seeds), shipped.data.count)
 
 
 if __name__ == "__main__":

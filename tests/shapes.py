@@ -50,3 +50,8 @@ def noisy(mesh: Mesh, level: float, *, seed: int = 0) -> Mesh:
     """Return the mesh with Gaussian noise in all directions, `level` mean edge lengths strong."""
     noise = np.random.default_rng(seed).normal(size=mesh.vertices.shape)
     return mesh.moved(mesh.vertices + level * mesh.mean_edge_length * noise)
+
+
+def mean_angle(mesh: Mesh, true: Mesh) -> float:
+    """Mean angle between the normals of the same faces of two meshes, in degrees."""
+    return float(np.degrees(np.arccos(np.clip((mesh.normals * true.normals).sum(axis=1), -1, 1))).mean())

@@ -1,17 +1,13 @@
 import numpy as np
 import pytest
 import reference
-from shapes import cube, grid, icosphere, noisy
+from shapes import cube, grid, icosphere, mean_angle, noisy
 
 from cascadenorm.baselines.edge_operators import edge_coefficients, edge_quads
 from cascadenorm.baselines.l0 import _assemble, _conjugate_gradients, edge_system, l0
 from cascadenorm.mesh import Mesh
 
 OPERATORS = pytest.mark.parametrize("operator", ["area", "cotan"])
-
-
-def mean_angle(mesh, true):
-    return np.degrees(np.arccos(np.clip((mesh.normals * true.normals).sum(axis=1), -1, 1))).mean()
 
 
 @OPERATORS

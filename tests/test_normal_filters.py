@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, noisy
+from shapes import cube, grid, icosphere, mean_angle, noisy
 
 from cascadenorm.api import methods
 from cascadenorm.mesh import Mesh
@@ -20,10 +20,6 @@ FILTERS = {**KEEP_EDGES, "mean-normal": {}}
 CUT_CORNERS = ("guided-normal", "median-normal")
 """A triangle that cuts a corner off has no flat patch to be guided by, and is outvoted by those across the edges."""
 name = pytest.mark.parametrize("name", FILTERS)
-
-
-def mean_angle(mesh: Mesh, true: Mesh) -> float:
-    return np.degrees(np.arccos(np.clip((mesh.normals * true.normals).sum(axis=1), -1, 1))).mean()
 
 
 def bent_sheet(steps: int) -> Mesh:

@@ -1,14 +1,10 @@
 from typing import get_args
 
 import numpy as np
-from shapes import cube, grid, icosphere, noisy
+from shapes import cube, grid, icosphere, mean_angle, noisy
 
-from cascadenorm.mesh import Mesh, angles_between
+from cascadenorm.mesh import Mesh
 from cascadenorm.recover import Misfit, misfit_weights, recover_vertices
-
-
-def mean_angle(mesh: Mesh, true: Mesh) -> float:
-    return float(np.degrees(angles_between(mesh.normals, true.normals)).mean())
 
 
 def test_fitted_by_angles_thin_faces_come_nearer_to_their_normals():

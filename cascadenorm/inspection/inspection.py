@@ -139,8 +139,8 @@ class Given(NamedTuple):
         return _found(int(bad.sum()), self.vertex_numbers[bad], self.counts_from)
 
     def at_faces(self, bad: NDArray[np.bool_]) -> Found:
-        """Name faces; one that was cut into several is named once."""
-        places = np.unique(self.face_numbers[bad])  # a polygon is one, however many triangles it is cut into
+        """Name faces; one that was cut into several counts, and is named, once."""
+        places = np.unique(self.face_numbers[bad])
         return _found(len(places), places, self.counts_from)
 
     def at_edges(self, edges: NDArray[np.int32]) -> Found:

@@ -38,7 +38,7 @@ def noise_level(mesh: Mesh) -> float | None:
     In mean edge lengths; None where there are too few edges away from the rim
     """
     edges = _inner_edges(mesh)
-    if len(edges) < FEWEST or not mesh.mean_edge_length > 0:
+    if len(edges) < FEWEST:
         return None
     edges = edges[np.linspace(0, len(edges) - 1, min(SAMPLES, len(edges))).astype(np.int64)]
     around = mesh.topology.vertex_neighbors

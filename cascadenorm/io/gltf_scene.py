@@ -36,14 +36,14 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
     shapes : of all meshes
     """
     filled = [shape for shape in shapes if len(shape.triangles)]
-    joined, places = _joined(filled), _shown(document)
-    if not {mesh for mesh, _ in places} & {shape.mesh for shape in joined}:  # a library of meshes, without a scene
-        places = [(mesh, np.eye(4)) for mesh in dict.fromkeys(shape.mesh for shape in joined)]
+    joined, meshes = _joined(filled), dict.fromkeys(shape.mesh for shape in filled)
+    places = [(mesh, matrix) for mesh, matrix in _shown(document) if mesh in meshes]
+    places = places or [(mesh, np.eye(4)) for mesh in meshes]  # a library of meshes, without a scene
     shown = [_placed(shape, matrix) for mesh, matrix in places for shape in joined if shape.mesh == mesh]
     left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
     if len(filled) < len(shapes):
         left_out.append("points and lines")
-    if {shape.mesh for shape in joined} - {mesh for mesh, _ in places}:
+    if meshes.keys() - {mesh for mesh, _ in places}:
         left_out.append("meshes that the scene does not show")
     sizes = [len(shape.positions) for shape in shown]
     first = np.cumsum([0, *sizes])[:-1]
