@@ -1,10 +1,11 @@
 """Anisotropic geometric diffusion: full along creases, little across (Clarenz et al. 2000; Bajaj & Xu 2003)."""
 
+import math
 from typing import Annotated
 
 import numpy as np
 
-from cascadenorm.baselines.diffusion import Moving, diffuse
+from cascadenorm.baselines.diffusion import Moving, Step, diffuse
 from cascadenorm.baselines.operators import (
     Laplacian,
     assemble,
@@ -12,7 +13,6 @@ from cascadenorm.baselines.operators import (
     intrinsic_lengths,
     sums,
     vertex_masses,
-    volume_gradient,
 )
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
 from cascadenorm.registry import Parameter, method
@@ -24,7 +24,10 @@ Threshold = Annotated[
 Presmoothing = Annotated[
     float,
     Parameter(
-        "time of the diffusion of the normals that curvature is taken from", "squared mean edge lengths", minimum=0
+        "time of the diffusion of the normals that curvature is taken from",
+        "squared mean edge lengths",
+        minimum=0,
+        below=math.inf,
     ),
 ]
 
@@ -35,7 +38,7 @@ def anisotropic_diffusion(
     *,
     threshold: Threshold = 0.2,
     presmoothing: Presmoothing = 1.0,
-    step: Annotated[float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0)] = 0.3,
+    step: Step = 0.3,
     iterations: Annotated[int, Parameter("implicit steps, each with a new tensor", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:
@@ -51,7 +54,7 @@ def anisotropic_diffusion(
 def smoothed_normals(mesh: Mesh, presmoothing: float) -> Vectors:
     """Return (n, 3) unit vertex normals, diffused for a time in squared mean edge lengths; zero without a face."""
     time = presmoothing * mesh.mean_edge_length**2
-    return unit(diffuse(cotangent_laplacian(mesh), unit(volume_gradient(mesh)), time=time, iterations=1))
+    return unit(diffuse(cotangent_laplacian(mesh), mesh.vertex_normals, time=time, iterations=1))
 
 
 def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> Laplacian:

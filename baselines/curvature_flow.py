@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from cascadenorm.baselines.diffusion import Moving, Scheme, diffuse
+from cascadenorm.baselines.diffusion import Moving, Scheme, Step, diffuse
 from cascadenorm.baselines.operators import cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, method
@@ -14,7 +14,7 @@ def mean_curvature_flow(
     mesh: Mesh,
     *,
     scheme: Annotated[Scheme, Parameter("implicit steps are stable at any size")] = "implicit",
-    step: Annotated[float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0)] = 0.25,
+    step: Step = 0.25,
     iterations: Annotated[int, Parameter("steps, each with a new Laplacian", minimum=0)] = 3,
     region: Moving = None,
 ) -> Vectors:

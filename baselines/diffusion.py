@@ -19,6 +19,9 @@ from cascadenorm.steps import steps
 Order = Literal[1, 2, 3]
 Scheme = Literal["explicit", "implicit"]
 Region = NDArray[np.bool_]
+Step = Annotated[
+    float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0, below=math.inf)
+]
 Moving = Annotated[Region | None, Parameter("(n,) bool, the vertices that move; the others hold the surface there")]
 
 MILD = 1e4  # condition up to which one solution by conjugate gradients is cheaper than a factorisation
@@ -36,7 +39,9 @@ def laplacian(
     order: Annotated[Order, Parameter("1 Laplacian, 2 bi-Laplacian, 3 tri-Laplacian flow")] = 1,
     step: Annotated[
         float,
-        Parameter("hλ of one step", "mean edge lengths to the power 2·order; uniform weights: none", minimum=0),
+        Parameter(
+            "hλ of one step", "mean edge lengths to the power 2·order; uniform weights: none", minimum=0, below=math.inf
+        ),
     ] = 0.5,
     iterations: Annotated[int, Parameter("steps", minimum=0)] = 5,
     region: Moving = None,

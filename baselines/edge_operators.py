@@ -42,12 +42,6 @@ def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: Edg
     return coefficients
 
 
-def edge_differences(vertices: Vectors, quads: NDArray[np.int32], coefficients: NDArray[np.float64]) -> Vectors:
-    """Return (e, 3) D(e)x."""
-    differences: Vectors = np.einsum("ek,ekd->ed", coefficients, vertices[quads])
-    return differences
-
-
 def mean_dihedral(mesh: Mesh) -> float:
     """Mean angle in radians between the normals of the faces at an edge, unsigned, over the edges with two faces."""
     angles = angles_between(*np.moveaxis(mesh.normals[face_pairs(mesh.topology)], 1, 0))

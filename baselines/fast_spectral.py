@@ -9,8 +9,7 @@ from scipy.linalg import eigh
 
 from cascadenorm.baselines.harmonics import Harmonics, check_count, manifold_harmonics
 from cascadenorm.baselines.operators import cotangent_laplacian
-from cascadenorm.baselines.solvers import one_blas_thread
-from cascadenorm.mesh import Csr, Mesh, kernel, over
+from cascadenorm.mesh import Csr, Mesh, kernel, one_blas_thread, over
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # how many local functions reach a point, on average

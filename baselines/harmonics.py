@@ -9,8 +9,8 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from cascadenorm.baselines.operators import Laplacian, cotangent_laplacian
-from cascadenorm.baselines.solvers import Factorisation, one_blas_thread
-from cascadenorm.mesh import Mesh
+from cascadenorm.baselines.solvers import Factorisation
+from cascadenorm.mesh import Mesh, one_blas_thread
 from cascadenorm.registry import ParameterError
 
 BAND = 60  # eigenpairs around one shift

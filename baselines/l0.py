@@ -28,7 +28,8 @@ Sparsity = Annotated[
     float, Parameter("λ, price of a bent edge", "squared mean edge lengths × mean dihedral angle", minimum=0)
 ]
 Regularity = Annotated[
-    float, Parameter("first α, price of uneven triangles; halved each step", "mean dihedral angle", minimum=0)
+    float,
+    Parameter("first α, price of uneven triangles; halved each step", "mean dihedral angle", minimum=0, below=math.inf),
 ]
 Growth = Annotated[float, Parameter("factor by which β grows each step, from 1e-3 to 1e3", minimum=1.01)]
 

@@ -101,12 +101,6 @@ def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> ND
     return lengths + max(float(missing), 0.0)
 
 
-def volume_gradient(mesh: Mesh) -> Vectors:
-    """Return (n, 3) a third of the area vectors of the faces around each vertex: a normal times the mass."""
-    thirds = np.repeat(mesh.area_vectors / 3, 3, axis=0)
-    return np.stack([sums(mesh.faces, column, len(mesh.vertices)) for column in thirds.T], axis=1)
-
-
 def sums(places: NDArray[np.int32], values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Add each value to its place; (count,)."""
     return np.asarray(np.bincount(places.ravel(), values.ravel(), count), np.float64)

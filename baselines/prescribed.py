@@ -1,12 +1,13 @@
 """Flow to a surface of prescribed mean curvature: the input's own, smoothed (Hildebrandt & Polthier 2004)."""
 
+import math
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
-from cascadenorm.baselines.diffusion import Moving, diffuse
+from cascadenorm.baselines.diffusion import Moving, Step, diffuse
 from cascadenorm.baselines.operators import cotangent_laplacian, sums
 from cascadenorm.mesh import Mesh, Vectors, unit
 from cascadenorm.registry import Parameter, method
@@ -21,7 +22,10 @@ def prescribed_mean_curvature(
     mesh: Mesh,
     *,
     smoothing: Annotated[
-        float, Parameter("time of the diffusion of the mean curvature", "squared mean edge lengths", minimum=0)
+        float,
+        Parameter(
+            "time of the diffusion of the mean curvature", "squared mean edge lengths", minimum=0, below=math.inf
+        ),
     ] = 2.0,
     threshold: Annotated[
         float,
@@ -30,7 +34,7 @@ def prescribed_mean_curvature(
         ),
     ] = 0.15,
     presmoothing: Presmoothing = 1.0,
-    step: Annotated[float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0)] = 0.5,
+    step: Step = 0.5,
     iterations: Annotated[int, Parameter("semi-implicit steps", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:

@@ -6,16 +6,14 @@ that the bytes of a solution do not depend on how many there are.
 """
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg, splu
-from threadpoolctl import ThreadpoolController
 
-from cascadenorm.mesh import MeshError, kernel
+from cascadenorm.mesh import MeshError, kernel, one_blas_thread
 
 DIRECT_LIMIT = 1_000_000  # unknowns of a matrix with about 7 entries a row: some 2 GB of factors
 DENSE_LIMIT = 10_000_000  # entries of a matrix of two or three rings that is still factorised: some 3 GB of factors
@@ -106,16 +104,6 @@ def conjugate_gradients(matrix: Any, right: Vector, precondition: Callable[[Vect
         if unsolved:
             raise MeshError(f"the equations of this mesh were not solved in {unsolved} steps: take weaker settings")
     return np.asarray(solution)
-
-
-def one_blas_thread() -> Any:
-    """Context in which BLAS uses one thread."""
-    return _pools().limit(limits=1, user_api="blas")
-
-
-@cache
-def _pools() -> ThreadpoolController:
-    return ThreadpoolController()
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TypeVar, get_args, overload
@@ -20,7 +20,7 @@ from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target, extensible
 from cascadenorm.io.patches import Patches
-from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, in_frame, isolated
+from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, in_frame, isolated, limit_threads
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, ParameterError, find, registered
 from cascadenorm.selection import selected
@@ -146,16 +146,16 @@ def denoise(
     )
     chosen = find(method)
     isolate = _isolates(on_bad)
-    if faces is not None:
-        return _denoised(chosen, mesh, faces, parameters, controls, isolate=isolate)
-    if isinstance(mesh, str | PathLike):
-        return Path(
-            _denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False, isolate=isolate).output
-        )
-    if isinstance(mesh, Mesh):
-        return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls, isolate=isolate))
-    kind = adapter(mesh)
-    return kind.with_vertices(mesh, _denoised(chosen, *kind.arrays(mesh), parameters, controls, isolate=isolate))
+    with limit_threads(threads):
+        if faces is not None:
+            return _denoised(chosen, mesh, faces, parameters, controls, isolate=isolate)
+        if isinstance(mesh, str | PathLike):
+            done = _denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False, isolate=isolate)
+            return Path(done.output)
+        if isinstance(mesh, Mesh):
+            return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls, isolate=isolate))
+        kind = adapter(mesh)
+        return kind.with_vertices(mesh, _denoised(chosen, *kind.arrays(mesh), parameters, controls, isolate=isolate))
 
 
 def denoise_file(
@@ -191,9 +191,17 @@ def denoise_file(
     ------
     ReadError, MeshError, ParameterError, OutputError : as in `denoise`; nothing is written then
     """
-    return _denoised_file(
-        find(method), source, output, parameters or {}, Controls(**controls), force=force, isolate=_isolates(on_bad)
-    )
+    known = [field.name for field in fields(Controls)]
+    if unknown := [name for name in controls if name not in known]:
+        raise ParameterError(
+            f"there is no control {unknown[0]!r}; there are: {', '.join(known)} - parameters of the method go into "
+            "`parameters`"
+        )
+    how = Controls(**controls)
+    with limit_threads(how.threads):
+        return _denoised_file(
+            find(method), source, output, parameters or {}, how, force=force, isolate=_isolates(on_bad)
+        )
 
 
 def methods() -> dict[str, Method]:

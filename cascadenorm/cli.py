@@ -373,6 +373,9 @@ def render(
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit; every error becomes one line on stderr and an exit code here."""
     signal.signal(signal.SIGTERM, _terminated)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # the caller has closed it
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - until the end
     for stream in (sys.stdout, sys.stderr):  # file names need not be in any encoding
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -428,6 +431,7 @@ def _judged(error: Exception) -> tuple[int, str]:
     from cascadenorm.learned.config import ConfigError
     from cascadenorm.mesh import MeshError
     from cascadenorm.registry import ParameterError
+    from cascadenorm.workers import WorkerError
 
     codes = {
         ParameterError: USAGE,
@@ -436,6 +440,7 @@ def _judged(error: Exception) -> tuple[int, str]:
         MeshError: INVALID,
         OutputError: OUTPUT,
         DenoiseError: FAILED,
+        WorkerError: FAILED,
     }
     for kind, code in codes.items():
         if isinstance(error, kind):

@@ -9,11 +9,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
 from cascadenorm.creases import crease_edges, cut
 from cascadenorm.detail import finer_than
-from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, limit_threads
+from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, one_blas_thread
 from cascadenorm.orientation import oriented
 from cascadenorm.registry import REGION, Method, ParameterError
 from cascadenorm.rims import along_the_rim, rim_of
@@ -124,7 +123,7 @@ def controlled(
         None if controls.keep_detail is None else framed_length("keep_detail", controls.keep_detail, framed, exponent)
     )
     framed = oriented(framed)
-    with limit_threads(controls.threads), threadpool_limits(1, user_api="blas"):  # BLAS adds in an order by threads
+    with one_blas_thread():
         application = _application(method, framed, checked, controls, keep)
         displacement = _displacement(application, framed, controls.strength * weights, controls.progress)
         if controls.volume == "keep" and displacement.any():

@@ -1,20 +1,21 @@
 """Methods on pairs of a noisy and a clean mesh, measured."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
-from os import PathLike
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 from cascadenorm.api import as_mesh, denoise
 from cascadenorm.controls import Controls
 from cascadenorm.mesh import Mesh
 from cascadenorm.metrics import Measures, measure
-from cascadenorm.pairs import find_pairs
+from cascadenorm.pairs import Places, find_pairs
 from cascadenorm.registry import find
 
 DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
+FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)
+"""What a method may end in without ending the evaluation."""
 NOISY = "noisy"
 """Name under which the input itself is measured."""
 
@@ -29,8 +30,9 @@ class Result:
     seconds: float
 
     def row(self) -> dict[str, Any]:
-        """Everything in one level, by name."""
-        return {"pair": self.pair, "method": self.method, **asdict(self.measures), "seconds": self.seconds}
+        """Everything in one level, by the names in COLUMNS."""
+        everything = {**vars(self), **vars(self.measures)}
+        return {name: everything[name] for name in COLUMNS}
 
 
 COLUMNS = ("pair", "method", *(field.name for field in fields(Measures)), "seconds")
@@ -59,9 +61,9 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(
-    folders: Iterable[str | PathLike[str]],
+    folders: Places,
     *,
-    methods: Sequence[str] = DEFAULT_METHODS,
+    methods: str | Sequence[str] = DEFAULT_METHODS,
     parameters: Mapping[str, Any] | None = None,
     strength: float = 1.0,
     threads: int | None = None,
@@ -71,8 +73,8 @@ def evaluate(
 
     Parameters
     ----------
-    folders : each a pair, `noisy.*` and `clean.*`, or a folder of pairs
-    methods : names; the noisy mesh itself always comes first
+    folders : one or several, each a pair, `noisy.*` and `clean.*`, or a folder of pairs
+    methods : one name or several; the noisy mesh itself always comes first
     parameters : given to each of the methods
     strength, threads : as in `denoise`
     progress : called with (what comes next, parts done, parts in all)
@@ -88,11 +90,12 @@ def evaluate(
     """
     Controls(strength=strength, threads=threads)  # says what is wrong with them
     settings = {"strength": strength, "threads": threads, **(parameters or {})}
+    methods = [methods] if isinstance(methods, str) else methods
     for name in methods:
         find(name).checked(parameters or {})
     pairs = find_pairs(folders)
     done = Evaluation([], [])
-    names = (NOISY, *methods)
+    names = tuple(dict.fromkeys((NOISY, *methods)))
     warm = False
     for number, pair in enumerate(pairs):
         try:
@@ -108,7 +111,7 @@ def evaluate(
                 progress(f"{pair.name}: {name}", number * len(names) + place, len(pairs) * len(names))
             try:
                 done.results.append(_result(pair.name, name, noisy, clean, settings))
-            except (ValueError, ArithmeticError, RuntimeError) as error:
+            except FAILURES as error:
                 done.failures.append(Failure(pair.name, name, error))
     return done
 
@@ -117,7 +120,7 @@ def _warm_up(mesh: Mesh, methods: Sequence[str], settings: Mapping[str, Any]) ->
     """Denoise a small piece, so that the times do not depend on what was compiled before."""
     piece = Mesh(mesh.vertices, mesh.faces[:200])
     for name in methods:
-        with suppress(ValueError, ArithmeticError, RuntimeError):  # told where it happens to the whole
+        with suppress(*FAILURES):  # told where it happens to the whole
             denoise(piece, method=name, **settings)
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.io.normals import NORMALS, Normals, renewed_normals
 from cascadenorm.mesh import MeshError
 
 
@@ -28,7 +29,9 @@ def adapter(mesh: object) -> Adapter:
     MeshError : a kind of object that is not known
     """
     for kind in type(mesh).__mro__:
-        library = kind.__module__.partition(".")[0]
+        library, *inside = kind.__module__.split(".")
+        if library == "open3d" and "t" in inside:
+            raise MeshError("tensor meshes of open3d are not known here: give the to_legacy() of it")
         if (library, kind.__name__) in ADAPTERS:
             return ADAPTERS[library, kind.__name__]
     kind = type(mesh)
@@ -89,6 +92,26 @@ def _meshio_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
 def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     moved = copy.deepcopy(mesh)
     moved.points = vertices
+    points, triangles = _meshio_arrays(mesh)
+
+    def renewed(values: Any, corners: NDArray[Any]) -> NDArray[Any]:
+        rows = np.arange(len(points), dtype=np.int32)
+        normals, _ = renewed_normals(Normals(np.asarray(values), corners), triangles, rows, points, vertices)
+        return normals.astype(np.asarray(values).dtype)
+
+    for name in NORMALS:
+        if name in moved.point_data:
+            moved.point_data[name] = renewed(moved.point_data[name], triangles)
+        if name in moved.cell_data:
+            flat = [i for i, block in enumerate(mesh.cells) if block.type == "triangle"]
+            stored = np.concatenate([moved.cell_data[name][i] for i in flat])
+            normals = renewed(stored, np.repeat(np.arange(len(stored))[:, None], 3, axis=1))
+            ends = np.cumsum([len(mesh.cells[i].data) for i in flat])[:-1]
+            for i, part in zip(flat, np.split(normals, ends), strict=True):
+                moved.cell_data[name][i] = part
+    if all(name in moved.point_data for name in ("nx", "ny", "nz")):  # as PLY names them
+        stored = np.stack([moved.point_data[name] for name in ("nx", "ny", "nz")], axis=1)
+        moved.point_data.update(zip(("nx", "ny", "nz"), renewed(stored, triangles).T, strict=True))
     return moved
 
 

@@ -1,7 +1,7 @@
 """Models as files: train one, load one and denoise with it."""
 
 import shutil
-from collections.abc import Iterable
+from copy import deepcopy
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -14,7 +14,8 @@ from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.progress import Progress, leads, silent, tells
 from cascadenorm.mesh import limit_threads
-from cascadenorm.pairs import training_pairs
+from cascadenorm.pairs import Places, training_pairs
+from cascadenorm.registry import ParameterError
 
 SHIPPED = ("auto", "cascade")
 
@@ -48,26 +49,32 @@ class Denoiser:
     @property
     def card(self) -> dict[str, Any]:
         """What the model was made of and how."""
-        return dict(self.cascade.card)
+        return deepcopy(dict(self.cascade.card))
 
     def denoise(self, mesh: Any, faces: Any = None, **settings: Any) -> Any:
-        """Denoise a mesh of any kind, as `cascadenorm.denoise` does, with this model."""
+        """Denoise a mesh of any kind, as `cascadenorm.denoise` does, with this model.
+
+        Settings are those of `cascadenorm.denoise`, and `sweeps` of the vertex update; method and model are given.
+        """
+        if given := settings.keys() & {"method", "model"}:
+            raise ParameterError(f"{given.pop()} is given by the Denoiser: leave it out")
         return denoise(mesh, faces, method="cascade", model=self.cascade, **settings)
 
 
 def train(
     config: TrainConfig,
-    output: Path,
+    output: str | PathLike[str],
     *,
-    shapes: Iterable[str | PathLike[str]] = (),
-    noisy: Iterable[str | PathLike[str]] = (),
+    shapes: Places = (),
+    noisy: Places = (),
     force: bool = False,
     threads: int | None = None,
     progress: Progress = silent,
 ) -> Denoiser:
     """Train a cascade and write it to a weights file; interrupted and called again, it goes on where it was.
 
-    Where torchrun has started several processes, each calls this, and the first writes.
+    Where torchrun has started several processes, each calls this, and the first writes. A script calls it below
+    `if __name__ == "__main__":`, since the processes that share the work read the script as well.
 
     Parameters
     ----------
@@ -77,15 +84,21 @@ def train(
     noisy : folders of one's own pairs, `noisy.*` and `clean.*` of equal faces
     force : replace an existing file
     threads : at most this many; the result is the same
-    progress : called with (task, parts done, parts in all, note)
+    progress : called with (task, parts done, parts in all, note); of several clusters from several threads
+
+    Returns
+    -------
+    The model, as `Denoiser.load` reads it from the file
 
     Raises
     ------
     OutputError : the file exists and force is not given, or it cannot be written
     ReadError, MeshError : one of the meshes that are handed in cannot be read or worked on
     ConfigError : an interrupted training of other settings lies beside the output
-    DenoiseError : torch or scikit-learn are not installed
+    DenoiseError : torch, scikit-learn or scikit-image are not installed
+    WorkerError : one of the processes that share the work ended early
     """
+    output = Path(output)
     try:
         import_module("skimage")  # which makes the shapes
         from cascadenorm.learned import training

@@ -19,6 +19,9 @@ from cascadenorm.learned.config import DATA
 from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
 from cascadenorm.orientation import oriented
 
+Places = str | PathLike[str] | Iterable[str | PathLike[str]]
+"""One path or several."""
+
 
 class Pair(NamedTuple):
     """Two files of the same surface."""
@@ -28,29 +31,29 @@ class Pair(NamedTuple):
     clean: Path
 
 
-def find_pairs(folders: Iterable[str | PathLike[str]]) -> list[Pair]:
-    """List the pairs `noisy.*` + `clean.*` in each folder itself and in the folders in it, by name.
+def find_pairs(folders: Places) -> list[Pair]:
+    """List the pairs `noisy.*` + `clean.*` in each folder itself and in the folders in it, by name, each once.
 
     Raises
     ------
     ReadError : a folder that does not exist or holds no pair, half a pair, two files of one name
     """
-    pairs = []
-    for folder in map(Path, folders):
+    known: dict[Path, Pair] = {}
+    for folder in _paths(folders):
         if not folder.is_dir():
             raise ReadError(f"{folder} is not a folder: give one that holds noisy.* and clean.*, or folders that do")
         found = [pair for place in (folder, *sorted(folder.iterdir())) if (pair := _pair(place))]
         if not found:
             raise ReadError(f"{folder} holds no pairs: put noisy.ply and clean.ply into it, or into folders in it")
-        pairs += found
+        for pair in found:
+            known.setdefault(pair.noisy.resolve(), pair)
+    pairs = list(known.values())
     if len({pair.name for pair in pairs}) < len(pairs):
         pairs = [pair._replace(name=str(pair.noisy.parent)) for pair in pairs]
     return pairs
 
 
-def training_pairs(
-    shapes: Iterable[str | PathLike[str]], noisy: Iterable[str | PathLike[str]], config: DatasetConfig
-) -> list[data_gen.Pair]:
+def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[data_gen.Pair]:
     """Read meshes of one's own to train on, wound alike, of about unit size, in pieces of at most config.max_faces.
 
     Parameters
@@ -83,10 +86,10 @@ def _pieces(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
     return [piece(mesh, chosen) for chosen in pieces(mesh, faces=config.max_faces)]
 
 
-def _mesh_files(places: Iterable[str | PathLike[str]]) -> list[Path]:
+def _mesh_files(places: Places) -> list[Path]:
     """List files as they are, and the mesh files in folders by name."""
     files = []
-    for place in map(Path, places):
+    for place in _paths(places):
         found = (
             sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
             if place.is_dir()
@@ -96,6 +99,10 @@ def _mesh_files(places: Iterable[str | PathLike[str]]) -> list[Path]:
             raise ReadError(f"{place} holds no mesh files: put clean meshes into it")
         files += found
     return files
+
+
+def _paths(places: Places) -> list[Path]:
+    return [Path(places)] if isinstance(places, str | PathLike) else [Path(place) for place in places]
 
 
 def write_pairs(

@@ -1,6 +1,7 @@
 """Pictures of mesh files."""
 
 from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.render import Camera, png, render, side_by_side
 
 
-def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = False) -> None:
+def draw(meshes: Sequence[Any], output: str | PathLike[str], *, size: int = 600, force: bool = False) -> None:
     """Draw meshes side by side, each above its name, from where the last is seen well; what that does not show, alone.
 
     Parameters
@@ -26,6 +27,7 @@ def draw(meshes: Sequence[Any], output: Path, *, size: int = 600, force: bool = 
     ReadError, MeshError : a mesh that cannot be read or drawn, or none
     OutputError : the file exists and force is not given, or it cannot be written
     """
+    output = Path(output)
     check_output(output, force=force)
     if output.suffix.lower() not in ("", ".png"):
         raise OutputError(f"{output} would hold a PNG picture: give a name that ends in .png")

@@ -77,16 +77,9 @@ class Setting:
         if optional and (value is None or (isinstance(value, str) and value == "none")):
             return None
         kind = next(k for k in get_args(self.kind) if k is not type(None)) if optional else self.kind
-        if kind not in (int, float, bool):
-            return value
-        return self._number(kind, value)
+        return self._number(kind, value) if kind in (int, float) else value
 
     def _number(self, kind: type, value: Any) -> Any:
-        if kind is bool:
-            words = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
-            if str(value).lower() not in words:
-                raise ParameterError(f"{self.name} is {value!r}; it must be true or false")
-            return words[str(value).lower()]
         try:
             number = float(value)
             if kind is int and number != int(number):

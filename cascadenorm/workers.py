@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context, parent_process
@@ -18,6 +19,10 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
+class WorkerError(RuntimeError):
+    """A process ended before its work was done."""
+
+
 class Map(Protocol):
     """Like `map` with one iterable."""
 
@@ -30,6 +35,10 @@ def side_by_side(count: int) -> Iterator[Map]:
     """Keep so many processes for the time of the block; for one, none is started, and threads are not limited.
 
     For work in Python between short kernels, in which threads would wait for one another.
+
+    Raises
+    ------
+    WorkerError : one of the processes ended before its work was done
     """
     if count == 1:
         yield map
@@ -37,6 +46,11 @@ def side_by_side(count: int) -> Iterator[Map]:
     with ProcessPoolExecutor(count, get_context("spawn"), initializer=_end_with_the_caller) as pool:
         try:
             yield partial(_handed_out, pool)
+        except BrokenProcessPool:
+            raise WorkerError(
+                "a worker process has ended: where memory is short, take fewer threads; "
+                "in a script of your own, start the work below `if __name__ == '__main__':`"
+            ) from None
         finally:
             pool.shutdown(cancel_futures=True)
 

@@ -235,6 +235,43 @@ def test_meshio_comes_back_with_its_data():
         cn.denoise(meshio.Mesh(BALL.vertices, [("quad", [[0, 1, 2, 3]])]), **METHOD)
 
 
+def test_normals_of_meshio_are_renewed():
+    meshio = pytest.importorskip("meshio")
+    names, normals = ("nx", "ny", "nz"), BALL.vertex_normals.astype(np.float32)
+    mesh = meshio.Mesh(
+        BALL.vertices,
+        [("triangle", BALL.faces[:100]), ("vertex", [[3]]), ("triangle", BALL.faces[100:])],
+        point_data={"Normals": -normals, **dict(zip(names, normals.T, strict=True))},
+        cell_data={"Normals": [BALL.normals[:100], np.ones((1, 3)), BALL.normals[100:]]},
+    )
+    out = cn.denoise(mesh, **METHOD)
+    expected = cn.denoise(BALL, **METHOD)
+    np.testing.assert_allclose(out.point_data["Normals"], -expected.vertex_normals, atol=1e-6)
+    np.testing.assert_allclose(np.stack([out.point_data[n] for n in names], 1), expected.vertex_normals, atol=1e-6)
+    first, other, last = out.cell_data["Normals"]
+    np.testing.assert_allclose(np.concatenate([first, last]), expected.normals, atol=1e-12)
+    np.testing.assert_array_equal(other, np.ones((1, 3)))
+    np.testing.assert_array_equal(mesh.point_data["nx"], normals[:, 0])
+
+
+def test_a_tensor_mesh_of_open3d_is_refused_with_the_way_out():
+    tensor = type("TriangleMesh", (), {"__module__": "open3d.cpu.pybind.t.geometry"})
+    with pytest.raises(cn.MeshError, match="to_legacy"):
+        cn.denoise(tensor())
+
+
+def test_a_control_that_does_not_exist_is_refused(tmp_path):
+    with pytest.raises(cn.ParameterError, match=r"no control 'iterations'.*parameters"):
+        cn.denoise_file(tmp_path / "scan.ply", iterations=3)
+
+
+def test_an_unused_vertex_at_the_other_end_of_all_numbers_does_no_harm():
+    vertices = np.vstack([np.ldexp(BALL.vertices, 1020), np.full((1, 3), -1.7e308)])
+    out = cn.denoise(vertices, BALL.faces, **METHOD)
+    np.testing.assert_allclose(np.ldexp(out[:-1], -1020), cn.denoise(BALL, **METHOD).vertices, atol=1e-12)
+    np.testing.assert_array_equal(out[-1], vertices[-1])
+
+
 def test_open3d_comes_back_with_its_colors():
     open3d = pytest.importorskip("open3d", exc_type=ImportError)
     mesh = open3d.geometry.TriangleMesh(

@@ -441,6 +441,16 @@ def test_a_reader_that_goes_away_leaves_no_traceback():
     assert done.returncode == 1 and done.stderr == b""
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a POSIX shell closes the streams")
+def test_closed_streams_are_no_error(place):
+    code = "from cascadenorm.cli import main; main()"
+    script = 'exec "$0" -c "$1" $2'
+    for arguments, closed, expected in (("--version", ">&-", 0), ("inspect absent.ply", "2>&-", 3)):
+        shell = ["sh", "-c", f"{script} {closed}", sys.executable, code, arguments]
+        done = subprocess.run(shell, capture_output=True, timeout=60)
+        assert (done.returncode, done.stdout, done.stderr) == (expected, b"", b"")
+
+
 def test_exit_codes_leave_the_process(place):
     done = command("denoise", "absent.ply")
     assert done.returncode == 3 and done.stdout == b"" and done.stderr.count(b"\n") == 1

@@ -67,7 +67,9 @@ def test_explicit_step_far_too_long_is_refused_with_the_way_out():
         laplacian(MESH, scheme="explicit", step=1e3, iterations=10, order=2)
 
 
-@pytest.mark.parametrize("name, value", [("step", -0.1), ("iterations", -1), ("order", 4), ("weights", "mean")])
+@pytest.mark.parametrize(
+    "name, value", [("step", -0.1), ("step", "inf"), ("iterations", -1), ("order", 4), ("weights", "mean")]
+)
 def test_bad_parameters_are_refused(name, value):
     with pytest.raises(ParameterError, match=name):
         find("laplacian")(MESH, **{name: value})

@@ -1,7 +1,10 @@
+import shutil
+
 import numpy as np
 import pytest
 from shapes import cube, icosphere, noisy
 
+from cascadenorm import registry
 from cascadenorm.api import save_mesh
 from cascadenorm.evaluation import NOISY, evaluate
 from cascadenorm.io import OutputError, ReadError
@@ -23,11 +26,13 @@ def folder(tmp_path_factory):
     return root
 
 
-def test_pairs_are_found_in_a_folder_and_in_the_folders_in_it(folder):
+def test_pairs_are_found_in_a_folder_and_in_the_folders_in_it(folder, tmp_path):
     assert [pair.name for pair in find_pairs([folder])] == ["ball", "cube"]
     assert [pair.name for pair in find_pairs([folder / "cube", folder / "ball"])] == ["cube", "ball"]
-    both = find_pairs([folder, folder / "ball"])
-    assert [pair.name for pair in both] == [str(folder / name) for name in ("ball", "cube", "ball")]
+    assert [pair.name for pair in find_pairs([folder, folder / "ball"])] == ["ball", "cube"]
+    other = shutil.copytree(folder / "ball", tmp_path / "ball")
+    both = [pair.name for pair in find_pairs([folder, other])]
+    assert both == [str(folder / "ball"), str(folder / "cube"), str(other)]
 
 
 def test_folders_without_pairs_are_refused(folder, tmp_path):
@@ -67,9 +72,24 @@ def test_means_are_over_the_pairs(folder):
     assert errors[1] < 0.6 * errors[0] and errors[3] < 0.6 * errors[2]
 
 
-def test_progress_counts_all_parts(folder):
+def test_one_folder_and_one_method_need_no_list(folder):
+    done = evaluate(str(folder / "ball"), methods="laplacian")
+    assert [(r.pair, r.method) for r in done.results] == [("ball", NOISY), ("ball", "laplacian")]
+
+
+def test_a_method_without_memory_is_listed_and_the_rest_goes_on(folder, monkeypatch):
+    def hungry(mesh):
+        np.empty(2**60)
+
+    monkeypatch.setitem(registry._methods, "hungry", registry.Method("hungry", hungry, "", {}))
+    done = evaluate(folder, methods=["hungry", "laplacian"])
+    assert [r.method for r in done.results] == [NOISY, "laplacian"] * 2
+    assert [(f.pair, f.method) for f in done.failures] == [("ball", "hungry"), ("cube", "hungry")]
+
+
+def test_progress_counts_all_parts_once(folder):
     seen = []
-    evaluate([folder], methods=["laplacian"], progress=lambda *what: seen.append(what))
+    evaluate([folder, folder / "ball"], methods=["laplacian", "laplacian"], progress=lambda *what: seen.append(what))
     assert seen == [
         ("ball: noisy", 0, 4),
         ("ball: laplacian", 1, 4),

@@ -7,8 +7,7 @@ from shapes import grid, icosphere, noisy
 from cascadenorm.baselines import harmonics
 from cascadenorm.baselines.harmonics import manifold_harmonics, shape_dna
 from cascadenorm.baselines.operators import cotangent_laplacian
-from cascadenorm.baselines.solvers import one_blas_thread
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, one_blas_thread
 from cascadenorm.registry import ParameterError
 
 SPHERE = icosphere(4)  # 2,562 vertices: found in bands

@@ -28,7 +28,7 @@ MAY_IMPORT = {
     "workers": {"mesh"},
     "data_gen": {"mesh", "workers"},
     "render": {"mesh"},
-    "interop": {"mesh"},
+    "interop": {"mesh", "io"},
     "baselines": CLASSICAL,
     "learned": {*CLASSICAL, "baselines", "data_gen", "workers"},
     "controls": {*CLASSICAL, "orientation", "rims", "creases", "detail"},

@@ -1,8 +1,11 @@
+import copy
+import pickle
+
 import numpy as np
 import pytest
-from shapes import icosphere, noisy
+from shapes import cube, icosphere, noisy
 
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, MeshError
 
 BALL = noisy(icosphere(2), 0.1)
 
@@ -54,3 +57,33 @@ def test_edges_are_listed_once_and_in_order_whatever_the_faces():
         expected = sorted({(min(side), max(side)) for side in sides.reshape(-1, 2).tolist()})
         assert topology.edges.tolist() == [list(edge) for edge in expected]
         np.testing.assert_array_equal(topology.edges[topology.face_edges], np.sort(sides, axis=2))
+
+
+def test_vertex_area_vectors_are_three_times_the_gradient_of_the_volume():
+    mesh = noisy(icosphere(3), 0.1)
+    towards = 1e-5 * np.random.default_rng(3).normal(size=mesh.vertices.shape)
+    change = mesh.moved(mesh.vertices + towards).volume - mesh.moved(mesh.vertices - towards).volume
+    assert (mesh.vertex_area_vectors * towards).sum() / 3 == pytest.approx(change / 2, rel=1e-7)
+
+
+def test_size_is_that_of_the_faces():
+    box = cube(2)
+    stray = Mesh(np.vstack([box.vertices, [(1e30, 0, 0)]]), box.faces)
+    assert stray.volume == pytest.approx(box.volume, rel=1e-12)
+    assert stray.diagonal == box.diagonal
+
+
+def test_moved_takes_as_many_vertices_as_there_are():
+    with pytest.raises(MeshError, match=r"\(3, 3\); it must stay \(162, 3\)"):
+        icosphere(2).moved(np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda mesh: pickle.loads(pickle.dumps(mesh))])
+def test_a_copy_is_as_immutable_and_brings_only_what_it_is_made_of(copied):
+    mesh = icosphere(2)
+    lean = len(pickle.dumps(mesh))
+    assert mesh.mean_edge_length and len(pickle.dumps(mesh)) == lean
+    other = copied(mesh)
+    np.testing.assert_array_equal(other.vertices, mesh.vertices)
+    np.testing.assert_array_equal(other.faces, mesh.faces)
+    assert not other.vertices.flags.writeable and not other.faces.flags.writeable

@@ -63,6 +63,19 @@ def test_a_denoiser_is_the_method_with_its_weights():
     mesh = noisy(icosphere(3), 0.2)
     expected = cn.denoise(mesh, method="cascade").vertices
     assert (cn.Denoiser.shipped("cascade").denoise(mesh).vertices == expected).all()
+    with pytest.raises(cn.ParameterError, match="method is given by the Denoiser"):
+        cn.Denoiser.shipped("cascade").denoise(mesh, method="auto")
+    with pytest.raises(cn.ParameterError, match="model is a Denoiser; it must be the path"):
+        cn.denoise(mesh, model=cn.Denoiser.shipped("cascade"))
+
+
+def test_nobody_changes_the_model_of_all():
+    denoiser = cn.Denoiser.shipped()
+    denoiser.card["config"]["seed"] = 99
+    assert denoiser.card["config"]["seed"] != 99
+    for array in denoiser.cascade.stages[0].arrays().values():
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
 
 
 def test_train_writes_a_model_that_denoises(tmp_path, capsys):

@@ -11,7 +11,6 @@ from cascadenorm.baselines.operators import (
     intrinsic_lengths,
     laplacian_of,
     uniform_laplacian,
-    volume_gradient,
 )
 from cascadenorm.mesh import Mesh
 
@@ -137,12 +136,3 @@ def test_a_vertex_without_a_face_has_no_mass_and_no_laplacian():
         laplacian = laplacian_of(mesh, weights)
         assert laplacian.mass[3] == 0
         assert (laplacian.apply(mesh.vertices)[3] == 0).all()
-
-
-def test_volume_gradient_is_what_it_says():
-    mesh, towards = noisy(SPHERE, 0.1), np.random.default_rng(3).normal(size=SPHERE.vertices.shape)
-    step = 1e-5
-    change = (mesh.moved(mesh.vertices + step * towards).volume - mesh.moved(mesh.vertices - step * towards).volume) / (
-        2 * step
-    )
-    assert (volume_gradient(mesh) * towards).sum() == pytest.approx(change, rel=1e-7)

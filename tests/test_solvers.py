@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 from shapes import icosphere, noisy
-from threadpoolctl import threadpool_info, threadpool_limits
 
 from cascadenorm.baselines import solvers
 from cascadenorm.baselines.operators import cotangent_laplacian
-from cascadenorm.baselines.solvers import Factorisation, conjugate_gradients, one_blas_thread, solve_once, solver
+from cascadenorm.baselines.solvers import Factorisation, conjugate_gradients, solve_once, solver
 from cascadenorm.mesh import MeshError
 
 MESH = noisy(icosphere(3), 0.2)
@@ -44,16 +43,6 @@ def test_conjugate_gradients_agree_and_take_over_when_the_matrix_is_huge(monkeyp
     monkeypatch.setattr(solvers, "DIRECT_LIMIT", 10)
     monkeypatch.setattr(solvers, "Factorisation", None)
     np.testing.assert_allclose(solver(MATRIX, MESH.vertices)(RIGHT), expected, rtol=1e-7, atol=1e-8)
-
-
-def test_blas_has_one_thread_inside_and_its_own_number_again_outside():
-    def threads():
-        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
-
-    with threadpool_limits(2, user_api="blas"):
-        with one_blas_thread():
-            assert threads() == {1}
-        assert threads() == {2}
 
 
 def test_a_singular_matrix_is_refused_in_words():

@@ -201,11 +201,26 @@ def test_more_directions_than_numbers_are_all_of_them(tmp_path):
     assert train(one, tmp_path).stages[0].standard.projection.shape == (55, 55)
 
 
+def test_more_clusters_than_faces_are_refused_in_words(tmp_path):
+    few = replace(TINY, faces_per_mesh=1, clusters=5)
+    with pytest.raises(ConfigError, match="5 clusters are more than the faces to learn from, 4"):
+        train(few, tmp_path)
+
+
+def test_a_training_that_comes_to_no_number_says_so():
+    faces, standard = to_learn_from(cube(4), 0.25)
+    with pytest.raises(ConfigError, match="come to no number"):
+        train_network(faces, np.arange(len(faces.truth)), standard, Fit(epochs=2, batch=16, learning_rate=1e30), seed=0)
+
+
 def test_a_process_that_a_scheduler_has_numbered_is_alone_all_the_same(monkeypatch):
     for name in ("RANK", "LOCAL_RANK"):
         monkeypatch.setenv(name, "3")
     assert tells() and leads()
     monkeypatch.setenv("WORLD_SIZE", "4")
+    with pytest.raises(ConfigError, match="LOCAL_WORLD_SIZE is not"):
+        tells()
+    monkeypatch.setenv("LOCAL_WORLD_SIZE", "4")
     assert not tells() and not leads()
 
 

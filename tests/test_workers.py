@@ -10,7 +10,7 @@ import scipy.linalg  # noqa: F401 - brings a BLAS of its own
 from threadpoolctl import threadpool_info
 
 from cascadenorm.mesh import thread_count
-from cascadenorm.workers import side_by_side
+from cascadenorm.workers import WorkerError, side_by_side
 
 
 def most_threads(number: int) -> tuple[int, int, int]:
@@ -38,6 +38,11 @@ def test_an_error_is_raised_where_its_result_is_asked_for(count):
         assert list(islice(results, 3)) == [0, 1, 2]
         with pytest.raises(ValueError, match="the third"):
             next(results)
+
+
+def test_a_process_that_ends_early_is_told_in_words():
+    with pytest.raises(WorkerError, match="memory is short"), side_by_side(2) as each:
+        list(each(os._exit, [1]))
 
 
 INTERRUPTED = """

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 from cascadenorm.io.polygons import area_vectors
 from cascadenorm.mesh import unit
 
+NORMALS = ("Normals", "normals")
+"""What normals are called in VTK."""
+
 
 class Normals(NamedTuple):
     """Normals as a file stores them.

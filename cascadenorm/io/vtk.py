@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
-from cascadenorm.io.normals import Normals
+from cascadenorm.io.normals import NORMALS, Normals
 from cascadenorm.io.polygons import Polygons
 
 FACES = ("triangle", "quad", "polygon")
 BESIDE = ("line", "vertex", "polyline", "poly_vertex")
-NORMALS = ("Normals", "normals")
 
 
 class MeshioFile(MeshFile):

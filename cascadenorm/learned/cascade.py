@@ -84,6 +84,8 @@ class Cascade:
                     found = header.get("format")
                     raise ParameterError(f"{fspath(path)} holds weights of format {found!r}; here {FORMAT!r} is read")
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+                for tensor in tensors.values():  # one model serves many
+                    tensor.flags.writeable = False
         except OSError as error:
             raise ParameterError(f"the weights {fspath(path)} cannot be read: {error.strerror or error}") from None
         except (SafetensorError, json.JSONDecodeError):
@@ -155,4 +157,6 @@ def _engine(device: str) -> Engine:
 def _loaded(model: Cascade | Path | None, name: str) -> Cascade:
     if isinstance(model, Cascade):
         return model
+    if not isinstance(model, str | PathLike | None):
+        raise ParameterError(f"model is a {type(model).__name__}; it must be the path of a file that `train` made")
     return shipped(name) if model is None else Cascade.load(model)

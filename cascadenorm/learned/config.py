@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from pathlib import Path
+from os import PathLike
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from cascadenorm.data_gen import DatasetConfig
@@ -106,7 +106,7 @@ QUICK = TrainConfig(fit=Fit(epochs=10), data=replace(DATA, count=40))
 """A training of about a minute, to see that everything works; far from the best result."""
 
 
-def read_config(path: Path) -> TrainConfig:
+def read_config(path: str | PathLike[str]) -> TrainConfig:
     """Read settings from a TOML file; what it leaves out keeps its default.
 
     Raises
@@ -114,7 +114,7 @@ def read_config(path: Path) -> TrainConfig:
     ConfigError : the file is missing or no TOML, has a key that does not exist, or a value of the wrong type
     """
     try:
-        with path.open("rb") as file:
+        with open(path, "rb") as file:
             table = tomllib.load(file)
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}") from None

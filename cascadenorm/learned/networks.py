@@ -1,4 +1,4 @@
-"""Training of one cluster's network in torch; nothing at run time imports this."""
+"""Networks in torch: the training of one cluster's; at run time they serve on a graphics card alone."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn.parallel import DistributedDataParallel
 
 from cascadenorm.learned import processes
-from cascadenorm.learned.config import Fit
+from cascadenorm.learned.config import ConfigError, Fit
 from cascadenorm.learned.descriptors import FLOOR
 from cascadenorm.learned.regression import Array, Standard
 from cascadenorm.mesh import limit_threads
@@ -172,6 +172,8 @@ def train_network(
             best_loss, best_epoch = validation_loss, epoch
         elif epoch - best_epoch >= fit.patience:
             break
+    if not np.isfinite(best_loss):
+        raise ConfigError("the losses have come to no number: take a smaller fit.learning_rate")
     arrays = {"validation": np.array(best_loss, np.float32)}
     for n in range(len(network.layers)):
         arrays[f"weight{n + 1}"] = best[f"layers.{n}.weight"].T.contiguous().cpu().numpy()

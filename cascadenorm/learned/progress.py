@@ -1,7 +1,9 @@
-"""What a training tells while it runs."""
+"""What a training tells while it runs, and which of its processes does; without torch."""
 
 import os
 from typing import Protocol
+
+from cascadenorm.learned.config import ConfigError
 
 
 class Progress(Protocol):
@@ -12,8 +14,17 @@ class Progress(Protocol):
 
 
 def alone() -> bool:
-    """Whether this process is the only one; a scheduler may have numbered it all the same."""
-    return os.environ.get("WORLD_SIZE", "1") == "1"
+    """Whether this process is the only one; a scheduler may have numbered it all the same.
+
+    Raises
+    ------
+    ConfigError : there are several, but it was not torchrun that started them
+    """
+    if os.environ.get("WORLD_SIZE", "1") == "1":
+        return True
+    if missing := [name for name in ("RANK", "LOCAL_RANK", "LOCAL_WORLD_SIZE") if name not in os.environ]:
+        raise ConfigError(f"WORLD_SIZE is set and {missing[0]} is not: start processes with torchrun, or unset it")
+    return False
 
 
 def tells() -> bool:

@@ -5,10 +5,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from cascadenorm.learned.descriptors import DESCRIPTORS, FILTERS, Filters, Stack, openness, pose_free, surroundings
-from cascadenorm.mesh import Mesh, Vectors, in_blocks, unit
+from cascadenorm.mesh import Mesh, Vectors, in_blocks, one_blas_thread, unit
 
 Array = NDArray[np.float32]
 
@@ -130,7 +129,7 @@ class Regression:
         -------
         (m, 3) float64, unit; where the weighted sum vanishes, the normal of the face in `mesh`
         """
-        with threadpool_limits(1):  # the blocks are on several threads already
+        with one_blas_thread():  # the blocks are on several threads already
             context = self.standard.context(stack, mesh)
 
             def sums(start: int, stop: int) -> Array:

@@ -105,6 +105,8 @@ def _train_stage(
 
     some = rng.choice(len(stack), min(KMEANS_FACES // processes.count(), len(stack)), replace=False)
     drawn = processes.gathered(numbers(some))
+    if len(drawn) < config.clusters:
+        raise ConfigError(f"{config.clusters} clusters are more than the faces to learn from, {len(drawn)}: take fewer")
     kmeans = KMeans(config.clusters, n_init=2, random_state=int(rng.integers(2**31)))
     centers = processes.from_first(lambda: np.ascontiguousarray(kmeans.fit(drawn).cluster_centers_, np.float32))
     cluster = in_blocks(len(stack), lambda start, stop: nearest(numbers(slice(start, stop)), centers))
@@ -249,7 +251,7 @@ def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
         raise ConfigError(
             f"{checkpoint} holds a training with other settings or another version: remove it, or name another folder"
         )
-    note.write_text(text)
+    _write_at_once(note, text.encode())
 
 
 def _save(path: Path, arrays: Mapping[str, Array]) -> None:
@@ -259,9 +261,13 @@ def _save(path: Path, arrays: Mapping[str, Array]) -> None:
 
 
 def _write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write at once or not at all, so that a file that exists is finished."""
+    _write_at_once(path, save(dict(arrays)))  # a full disk is an OSError, as anywhere
+
+
+def _write_at_once(path: Path, content: bytes) -> None:
+    """Write as a whole or not at all, so that a file that exists is finished."""
     unfinished = path.with_suffix(".partial")
-    unfinished.write_bytes(save(dict(arrays)))  # a full disk is an OSError, as anywhere
+    unfinished.write_bytes(content)
     os.replace(unfinished, path)
 
 

@@ -3,7 +3,7 @@
 from cascadenorm.mesh.frame import in_frame, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated
 from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, angles_between, first_places, row_sums, unit
-from cascadenorm.mesh.threads import in_blocks, kernel, limit_threads, over, thread_count
+from cascadenorm.mesh.threads import in_blocks, kernel, limit_threads, one_blas_thread, over, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "isolated",
     "kernel",
     "limit_threads",
+    "one_blas_thread",
     "over",
     "row_sums",
     "scaled_alike",

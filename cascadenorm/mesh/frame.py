@@ -10,7 +10,8 @@ def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
     used = mesh.topology.used_vertices
     lower, upper = mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0)
     exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
-    centered = np.where(used[:, None], mesh.vertices - (0.5 * upper + 0.5 * lower), 0.0)
+    center = 0.5 * upper + 0.5 * lower
+    centered = np.where(used[:, None], mesh.vertices, center) - center
     return mesh.moved(np.ldexp(centered, -exponent)), exponent
 
 

@@ -40,9 +40,15 @@ class Mesh:
         """Return the same faces over other positions of the same vertices; the topology is shared."""
         mesh = object.__new__(Mesh)
         mesh.vertices = np.array(vertices, np.float64, order="C")
+        if mesh.vertices.shape != self.vertices.shape:
+            raise MeshError(f"the vertices have shape {mesh.vertices.shape}; it must stay {self.vertices.shape}")
         mesh.faces, mesh.topology = self.faces, self.topology
         mesh.vertices.flags.writeable = False
         return mesh
+
+    def __reduce__(self) -> tuple[type["Mesh"], tuple[Vectors, NDArray[np.int32]]]:
+        """Pickle, and copy, what it is made of, without what was derived from it."""
+        return Mesh, (self.vertices, self.faces)
 
     @property
     def corners(self) -> NDArray[np.float64]:
@@ -116,14 +122,15 @@ class Mesh:
 
     @property
     def volume(self) -> float:
-        """Signed enclosed volume; of an open mesh, that of the cone over it from the mean of its vertices."""
-        origin = self.vertices.mean(axis=0)
+        """Signed enclosed volume; of an open mesh, that of the cone over it from the mean of its used vertices."""
+        origin = self.vertices[self.topology.used_vertices].mean(axis=0)
         return float(np.einsum("ij,ij->", self.centroids - origin, self.area_vectors) / 3)
 
     @cached_property
     def diagonal(self) -> float:
-        """Length of the diagonal of the bounding box; infinite where it is beyond the largest number."""
-        box, exponent = _near_one(np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]))
+        """Length of the diagonal of the bounding box of used vertices; infinite if beyond the largest number."""
+        used = self.vertices[self.topology.used_vertices]
+        box, exponent = _near_one(np.stack([used.min(axis=0), used.max(axis=0)]))
         return _scaled(np.linalg.norm(box[1] - box[0]), exponent)
 
 

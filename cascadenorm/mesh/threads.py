@@ -9,18 +9,31 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache
+from threading import Event, Lock, Thread
 from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 BLOCK = 8192
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
 SMALLEST_CHUNK = 512
 
-kernel = numba.njit(nogil=True, cache=True, error_model="numpy")
-"""Decorator of every compiled loop: releases the interpreter, is cached on disk, divides by zero as numpy does."""
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a loop: it releases the interpreter, divides by zero as numpy does, and is kept on disk for next time.
+
+    Where neither the package's folder nor the user's can be written, it is compiled in each process.
+    """
+    options = {"nogil": True, "error_model": "numpy"}
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # no place for it
+        return numba.njit(**options)(function)
+
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
 
@@ -43,6 +56,58 @@ def limit_threads(threads: int | None) -> Iterator[None]:
         yield
     finally:
         _limit.reset(token)
+
+
+class _BlasLimit:
+    """One thread for BLAS while any thread of this process is inside.
+
+    Some libraries count threads for the whole process, and only the thread that has limited them can lift the limit
+    again; so it is one of our own, which waits until the last one leaves.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._over = Lock(), 0, Event()
+
+    def enter(self) -> None:
+        with self._lock:
+            if self._inside == 0:
+                limited, self._over = Event(), Event()
+                self._keeper = Thread(target=self._keep, args=(limited, self._over), daemon=True)
+                self._keeper.start()
+                limited.wait()
+            self._inside += 1
+
+    def leave(self) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0:
+                self._over.set()
+                self._keeper.join()
+
+    @staticmethod
+    def _keep(limited: Event, over: Event) -> None:
+        with _pools().limit(limits=1, user_api="blas"):
+            limited.set()
+            over.wait()
+
+
+_blas_limit = _BlasLimit()
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Let BLAS use one thread inside the block, since it adds in an order by threads; callers may overlap."""
+    _blas_limit.enter()
+    try:
+        with _pools().limit(limits=1, user_api="blas"):  # of libraries that count for each thread
+            yield
+    finally:
+        _blas_limit.leave()
+
+
+@cache
+def _pools() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 def over(count: int, run: Callable[..., Any], *arguments: Any, smallest: int = SMALLEST_CHUNK) -> list[Any]:

@@ -31,7 +31,6 @@ class Camera:
         mesh: Mesh,
         *,
         direction: ArrayLike | None = None,
-        up: ArrayLike = (0, 1, 0),
         perspective: float = 0.15,
     ) -> "Camera":
         """Place a camera so that the whole mesh is seen.
@@ -39,14 +38,13 @@ class Camera:
         Parameters
         ----------
         mesh : what is to be seen
-        direction : from the mesh toward the viewer; None is the front of a surface that is open, else a three-quarter
-            view
-        up : what points upward in the picture; if that is the direction of the view, the next axis does
+        direction : from the mesh toward the viewer, y upward in the picture, or z where one looks along y; None is the
+            front of a surface that is open, else a three-quarter view
         perspective : half the diagonal of the bounding box over the distance of the viewer; 0 is a parallel projection
         """
         if not 0 <= perspective < 1:
             raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")
-        axes = _axes(_direction(mesh) if direction is None else direction, up)
+        axes = _axes(_direction(mesh) if direction is None else direction)
         middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
         strength = 2 * perspective / mesh.diagonal if mesh.diagonal else 0.0
         flat = projected((mesh.vertices - middle) @ axes.T, strength)[:, :2]
@@ -79,12 +77,12 @@ def _direction(mesh: Mesh) -> ArrayLike:
     return facing if np.linalg.norm(facing) > 0.2 * mesh.area else (0.45, 0.40, 0.80)
 
 
-def _axes(direction: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:
-    """Camera axes for a direction toward the viewer and what points upward."""
-    toward, upward = np.asarray(direction, float), np.asarray(up, float)
-    if toward.shape != (3,) or upward.shape != (3,) or not toward.any() or not upward.any():
-        raise ValueError(f"direction is {direction!r} and up {up!r}; each must be three numbers, not all 0")
-    toward, upward = unit(toward), unit(upward)
+def _axes(direction: ArrayLike) -> NDArray[np.float64]:
+    """Camera axes for a direction toward the viewer."""
+    toward = np.asarray(direction, float)
+    if toward.shape != (3,) or not toward.any():
+        raise ValueError(f"direction is {direction!r}; it must be three numbers, not all 0")
+    toward, upward = unit(toward), np.array([0.0, 1.0, 0.0])
     if abs(toward @ upward) > 0.999:
         upward = np.roll(upward, 1)
     right = unit(np.cross(upward, toward))

@@ -24,7 +24,6 @@ def render(
     view: Camera | ArrayLike | None = None,
     size: tuple[int, int] = (800, 800),
     colors: NDArray[np.float64] | None = None,
-    background: tuple[float, float, float] = PAPER,
     samples: int = 3,
 ) -> Image:
     """Draw a mesh with one shade a face.
@@ -35,7 +34,6 @@ def render(
     view : a camera, or the direction from the mesh toward the viewer, y upward; None chooses one
     size : width and height in pixels
     colors : (m, 3) sRGB from 0 to 1, one a face, instead of clay
-    background : sRGB from 0 to 1
     samples : each pixel is the mean of samples × samples points
 
     Returns
@@ -52,7 +50,7 @@ def render(
     screen[..., :2] *= (pixels, -pixels)
     screen[..., :2] += (width / 2, height / 2)
     painted = rasterize(screen, _shaded(mesh, view, colors), width=width, height=height, samples=samples)
-    return encoded(painted[..., :3] + (1 - painted[..., 3:]) * linear(background))
+    return encoded(painted[..., :3] + (1 - painted[..., 3:]) * linear(PAPER))
 
 
 def _shaded(mesh: Mesh, view: Camera, colors: NDArray[np.float64] | None) -> NDArray[np.float64]:
