@@ -8,7 +8,7 @@ from cascadenorm.baselines.fairing import fairing
 from cascadenorm.baselines.hole_refinement import refine
 from cascadenorm.baselines.hole_triangulation import triangulate_loop
 from cascadenorm.baselines.operators import sums
-from cascadenorm.mesh import Mesh, in_frame
+from cascadenorm.mesh import Mesh, in_frame, without_lines
 from cascadenorm.registry import ParameterError
 
 FAIRINGS = 5  # solutions with a new Laplacian each, from a membrane to the order wanted
@@ -34,7 +34,7 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None) ->
         raise ParameterError(f"order is {order!r}; it must be 1, 2 or 3")
     if max_edges is not None and max_edges < 3:
         raise ParameterError(f"max_edges is {max_edges}; it must be at least 3, or None for all holes")
-    given, (mesh, exponent) = mesh, in_frame(mesh)
+    given, (mesh, exponent) = mesh, in_frame(without_lines(mesh))
     vertices, faces, scale = mesh.vertices, mesh.faces, _edge_length_around(mesh)
     beside = _faces_at_rims(mesh)
     chords = np.empty((0, 2), np.int64)  # edges of patches between vertices that were there before
@@ -56,7 +56,7 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None) ->
     fair = fairing(filled, region=inside, order=order, iterations=FAIRINGS)[inside]
     anchor = mesh.faces[0, 0]
     added = given.vertices[anchor] + np.ldexp(fair - mesh.vertices[anchor], exponent)
-    return Mesh(np.concatenate([given.vertices, added]), faces)
+    return Mesh(np.concatenate([given.vertices, added]), np.concatenate([given.faces, faces[len(mesh.faces) :]]))
 
 
 def boundary_loops(mesh: Mesh) -> list[NDArray[np.int32]]:

@@ -20,7 +20,7 @@ from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target, extensible
 from cascadenorm.io.patches import Patches
-from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, in_frame, isolated, limit_threads
+from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, in_frame, isolated, limit_threads, without_lines
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, ParameterError, find, registered
 from cascadenorm.selection import selected
@@ -319,16 +319,18 @@ def _denoised_file(
     force: bool,
     isolate: bool,
 ) -> Report:
+    method.checked(parameters)
     if output is None:
         if not isinstance(source, str | PathLike):
             raise TypeError("a stream has no place for its output: give one")
         output = beside(Path(source), "denoised")
         check_output(output, force=force)
+        if output.suffix:
+            io.output_format(output)
     elif isinstance(output, str | PathLike):
         check_output(Path(output), force=force)
         if not is_special(output):
             io.output_format(output)
-    method.checked(parameters)
     file = io.read(source).isolating() if isolate else io.read(source)
     format = io.output_format(output, file.format)
     check_target(file, output, format=format, force=force)
@@ -338,10 +340,13 @@ def _denoised_file(
     start = time.perf_counter()
     vertices = controlled(method, mesh, parameters, controls, dtype=file.positions.dtype)
     seconds = time.perf_counter() - start
-    small, exponent = in_frame(mesh)  # squares of lengths overflow where coordinates are huge
+    small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow where coordinates are huge
     with np.errstate(over="ignore"):
         limit = float(np.ldexp(framed_length("max_displacement", controls.max_displacement, small, exponent), exponent))
-    left_out = io.write(file.with_vertices(vertices, limit=limit), output, format=format, force=force)
+    try:
+        left_out = io.write(file.with_vertices(vertices, limit=limit), output, format=format, force=force)
+    except io.ReadError as error:  # of what only other formats need to know
+        raise io.ReadError(f"{_name(source)}: {error}") from error.__cause__
     moves = np.linalg.norm(np.ldexp(vertices - mesh.vertices, -exponent), axis=1)
     in_edges = moves / small.mean_edge_length if small.mean_edge_length > 0 else moves
     return Report(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.creases import crease_edges, cut
 from cascadenorm.detail import finer_than
-from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, one_blas_thread
+from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, one_blas_thread, without_lines
 from cascadenorm.orientation import oriented
 from cascadenorm.registry import REGION, Method, ParameterError
 from cascadenorm.rims import along_the_rim, rim_of
@@ -101,7 +101,8 @@ def controlled(
 
     The method sees the mesh around the origin, scaled by a power of two to about unit size; what it moves is added to
     the vertices as they were. So coordinates far from the origin lose nothing, and a vertex that does not move, or
-    that no face uses, keeps its bits. Faces that are wound against their neighbours are turned for the method alone.
+    that no face uses, keeps its bits. Faces that are wound against their neighbours are turned for the method alone;
+    those that name a vertex twice it does not see.
 
     Returns
     -------
@@ -115,7 +116,8 @@ def controlled(
     if REGION in parameters:
         raise ParameterError(f"{REGION} is not set by itself: give a mask, or fixed vertices")
     checked = method.checked(parameters)
-    weights = _weights(mesh, controls)
+    given, mesh = mesh, without_lines(mesh)
+    weights = _weights(mesh, controls, given.faces)
     if REGION in method.settings and controls.hold_some:
         checked[REGION] = weights > 0
     framed, exponent = in_frame(mesh)
@@ -133,8 +135,11 @@ def controlled(
     return _moved(mesh, displacement, exponent, limit, np.dtype(dtype))
 
 
-def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
-    """Share of the strength at each vertex: the mask, less what is fixed, other regions, and what no face uses."""
+def _weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Share of the strength at each vertex: the mask, less what is fixed, other regions, and what no face uses.
+
+    `only` counts the faces given, which may be more than those of the mesh.
+    """
     count = len(mesh.vertices)
     weights = np.zeros(count)
     weights[mesh.faces] = 1.0
@@ -153,7 +158,7 @@ def _weights(mesh: Mesh, controls: Controls) -> NDArray[np.float64]:
     if controls.fixed is not None:
         weights[_rows("fixed", np.asarray(controls.fixed), count, "vertex", "vertices")] = 0.0
     if controls.only is not None:
-        weights[mesh.faces[~faces_within(controls.only, len(mesh.faces))]] = 0.0
+        weights[faces[~faces_within(controls.only, len(faces))]] = 0.0
     if controls.boundary == "fixed":
         weights[rim_of(mesh).vertices] = 0.0
     return weights

@@ -125,7 +125,7 @@ def print_inspection(found: Inspection) -> None:
     if found.crossing_faces is None:
         print("  faces that pass through others were not looked for; --self-intersections does")
     if not found.findings:
-        print("  nothing is wrong with it")
+        print("  nothing is wrong with it" if found.faces else "  it has no faces")
     else:
         print(f"  (places are numbers of vertices or faces, counted from {found.counts_from})")
 

@@ -46,6 +46,17 @@ def test_materials_and_textures_follow_an_obj(place):
     assert sorted(lost) == ["the file '../gloss.png' that it names", "the file 'maps/bumps.png' that it names"]
 
 
+def test_several_libraries_in_a_line_are_found_and_backslashes_are_slashes(place):
+    source = place / "in"
+    (source / "maps" / "b.mtl").write_bytes(b"newmtl b\nmap_Ks \nmap_Kd maps/rust.png\n")
+    (source / "a.mtl").write_bytes(b"newmtl a\n")
+    (source / "a.obj").write_bytes(OBJ.replace(b"some materials.mtl", b".\\a.mtl maps\\b.mtl"))
+    assert io.write(io.read(source / "a.obj"), place / "out" / "b.obj") == [
+        "the file 'maps/maps/rust.png' that it names"
+    ]
+    assert names(place / "out") == ["a.mtl", "b.obj", "maps/b.mtl"]
+
+
 def test_nothing_is_copied_beside_the_input_or_into_another_format(place):
     before = names(place / "in")
     assert io.write(io.read(place / "in" / "a.obj"), place / "in" / "b.obj") == []

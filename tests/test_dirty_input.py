@@ -79,6 +79,19 @@ def test_faces_that_are_turned_change_no_bit(method):
         assert denoised(name, method).tobytes() == denoised("sound", method).tobytes()
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_face_that_names_a_vertex_twice_weighs_nothing_however_long_it_is(method):
+    sound = cn.Mesh(*SOUND[:2])
+    far = np.argmax(np.linalg.norm(sound.vertices - sound.vertices[0], axis=1))
+    faces = np.vstack([sound.faces, [(0, 0, far), (1, 1, 1), (far, 2, 2)]])
+    options = {"method": method, "max_displacement": "0.2 edges", "boundary": "smooth"}
+    expected = cn.denoise(*SOUND[:2], **options)
+    assert cn.denoise(sound.vertices, faces, **options).tobytes() == expected.tobytes()
+    some = np.arange(len(faces)) > 100
+    part = cn.denoise(sound.vertices, faces, only=some, method=method)
+    assert part.tobytes() != sound.vertices.tobytes() and (part[[0, 1, 2]] == sound.vertices[[0, 1, 2]]).all()
+
+
 def test_vertices_that_no_face_uses_keep_their_bits():
     mesh = MESHES["vertices without a face"]
     for method in METHODS:

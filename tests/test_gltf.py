@@ -227,6 +227,7 @@ def test_streams_hold_everything_or_are_refused(place, capsys, monkeypatch):
         (('"meshes"', '"meshes": 5, "meshes"'), None),
         (('"meshes": [', '"meshes": 5, "x": ['), "no valid glTF 2"),
         (('"asset"', '"extensionsRequired": ["KHR_draco_mesh_compression"], "asset"'), "compressed"),
+        (('"asset"', '"extensionsUsed": ["EXT_meshopt_compression"], "asset"'), "compressed"),
     ],
 )
 def test_broken_documents_are_explained(place, change, words):

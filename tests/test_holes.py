@@ -155,3 +155,13 @@ def test_far_from_the_origin_nothing_is_lost():
     filled = fill_holes(holed.moved(holed.vertices + shift))
     np.testing.assert_array_equal(filled.faces, expected.faces)
     np.testing.assert_allclose(filled.vertices - shift, expected.vertices, rtol=0, atol=1e-7)
+
+
+def test_faces_that_name_a_vertex_twice_close_no_hole():
+    mesh = without_cap(3, 0.9)
+    loop = boundary_loops(mesh)[0]
+    lines = np.stack([loop, np.roll(loop, 1), loop], axis=1)
+    expected, found = fill_holes(mesh), fill_holes(Mesh(mesh.vertices, np.vstack([mesh.faces, lines])))
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    np.testing.assert_array_equal(found.faces[: len(mesh.faces) + len(lines)], np.vstack([mesh.faces, lines]))
+    np.testing.assert_array_equal(found.faces[-10:], expected.faces[-10:])

@@ -14,6 +14,10 @@ from cascadenorm.io.foreign import foreign
 from cascadenorm.io.polygons import Polygons, triangulate
 from cascadenorm.mesh import Mesh, MeshError, unit
 
+OFF_TETRAHEDRON = b"\n".join(
+    [b"OFF", b"4 4 6", *(b"%d %d %d" % p for p in TETRAHEDRON), *(b"3 %d %d %d" % s for s in SIDES), b""]
+)
+
 
 def encoded(mesh: Mesh, format: str) -> io.MeshFile:
     polygons = Polygons.from_rows(mesh.faces.astype(np.int64))
@@ -182,8 +186,7 @@ def test_short_polygons_have_no_triangle():
 
 
 def test_off_without_its_keyword_and_with_counts_beside_it():
-    rows = b"\n".join(b"%d %d %d" % p for p in TETRAHEDRON) + b"\n"
-    rows += b"\n".join(b"3 %d %d %d" % s for s in SIDES) + b"\n"
+    rows = OFF_TETRAHEDRON.removeprefix(b"OFF\n4 4 6\n")
     for head in (b"OFF 4 4 6\n", b"OFF\n4 4 6\n", b"4 4 6\n", b"OFF4 4 0\n", b"# first\nOFF\n4 4\n"):
         assert read(head + rows, "off").mesh.volume == pytest.approx(1 / 6)
 
@@ -336,3 +339,86 @@ def test_what_obj_vertices_say_beyond_colours_is_named_when_it_is_left_out():
     ):
         left_out = read(rows + faces).content().left_out
         assert any("further numbers of vertices" in what for what in left_out) == named
+
+
+def test_runs_of_hashes_take_no_time():
+    for line in (b"#" * 200, b"##\n" * 200):
+        assert len(read(line + b"\n" + OBJ, "obj").positions) == len(read(OBJ).positions)
+        assert read(line + b"\n" + OBJ).format == "obj"
+
+
+@pytest.mark.parametrize("start", [b"OFF ", b"ply\n", b"glTF", b'{"asset"', b"# vtk DataFile", b"###", b"solid "])
+def test_a_binary_stl_may_begin_as_any_other_file(start):
+    data = stl_binary()
+    assert read(start.ljust(80) + data[80:]).format == "stl"
+
+
+@pytest.mark.parametrize("change", [(b"\nv ", b"\n\tv\t"), (b"\nv ", b"\n  V "), (b"\n", b"\r")])
+def test_an_obj_is_known_however_it_is_spaced(change):
+    data = b"\n" + b"\n".join(b"v %d %d %d" % p for p in TETRAHEDRON) + b"\nf 1 3 2\n"
+    assert read(data.replace(*change)).format == "obj"
+
+
+@pytest.mark.parametrize("content", [b"<!DOCTYPE html>\n<p>v 1 2 3</p>\n", b"\x1f\x8b\x08\x00", b"hello\n", b"# v\n"])
+def test_what_is_no_obj_is_refused(content):
+    with pytest.raises(io.ReadError, match="no OBJ file"):
+        read(content, "obj")
+
+
+def test_colours_are_fractions_where_none_reaches_2():
+    points = [b"0 0 0", b"1 0 0", b"0 1 0"]
+    white_first = [b"1 1 1", b"1 1 1", b"0.5 0.25 5e-01"]
+    for colors, expected in (
+        (white_first, [[255, 255, 255], [255, 255, 255], [128, 64, 128]]),
+        ([b"1 1 1"] * 3, [[255] * 3] * 3),
+        ([b"255 128.0 2", b"1 0 0", b"0 0 1"], [[255, 128, 2], [1, 0, 0], [0, 0, 1]]),
+    ):
+        rows = [point + b" " + color for point, color in zip(points, colors, strict=True)]
+        for data in (
+            b"".join(b"v " + row + b"\n" for row in rows) + b"f 1 2 3\n",
+            b"COFF\n3 1 0\n" + b"\n".join(rows) + b"\n3 0 1 2\n",
+            b"STCOFF\n3 1 0\n" + b" 0.5 0.5\n".join(rows) + b" 0.5 0.5\n3 0 1 2\n",
+        ):
+            values = read(data).content().vertex_values
+            assert np.stack([values[name] for name in ("red", "green", "blue")], axis=1).tolist() == expected
+            assert "alpha" not in values
+
+
+@pytest.mark.parametrize("word", [b"nan(ind)", b"-nan(ind)", b"1.#QNAN", b"-1.#INF", b"1.#IND00"])
+def test_numbers_that_c_spells_as_none_are_vertices_that_are_not_finite(word):
+    with pytest.raises(MeshError, match="1 of 4 vertices are not finite"):
+        _ = read(OFF_TETRAHEDRON.replace(b"1 0 0", word + b" 0 0", 1)).mesh
+
+
+def test_off_may_be_lower_case_and_speak_of_what_it_is_not():
+    for head in (b"off", b"OFF # not BINARY"):
+        assert read(OFF_TETRAHEDRON.replace(b"OFF", head)).mesh.volume == pytest.approx(1 / 6)
+
+
+def test_polygons_that_no_corner_sees_whole_are_cut_into_ears():
+    letter = np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], float)  # U
+    frame = np.array([(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)], float)  # a hole
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    for flat, area in ((letter, 7), (frame, 12), (letter[::-1], 7)):
+        points = np.column_stack([flat, np.zeros(len(flat))]) @ turn.T
+        for first in range(len(points)):
+            triangles, owners = triangulate(points, Polygons.from_rows(np.roll(np.arange(len(points)), first)[None]))
+            mesh = Mesh(points, triangles)
+            assert len(owners) == len(points) - 2
+            assert mesh.area == pytest.approx(area)
+            assert np.linalg.norm(mesh.area_vectors.sum(axis=0)) == pytest.approx(area)  # none against another
+
+
+def test_a_polygon_that_crosses_itself_is_cut_somehow():
+    star = np.array([(np.cos(2.4 * np.pi * i / 3), np.sin(2.4 * np.pi * i / 3), 0.0) for i in range(5)])
+    for points in (star, np.full((5, 3), np.nan), np.zeros((5, 3))):
+        triangles, _ = triangulate(points, Polygons.from_rows(np.arange(5)[None]))
+        assert triangles.shape == (3, 3)
+
+
+def test_strips_of_a_ply_count_where_its_faces_are_empty():
+    header = b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    header += b"element face 0\nproperty list int int vertex_indices\n"
+    header += b"element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    file = read(header + b"0 0 0\n0 1 0\n1 0 0\n1 1 0\n7 0 2 1 3 3 3 1\n")
+    assert file.mesh.faces.tolist() == [[0, 2, 1], [1, 2, 3]]  # without what stitches strips together

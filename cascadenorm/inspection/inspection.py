@@ -223,7 +223,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "mean_edge_length": edge,
         "area": _scaled(small.area, 2 * exponent),
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
-        "resolution": step / edge if edge else None,
+        "resolution": step / edge if edge and np.isfinite(step / edge) else None,
         "noise": noise_level(oriented(small)),
     }
 

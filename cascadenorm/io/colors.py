@@ -12,9 +12,9 @@ CHANNELS = ("red", "green", "blue", "alpha")
 
 
 def from_words(text: Text, words: Places) -> dict[str, NDArray[Any]]:
-    """Return the channels, as bytes, that words (k, 3 or 4) spell as 0 … 255, or as fractions if one has a point."""
+    """Return the channels, as bytes, that words (k, 3 or 4) spell as 0 … 255, or as fractions where none reaches 2."""
     values = text.numbers(words)
-    fractions = any(b"." in text.word(word) for word in words[:100].ravel().tolist())
+    fractions = not (values >= 2).any()
     with np.errstate(invalid="ignore", over="ignore"):
         scaled = np.nan_to_num(np.clip(np.rint(values * 255 if fractions else values), 0, 255)).astype(np.uint8)
     return dict(zip(CHANNELS, scaled.T, strict=False))

@@ -2,6 +2,7 @@
 
 import codecs
 import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from secrets import token_hex
@@ -31,6 +32,9 @@ FORMATS: dict[str, type[MeshFile]] = {
 
 NEEDS = {**TRIMESH_NEEDS, "vtk": "meshio", "vtu": "meshio"}
 """Packages to be installed for a format."""
+
+OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
+"""Lines that tell an OBJ file."""
 
 Source = str | os.PathLike[str] | BinaryIO
 
@@ -94,6 +98,8 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     ------
     OutputError : the target exists and force is not given, or it cannot be written
     """
+    if not isinstance(file, MeshFile):
+        raise OutputError(f"a {type(file).__name__} is no file: make one of it with from_arrays")
     path = Path(target) if isinstance(target, str | os.PathLike) else None
     chosen = output_format(f".{format}" if format else target, file.format)
     if path:
@@ -233,6 +239,8 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
     """Return a name for messages, the folder if there is one, and the content."""
     if not isinstance(source, str | os.PathLike):
+        if not hasattr(source, "read"):
+            raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
         return str(getattr(source, "name", "the stream")), None, source.read()
     path = Path(source)
     try:
@@ -247,6 +255,8 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
 
 def _sniffed(data: bytes) -> str | None:
     """Recognise a format by its content."""
+    if is_binary_stl(data):  # whose header may begin as another format does
+        return "stl"
     if data[:4] in (b"ply\n", b"ply\r", b"ply "):
         return "ply"
     if data.startswith(b"# vtk DataFile"):
@@ -257,7 +267,6 @@ def _sniffed(data: bytes) -> str | None:
         return "gltf"
     if MAGIC.match(data):
         return "off"
-    if is_binary_stl(data) or data.lstrip()[:6].lower() in (b"solid ", b"solid\n", b"solid\r"):
+    if re.match(rb"\s*solid\s", data, re.I):
         return "stl"
-    has_vertices = any(line.startswith(b"v ") for line in data[:100_000].split(b"\n"))
-    return "obj" if has_vertices and (data.startswith(b"f ") or b"\nf " in data) else None
+    return "obj" if OBJ_VERTEX.search(data, 0, 100_000) and OBJ_FACE.search(data) else None

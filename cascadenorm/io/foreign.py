@@ -61,7 +61,8 @@ class ForeignFile(MeshFile):
         shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
         first = np.concatenate([[0], np.cumsum([len(mesh.vertices) for _, mesh in shown])])
         positions = np.concatenate([mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in shown])
-        faces = np.concatenate([mesh.faces + start for (_, mesh), start in zip(shown, first, strict=False)])
+        wound = [mesh.faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.faces for matrix, mesh in shown]
+        faces = np.concatenate([part + start for part, start in zip(wound, first, strict=False)])
         kinds = {mesh.visual.kind for _, mesh in shown}
         colors = {}
         if kinds == {"vertex"}:

@@ -25,9 +25,11 @@ from cascadenorm.io.json_text import JsonText
 from cascadenorm.io.json_text import Path as JsonPath
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, strips
+from cascadenorm.mesh import names_twice
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
-COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+"""Beside which positions may lie uncompressed as well; who moves these alone changes nothing that is shown."""
 
 
 class Primitive(NamedTuple):
@@ -73,7 +75,8 @@ class GltfContainer(MeshFile):
             return self._parse_document(self._json.document, chunk)
 
     def _parse_document(self, document: Any, chunk: bytes | None) -> tuple[NDArray[np.float32], Polygons]:
-        used = [name for name in COMPRESSED if name in document.get("extensionsRequired", [])]
+        named = [*document.get("extensionsRequired", []), *document.get("extensionsUsed", [])]
+        used = [name for name in COMPRESSED if name in named]
         if used:
             raise ReadError(f"this glTF file is compressed ({used[0]}): export it without compression")
         self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
@@ -141,7 +144,8 @@ class GltfContainer(MeshFile):
         if mode == STRIP:
             return strips(np.array([len(corners)]), corners).corners.reshape(-1, 3)
         if mode == FAN:
-            return np.stack([np.repeat(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
+            fan = np.stack([np.repeat(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
+            return fan[~names_twice(fan)]
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
 
     def _rows(self, primitive: Primitive) -> NDArray[np.int64]:

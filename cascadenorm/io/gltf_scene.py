@@ -56,6 +56,8 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
     names = {name for shape in shown for name in shape.attributes} - {"POSITION", "NORMAL"}
     names -= {name for name, found in (("COLOR_0", colors), ("TEXCOORD_0", texture)) if found is not None}
     left_out += [f"the attribute {name} of vertices" for name in sorted(names)]
+    if any("NORMAL" in shape.attributes for shape in shown):
+        left_out.append("normals")
     return Content(
         np.concatenate([np.zeros((0, 3), np.float32), *(shape.positions for shape in shown)]),
         Polygons.from_rows(np.concatenate([np.zeros((0, 3), np.int64), *triangles])),

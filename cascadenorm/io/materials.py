@@ -4,8 +4,9 @@ import os
 import re
 from pathlib import PurePath
 
-OPTION = rb"-\w+(?:\s+(?:on|off|[rgbmlz]|sphere|cube_\w+|[-+]?[\d.]+))*\s+"
-TEXTURE = re.compile(rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)\s+(?:" + OPTION + rb")*([^\r\n]*\S)", re.M | re.I)
+OPTION = rb"-\w+(?:[ \t]+(?:on|off|[rgbmlz]|sphere|cube_\w+|[-+]?[\d.]+))*[ \t]+"
+KEYWORD = rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t]+"
+TEXTURE = re.compile(KEYWORD + rb"(?:" + OPTION + rb")*([^\r\n]*\S)", re.M | re.I)
 
 
 def textures(library: bytes, name: str) -> list[str]:

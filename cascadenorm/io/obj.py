@@ -3,12 +3,13 @@
 import os
 from collections.abc import Iterable
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.colors import channels, from_words
-from cascadenorm.io.contract import Content, Labels, MeshFile, Piece
+from cascadenorm.io.contract import Content, Labels, MeshFile, Piece, ReadError
 from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
@@ -44,6 +45,8 @@ class ObjFile(MeshFile):
         self._vertices = text.lines_with(b"v")
         self._words = text.columns(self._vertices, 3)
         self._faces = np.sort(np.concatenate([text.lines_with(b"f"), text.lines_with(b"fo")]))
+        if not len(self._vertices) and not len(self._faces):
+            raise ReadError("no line begins with v or f: this is no OBJ file")
         counts = (text.stop - text.first)[self._faces] - 1
         self._corners = ranges(text.first[self._faces] + 1, counts).astype(text.starts.dtype)
         slashes = np.flatnonzero(text.bytes == ord("/"))
@@ -80,7 +83,7 @@ class ObjFile(MeshFile):
         text = self._text
         words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
         lines = text.lines_with(b"vn")
-        if len(lines):
+        if len(lines) and (text.stop[lines] - text.first[lines]).min() > 3:
             columns = text.columns(lines, 3)
             stored = text.numbers_at(text.starts[columns], text.ends[columns], lax=True)
             named = self._references(2, lines)
@@ -111,9 +114,9 @@ class ObjFile(MeshFile):
         width = (self._text.stop - self._text.first)[self._vertices] - 1
         if width.min() > 3:
             words = self._text.columns(self._vertices, int(width.min()) - 3, start=4)
-            further = [patches.blended(column) for column in self._text.numbers(words).T]
-            whole = not any(b"." in self._text.word(word) for word in words[:100].ravel().tolist())
-            values = np.stack(further, axis=1)
+            stored = self._text.numbers(words)
+            whole = (stored >= 2).any() and (stored == np.rint(stored)).all()
+            values = np.stack([patches.blended(column) for column in stored.T], axis=1)
             spellings = rows_of(np.rint(values).astype(np.int64) if whole else values.astype(np.float32))
             rows = [row + b" " + more for row, more in zip(rows, spellings, strict=True)]
         lines = [self._text.lines_with(keyword) for keyword in STATES]
@@ -140,11 +143,20 @@ class ObjFile(MeshFile):
             first, last = text.first[line] + 1, text.stop[line] - 1
             if first > last:
                 continue
-            name = os.fsdecode(self.data[text.starts[first] : text.ends[last]])  # with spaces, one name
-            names.append(name)
-            if self.folder is not None and os.path.isfile(self.folder / name):
-                names += textures((self.folder / name).read_bytes(), name)
+            words = self.data[text.starts[first] : text.ends[last]].replace(b"\\", b"/")
+            for name in self._libraries(os.fsdecode(words)):
+                names.append(name)
+                if self._is_beside(name):
+                    names += textures((Path(self.folder or "") / name).read_bytes(), name)
         return dict.fromkeys(names, False)
+
+    def _libraries(self, names: str) -> list[str]:
+        """Split the names of a line: a name may have spaces in it, or be followed by another one."""
+        apart = names.split()
+        return apart if not self._is_beside(names) and all(map(self._is_beside, apart)) else [names]
+
+    def _is_beside(self, name: str) -> bool:
+        return self.folder is not None and os.path.isfile(self.folder / name)
 
     def _read_content(self) -> Content:
         text = self._text

@@ -13,7 +13,7 @@ from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Places, Text, rows_of, spelled
 
-MAGIC = re.compile(rb"(?:\s|#[^\r\n]*)*((?:ST)?C?N?4?n?OFF)(?=[\s\d#]|\Z)")
+MAGIC = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")  # in linear time
 
 
 class OffFile(MeshFile):
@@ -25,7 +25,8 @@ class OffFile(MeshFile):
         data = self.data
         magic = MAGIC.match(data)
         self._flavour = magic[1].decode() if magic else "OFF"
-        if "n" in self._flavour or b"BINARY" in data[:40]:
+        header = data[magic.end() :].split(b"\n", 1)[0] if magic else b""
+        if "n" in self._flavour or b"BINARY" in header.split(b"#")[0]:
             raise ReadError("this variant of OFF (binary, or not in 3 dimensions) cannot be read: export it as PLY")
         self._text = text = Text(data, start=magic.end() if magic else 0)
         lines = np.arange(len(text.first))
@@ -63,7 +64,8 @@ class OffFile(MeshFile):
     def _read_content(self) -> Content:
         counts = self.polygons.counts
         skipped = 3 + 3 * ("N" in self._flavour) + ("4" in self._flavour)
-        colors = self._colors(self._vertices, np.full(len(self._vertices), skipped))
+        texture = 2 * ("ST" in self._flavour)  # which comes last
+        colors = self._colors(self._vertices, np.full(len(self._vertices), skipped), after=texture)
         face_colors = self._colors(self._faces, 1 + counts)
         further = (self._text.stop - self._text.first)[self._faces] > 1 + counts
         left_out = {
@@ -76,9 +78,9 @@ class OffFile(MeshFile):
             self.positions, self.polygons, colors, face_colors, tuple(what for what, is_so in left_out.items() if is_so)
         )
 
-    def _colors(self, lines: Places, skipped: Places) -> dict[str, NDArray[np.uint8]]:
-        """Return the channels that follow the skipped words, if every line has three or four of them."""
-        further = self._text.stop[lines] - self._text.first[lines] - skipped
+    def _colors(self, lines: Places, skipped: Places, *, after: int = 0) -> dict[str, NDArray[np.uint8]]:
+        """Return the channels that follow the skipped words, if every line has three or four before those after."""
+        further = self._text.stop[lines] - self._text.first[lines] - skipped - after
         if not len(lines) or further.min() < 3:
             return {}
         words = (self._text.first[lines] + skipped)[:, None] + np.arange(min(int(further.min()), 4))

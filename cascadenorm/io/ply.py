@@ -81,7 +81,7 @@ class PlyFile(MeshFile):
 
     def _polygons(self) -> Polygons:
         for name in CORNERS:
-            if ("face", name) in self._columns:
+            if ("face", name) in self._columns and len(self._columns["face", name].offsets):
                 column = self._columns["face", name]
                 counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
                 return Polygons.from_counts(counts, _whole(column.read(self._body)))

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import row_sums
+from cascadenorm.mesh import names_twice, row_sums
 
 MOST_APEXES = 64  # corners tried for a fan without folds; beyond, the fold stays
 
@@ -53,6 +53,9 @@ class Polygons(NamedTuple):
 def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Cut polygons into fans around their first corner, or around the first one that gives no folded triangle.
 
+    Where no corner does, as in the letter U, into ears: one after another, a corner that juts out and has no other in
+    its triangle is cut off.
+
     Parameters
     ----------
     positions : (k, 3)
@@ -68,15 +71,47 @@ def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np
     owners, fans = _fans(polygons, np.arange(len(polygons)), 0)
     folded = np.unique(owners[_turned(positions, fans, owners)])
     for apex in range(1, MOST_APEXES):
-        folded = folded[counts[folded] > max(apex, 3)]
-        if not len(folded):
+        trying = folded[counts[folded] > max(apex, 3)]
+        if not len(trying):
             break
-        polygon, fan = _fans(polygons, folded, apex)
-        still = np.isin(folded, polygon[_turned(positions, fan, polygon)])
-        better = np.isin(polygon, folded[~still])
-        fans[np.isin(owners, folded[~still])] = fan[better]
-        folded = folded[still]
+        polygon, fan = _fans(polygons, trying, apex)
+        still = np.isin(trying, polygon[_turned(positions, fan, polygon)])
+        better = np.isin(polygon, trying[~still])
+        fans[np.isin(owners, trying[~still])] = fan[better]
+        folded = np.setdiff1d(folded, trying[~still])
+    for number in folded[counts[folded] > 4].tolist():
+        corners = polygons.corners[polygons.indptr[number] : polygons.indptr[number + 1]]
+        if ears := _ears(positions[corners]):
+            fans[owners == number] = corners[ears]
     return fans, owners
+
+
+def _ears(corners: NDArray[Any]) -> list[tuple[int, int, int]]:
+    """Cut ears off a polygon, (c, 3) positions, as seen along its mean normal; none where it crosses itself."""
+    with np.errstate(all="ignore"):
+        scaled = (corners - corners[0]) / np.float64(np.abs(corners - corners[0]).max() or 1)
+        normal = np.cross(scaled, np.roll(scaled, -1, axis=0)).sum(axis=0)
+        flat = scaled @ np.linalg.svd(normal[None])[2][1:].T if np.isfinite(normal).all() else np.full((1, 2), np.nan)
+    x, y = flat.T
+    if np.roll(y, -1) @ x - np.roll(x, -1) @ y < 0:
+        y = -y
+
+    def side(a: int, b: int, c: Any) -> Any:
+        return (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a])
+
+    left, ears = list(range(len(corners))), []
+    while len(left) > 2:
+        for place, b in enumerate(left):
+            a, c = left[place - 1], left[(place + 1) % len(left)]
+            others = np.array([i for i in left if not any((flat[i] == flat[[a, b, c]]).all(axis=1))], np.intp)
+            within = (side(a, b, others) >= 0) & (side(b, c, others) >= 0) & (side(c, a, others) >= 0)
+            if side(a, b, c) >= 0 and not within.any():
+                ears.append((a, b, c))
+                del left[place]
+                break
+        else:
+            return []
+    return ears
 
 
 def _fans(polygons: Polygons, chosen: NDArray[np.int64], apex: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -98,7 +133,10 @@ def _turned(positions: NDArray[Any], triangles: NDArray[np.int64], owners: NDArr
 
 
 def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
-    """Cut triangle strips, which -1 ends and every other triangle of which is turned, into triangles."""
+    """Cut triangle strips, which -1 ends and every other triangle of which is turned, into triangles.
+
+    Those that name a vertex twice stitch one strip to another, and are left out.
+    """
     ends = np.zeros(len(corners) + 1, bool)
     ends[np.cumsum(counts)] = True
     cut = np.concatenate([[True], (corners == -1) | ends[1:]])[: len(corners)]
@@ -108,7 +146,7 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
     triangles = np.stack([corners[window], corners[window + 1], corners[window + 2]], axis=1)
     odd = (window - begin[window]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
-    return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1)])
+    return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1) & ~names_twice(triangles)])
 
 
 def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[np.float64]:

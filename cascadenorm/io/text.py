@@ -13,6 +13,7 @@ from cascadenorm.mesh import over
 
 Places = NDArray[np.signedinteger[Any]]
 
+NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries spell it
 BLOCK = 1 << 18  # words worked on at a time
 
 
@@ -125,13 +126,14 @@ class Text:
         return integers.reshape(starts.shape)
 
     def _number(self, start: int, end: int, lax: bool) -> float:
+        word = self.data[start:end]
         try:
-            return float(self.data[start:end])
+            return float(word)
         except ValueError:
-            if lax:
+            if lax or NOT_FINITE.fullmatch(word):
                 return np.nan
             raise ReadError(
-                f"line {self.line_number(start)}: {_shown(self.data[start:end])} is not a number: "
+                f"line {self.line_number(start)}: {_shown(word)} is not a number: "
                 "correct this line, or write the file again where it came from"
             ) from None
 

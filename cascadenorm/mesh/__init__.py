@@ -1,7 +1,7 @@
 """Triangle meshes: arrays, topology, geometry, checks, and threads for the kernels that walk over them."""
 
 from cascadenorm.mesh.frame import in_frame, scaled_alike
-from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated
+from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, names_twice, without_lines
 from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, angles_between, first_places, row_sums, unit
 from cascadenorm.mesh.threads import in_blocks, kernel, limit_threads, one_blas_thread, over, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
@@ -21,10 +21,12 @@ __all__ = [
     "isolated",
     "kernel",
     "limit_threads",
+    "names_twice",
     "one_blas_thread",
     "over",
     "row_sums",
     "scaled_alike",
     "thread_count",
     "unit",
+    "without_lines",
 ]

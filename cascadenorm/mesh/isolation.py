@@ -1,5 +1,7 @@
 """Bad vertices and faces, and the mesh without them, so that one bad number does not spoil the rest."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,9 +17,20 @@ def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
     """Return which faces name a vertex that does not exist or is not finite, or one vertex twice, (m,)."""
     corners, bad = face_array(faces), bad_vertices(vertices)
     misnamed = (corners < 0) | (corners >= len(bad))
-    a, b, c = corners.T
     touching = np.append(bad, True)[np.where(misnamed, len(bad), corners)].any(axis=1)
-    return np.asarray(touching | (a == b) | (b == c) | (c == a))
+    return np.asarray(touching | names_twice(corners))
+
+
+def names_twice(faces: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which faces, (m, 3), name a vertex twice, (m,)."""
+    a, b, c = faces.T
+    return np.asarray((a == b) | (b == c) | (c == a))
+
+
+def without_lines(mesh: Mesh) -> Mesh:
+    """Return the mesh without faces that name a vertex twice, unless it has no others: no surface, but edges."""
+    lines = names_twice(mesh.faces)
+    return Mesh(mesh.vertices, mesh.faces[~lines]) if lines.any() and not lines.all() else mesh
 
 
 def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
