@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from cascadenorm.baselines.diffusion import Moving, Step, diffuse
+from cascadenorm.baselines.diffusion import Moving, Step, diffuse, flowed
 from cascadenorm.baselines.operators import (
     Laplacian,
     assemble,
@@ -42,12 +42,15 @@ def anisotropic_diffusion(
     iterations: Annotated[int, Parameter("implicit steps, each with a new tensor", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:
-    """Diffuse the vertices with a tensor whose weight falls where, and across which, the normal turns."""
+    """Diffuse the vertices with a tensor whose weight falls where, and across which, the normal turns.
+
+    A rim moves off the surface only (see `flowed`).
+    """
     time = step * mesh.mean_edge_length**2
     for _ in steps(iterations):
         normals = smoothed_normals(mesh, presmoothing)
         laplacian = anisotropic_laplacian(mesh, normals, threshold=threshold)
-        mesh = mesh.moved(diffuse(laplacian, mesh.vertices, time=time, iterations=1, region=region))
+        mesh = mesh.moved(flowed(mesh, laplacian, time=time, region=region))
     return mesh.vertices.copy()
 
 
@@ -80,10 +83,8 @@ def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> 
 @kernel
 def _tensor_weights(start, stop, vertices, faces, lengths, normals, scale, weights, areas):  # type: ignore[no-untyped-def]
     """Weight of each side, -A ∇φ_k·a ∇φ_(k+1), in the plane of a face with the given lengths of its sides."""
-    gradient, turn = np.empty((3, 2)), np.empty((2, 2))
-    first, second = np.empty(3), np.empty(3)
+    gradient = np.empty((3, 2))
     for f in range(start, stop):
-        i, j, k = faces[f]
         l0, l1, l2 = lengths[f]
         x = (l0 * l0 + l2 * l2 - l1 * l1) / (2.0 * l0)
         y = np.sqrt(max(l2 * l2 - x * x, 0.0))
@@ -92,21 +93,15 @@ def _tensor_weights(start, stop, vertices, faces, lengths, normals, scale, weigh
         gradient[0, 0], gradient[0, 1] = -y / double, (x - l0) / double
         gradient[1, 0], gradient[1, 1] = y / double, -x / double
         gradient[2, 0], gradient[2, 1] = 0.0, l0 / double
-        # the same frame in space: along side 0, and at right angles to it toward corner 2
-        first[:] = vertices[j] - vertices[i]
-        second[:] = vertices[k] - vertices[i]
-        first /= max(np.sqrt((first * first).sum()), 1e-300)
-        second -= (first * second).sum() * first
-        second /= max(np.sqrt((second * second).sum()), 1e-300)
-        # shape operator of the interpolated normals, made symmetric
-        turn[:] = 0.0
-        for corner in range(3):
-            normal = normals[faces[f, corner]]
-            along, aside = (normal * first).sum(), (normal * second).sum()
-            for d in range(2):
-                turn[d, 0] += scale * gradient[corner, d] * along
-                turn[d, 1] += scale * gradient[corner, d] * aside
-        p, q, r = turn[0, 0], 0.5 * (turn[0, 1] + turn[1, 0]), turn[1, 1]
+        # shape operator of the interpolated normals, made symmetric: it is known by what it does along each side
+        p = q = r = 0.0
+        for side in range(3):
+            i, j = faces[f, side], faces[f, (side + 1) % 3]
+            turn = -0.5 * scale * ((normals[j] - normals[i]) * (vertices[j] - vertices[i])).sum()
+            a, b = gradient[side], gradient[(side + 1) % 3]
+            p += 2.0 * turn * a[0] * b[0]
+            q += turn * (a[0] * b[1] + a[1] * b[0])
+            r += 2.0 * turn * a[1] * b[1]
         # a = Σ 1/(1 + κ²) d dᵀ = (1 + W²)⁻¹, without eigenvectors
         u, v, w = 1.0 + p * p + q * q, q * (p + r), 1.0 + q * q + r * r
         determinant = u * w - v * v

@@ -127,6 +127,9 @@ def _bilateral_pass(start, stop, normals, guide, own, indptr, indices, weights, 
             x += w * normals[g, 0]
             y += w * normals[g, 1]
             z += w * normals[g, 2]
+        largest = max(abs(x), abs(y), abs(z))
+        if 0.0 < largest < 1e-140:  # whose squares vanish
+            x, y, z = x / largest, y / largest, z / largest
         length = np.sqrt(x * x + y * y + z * z)
         if length > 0:
             out[f, 0], out[f, 1], out[f, 2] = x / length, y / length, z / length

@@ -67,10 +67,7 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
 
 def vertex_normals(mesh: Mesh) -> Vectors:
     """Return (n, 3) the normalised sum of the unit normals of the faces around each vertex; zero where they cancel."""
-    around = mesh.topology.vertex_faces
-    total = np.empty_like(mesh.vertices)
-    over(len(total), _sum_rows, mesh.normals, *around, total)
-    return unit(total)
+    return unit(mesh.sums_around(mesh.normals))
 
 
 def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
@@ -129,10 +126,10 @@ def _centroid_means(start, stop, vertices, centroids, areas, spread, indptr, ind
             y += w * dy
             z += w * dz
             total += w
-        scale = 1.0 / total if total > 0.0 else 0.0
-        means[i, 0] = vertices[i, 0] + scale * x
-        means[i, 1] = vertices[i, 1] + scale * y
-        means[i, 2] = vertices[i, 2] + scale * z
+        total = total if total > 0.0 else 1.0
+        means[i, 0] = vertices[i, 0] + x / total
+        means[i, 1] = vertices[i, 1] + y / total
+        means[i, 2] = vertices[i, 2] + z / total
 
 
 @kernel
@@ -153,22 +150,10 @@ def _projection_means(start, stop, vertices, centroids, areas, normals, spread, 
             y += w * height * normals[f, 1]
             z += w * height * normals[f, 2]
             total += w
-        scale = 1.0 / total if total > 0.0 else 0.0
-        out[i, 0] = vertices[i, 0] + scale * x
-        out[i, 1] = vertices[i, 1] + scale * y
-        out[i, 2] = vertices[i, 2] + scale * z
-
-
-@kernel
-def _sum_rows(start, stop, values, indptr, indices, out):  # type: ignore[no-untyped-def]
-    for i in range(start, stop):
-        x = y = z = 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            f = indices[k]
-            x += values[f, 0]
-            y += values[f, 1]
-            z += values[f, 2]
-        out[i, 0], out[i, 1], out[i, 2] = x, y, z
+        total = total if total > 0.0 else 1.0
+        out[i, 0] = vertices[i, 0] + x / total
+        out[i, 1] = vertices[i, 1] + y / total
+        out[i, 2] = vertices[i, 2] + z / total
 
 
 @kernel

@@ -2,8 +2,8 @@
 
 from typing import Annotated
 
-from cascadenorm.baselines.diffusion import Moving, Scheme, Step, diffuse
-from cascadenorm.baselines.operators import cotangent_laplacian
+from cascadenorm.baselines.diffusion import Moving, Scheme, Step, flowed
+from cascadenorm.baselines.operators import MOLLIFICATION, cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, method
 from cascadenorm.steps import steps
@@ -20,11 +20,12 @@ def mean_curvature_flow(
 ) -> Vectors:
     """Move the vertices by λΔx = -2λHn, with the cotangent Laplacian rebuilt before every step.
 
-    A sphere of radius r0 has r(t)² = r0² - 4λt. Explicit steps that are too long are cut as in `diffuse`. Vertices
-    outside the region, and those without a face, stay.
+    A sphere of radius r0 has r(t)² = r0² - 4λt. Explicit steps that are too long are cut as in `diffuse`. A rim moves
+    off the surface only (see `flowed`). Vertices outside the region, and those without a face, stay.
     """
-    time = step * mesh.mean_edge_length**2
+    edge = mesh.mean_edge_length
     for _ in steps(iterations):
-        laplacian = cotangent_laplacian(mesh)
-        mesh = mesh.moved(diffuse(laplacian, mesh.vertices, time=time, iterations=1, scheme=scheme, region=region))
+        slack = MOLLIFICATION * edge / (mesh.mean_edge_length or 1.0)  # a part that has shrunk to a point stays one
+        laplacian = cotangent_laplacian(mesh, mollification=slack)
+        mesh = mesh.moved(flowed(mesh, laplacian, time=step * edge**2, scheme=scheme, region=region))
     return mesh.vertices.copy()

@@ -53,13 +53,9 @@ def laplacian(
     does: see `diffuse`.
     """
     operator = laplacian_of(mesh, weights)
-    time = step * length_unit(mesh, weights) ** (2 * order)
+    unit = mesh.mean_edge_length if weights == "cotan" else 1.0  # uniform weights know no length
+    time = step * unit ** (2 * order)
     return diffuse(operator, mesh.vertices, time=time, iterations=iterations, scheme=scheme, order=order, region=region)
-
-
-def length_unit(mesh: Mesh, weights: Weights) -> float:
-    """Length that steps are counted in: the mean edge for cotangent weights; uniform weights know no length."""
-    return mesh.mean_edge_length if weights == "cotan" else 1.0
 
 
 def diffuse(
@@ -117,6 +113,37 @@ def diffuse(
     for _ in steps(iterations):
         values[inside] += solve(-time * (power @ values)[inside])
     return values
+
+
+def flowed(
+    mesh: Mesh, laplacian: Laplacian, *, time: float, scheme: Scheme = "implicit", region: Region | None = None
+) -> Vectors:
+    """Take one step of x_t = Δx, in which vertices on a rim go off the surface only: along it nothing holds a rim.
+
+    Without a rim it is a step of `diffuse`, whose parameters these are.
+
+    Returns
+    -------
+    (n, 3); vertices outside the region, and those without a face, stay
+    """
+    held = laplacian.mass == 0 if region is None else ~region | (laplacian.mass == 0)
+    rim = np.flatnonzero(mesh.topology.boundary_vertices)
+    normals = mesh.vertex_normals[rim]
+
+    def velocity(vertices: Vectors) -> Vectors:
+        towards = -laplacian.apply(vertices)
+        towards[rim] = np.einsum("ij,ij->i", towards[rim], normals)[:, None] * normals
+        towards[held] = 0
+        return towards
+
+    if scheme == "implicit":
+        return mesh.vertices + time * diffuse(
+            laplacian, velocity(mesh.vertices), time=time, iterations=1, region=region
+        )
+    cuts, vertices = _stable_cuts(laplacian, time, 1, 1) if time else 0, mesh.vertices
+    for _ in steps(cuts):
+        vertices = vertices + time / cuts * velocity(vertices)
+    return vertices
 
 
 def _stable_cuts(laplacian: Laplacian, time: float, iterations: int, order: Order) -> int:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.interior import face_pairs
 from cascadenorm.mesh import Mesh, Topology, Vectors, angles_between, kernel, over
 
+STEEPEST = 1e3  # weight of a vertex at an edge that counts
+
 EdgeOperator = Literal["area", "cotan"]
 
 
@@ -34,8 +36,9 @@ def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: Edg
 
     The cotangent operator is (-cot 231 - cot 134, cot 231 + cot 312, -cot 312 - cot 413, cot 134 + cot 413), of length
     |D(e)x| = 2 sin(γ/2) |x_3 - x_1| for faces that meet at π - γ. The area-based operator is that one times
-    2 A_123 A_134 / (|x_3 - x_1|² (A_123 + A_134)), so that no weight grows as a triangle degenerates.
-    An edge without length, and for the cotangent operator one with a face without area, gets zeros.
+    2 A_123 A_134 / (|x_3 - x_1|² (A_123 + A_134)), so that no weight grows as a triangle loses its height.
+    An edge without length or of next to none, for which a weight is above 1,000, gets zeros, and for the cotangent
+    operator one with a face without area.
     """
     coefficients = np.empty(quads.shape)
     over(len(quads), _edge_coefficients, vertices, quads, operator == "area", coefficients)
@@ -69,4 +72,6 @@ def _edge_coefficients(start, stop, vertices, quads, by_area, out):  # type: ign
                 second, fourth = squared / right, squared / left
         along = second * (ux * vx + uy * vy + uz * vz) + fourth * (ux * wx + uy * wy + uz * wz)
         third = -along / squared if squared > 0.0 else 0.0
+        if max(abs(second), abs(third), abs(fourth), abs(second + third + fourth)) > STEEPEST:
+            second = third = fourth = 0.0
         out[e, 0], out[e, 1], out[e, 2], out[e, 3] = -(second + third + fourth), second, third, fourth

@@ -11,6 +11,7 @@ from cascadenorm.baselines.operators import Laplacian, Weights, laplacian_of
 from cascadenorm.baselines.solvers import solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors, first_places
 from cascadenorm.registry import Parameter, ParameterError, method
+from cascadenorm.steps import steps
 
 Fairness = Annotated[Order, Parameter("1 membrane, 2 thin plate, 3 minimum variation: that many fixed rings hold it")]
 
@@ -38,7 +39,7 @@ def fairing(
     free = region & (mesh.topology.vertex_faces.counts > 0)
     _refuse_what_nothing_holds(mesh, free)
     inside = np.flatnonzero(free)
-    for _ in range(iterations if len(inside) else 0):
+    for _ in steps(iterations if len(inside) else 0):
         # P d = -P x for the displacement d, so that the vertices around keep their bits
         laplacian = laplacian_of(mesh, weights)
         energy, solve = _energy(mesh, laplacian, inside, order)

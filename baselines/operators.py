@@ -16,7 +16,8 @@ from scipy import sparse
 from cascadenorm.mesh import Mesh, Vectors, kernel, over
 
 Weights = Literal["uniform", "cotan"]
-MOLLIFICATION = 1e-5  # slack of the triangle inequality, in mean edge lengths (Sharp & Crane 2020)
+MOLLIFICATION = 1e-3
+"""Slack of the triangle inequality, in mean edge lengths (Sharp & Crane 2020); less ruins powers of the Laplacian."""
 
 
 @dataclass(frozen=True)

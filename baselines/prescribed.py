@@ -5,10 +5,12 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
-from cascadenorm.baselines.diffusion import Moving, Step, diffuse
-from cascadenorm.baselines.operators import cotangent_laplacian, sums
+from cascadenorm.baselines.diffusion import Moving, Region, Step, diffuse
+from cascadenorm.baselines.interior import face_pairs
+from cascadenorm.baselines.operators import Laplacian, cotangent_laplacian, sums
 from cascadenorm.mesh import Mesh, Vectors, unit
 from cascadenorm.registry import Parameter, method
 from cascadenorm.steps import steps
@@ -42,9 +44,11 @@ def prescribed_mean_curvature(
 
     The flow is M x_t = M f n - A: A is the gradient of the area, in which the input's creases weigh less and a rim does
     not pull inward; f is the input's own A along the normals, smoothed by `anisotropic_laplacian`. Steps are
-    preconditioned by (M + tS)⁻¹. Vertices outside the region, and those without a face, stay.
+    preconditioned by (M + tS)⁻¹, none is longer than a mean edge, and no part drifts as a whole. Vertices outside the
+    region, and those without a face, stay.
     """
-    unit_time = mesh.mean_edge_length**2
+    edge = mesh.mean_edge_length
+    unit_time = edge**2
     time = step * unit_time
     normals = smoothed_normals(mesh, presmoothing)
     weights = crease_weights(mesh, normals, threshold=threshold)
@@ -55,11 +59,25 @@ def prescribed_mean_curvature(
         laplacian = cotangent_laplacian(mesh)
         normals = smoothed_normals(mesh, presmoothing)
         velocity = target * normals - laplacian.inverse_mass[:, None] * area_gradient(mesh, weights)
+        velocity -= drift(laplacian, velocity, region)
         if region is not None:
             velocity[~region] = 0
-        velocity = diffuse(laplacian, velocity, time=time, iterations=1, region=region)
-        mesh = mesh.moved(mesh.vertices + time * velocity)
+        moves = time * diffuse(laplacian, velocity, time=time, iterations=1, region=region)
+        lengths = np.linalg.norm(moves, axis=1, keepdims=True)
+        mesh = mesh.moved(mesh.vertices + moves * np.minimum(1, edge / np.maximum(lengths, 1e-300)))
     return mesh.vertices.copy()
+
+
+def drift(laplacian: Laplacian, velocity: Vectors, region: Region | None) -> Vectors:
+    """Return (n, 3) the mean velocity of the part of the mesh that each vertex belongs to, unless something holds it.
+
+    The pulls on a part with creases need not cancel, and one that is tiny would fly off.
+    """
+    count, part = connected_components(laplacian.stiffness, directed=False)
+    mass = np.bincount(part, laplacian.mass, count)
+    free = mass > 0 if region is None else (mass > 0) & (np.bincount(part, ~region, count) == 0)
+    sums = [np.bincount(part, laplacian.mass * column, count) for column in velocity.T]
+    return np.where(free, sums / np.where(free, mass, 1.0), 0.0).T[part]
 
 
 def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray[np.float64]:
@@ -68,12 +86,11 @@ def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray
     The turn c is that of the given vertex normals from the middle of one face of the edge to that of the other; past
     the threshold the weight is threshold² / (10 (c - threshold)² + threshold²).
     """
-    inner, around = mesh.topology.interior_edges, mesh.topology.edge_faces
-    first, second = around.indices[around.indptr[inner][:, None] + (0, 1)].T
+    first, second = face_pairs(mesh.topology).T
     middle = unit(normals[mesh.faces].sum(axis=1))
     past = np.maximum(np.linalg.norm(middle[second] - middle[first], axis=1) / threshold - 1, 0)
     weights = np.zeros(len(mesh.topology.edges))
-    weights[inner] = 1 / (SHARPNESS * past**2 + 1)
+    weights[mesh.topology.interior_edges] = 1 / (SHARPNESS * past**2 + 1)
     return weights
 
 

@@ -4,14 +4,16 @@ import numpy as np
 from scipy import sparse
 
 from cascadenorm.data_gen.fields import Values
+from cascadenorm.data_gen.placement import direction
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 WIDEST = 60  # passes of neighbour means that spread noise: over about six pixels
+LEAST_FACING = 1e-3  # of the area of a sheet that faces the camera
 LONGEST = 5.0  # rounding steps are up to so many times as high as for terraces of a pixel
 
 
 def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
-    """Displace vertices along the direction of view, which is taken to be the mean normal of the sheet.
+    """Displace vertices along the direction of view: the mean normal of a sheet, any direction for a closed surface.
 
     Neighbours err alike, since a camera matches windows of pixels, and where a surface is steep against the view,
     rounding of the disparity makes terraces (Khoshelham, Elberink 2012; Barron, Malik 2013). So the whole error may be
@@ -19,7 +21,7 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
 
     Parameters
     ----------
-    mesh : a sheet seen from one side
+    mesh : a sheet seen from one side, or a surface from all
     deviation : about that of the error from one vertex to the next, a length; white noise of this standard deviation
         differs as much between neighbours
 
@@ -27,7 +29,9 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
     -------
     (n, 3) float64, parallel rows
     """
-    toward = unit(mesh.area_vectors.sum(axis=0)[None])[0]
+    mean = mesh.area_vectors.sum(axis=0)
+    closed = np.linalg.norm(mean) < LEAST_FACING * mesh.area
+    toward = direction(rng=rng) if closed else unit(mean[None])[0]
     depth = -mesh.vertices @ toward
     distance = depth + float(rng.uniform(1.5, 6)) * mesh.diagonal - depth.mean()
     return np.asarray(camera_errors(distance, mesh, deviation, rng=rng)[:, None] * toward)

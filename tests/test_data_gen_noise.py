@@ -106,3 +106,12 @@ def test_unknown_kinds_and_negative_levels_are_refused(ball):
         displacements(ball, "salt", level=0.1, rng=rng)
     with pytest.raises(ValueError, match=r"-0\.1"):
         displacements(ball, "normal", level=-0.1, rng=rng)
+
+
+def test_a_closed_surface_is_seen_from_a_direction_that_is_drawn(ball):
+    turned = Mesh(ball.vertices, np.roll(ball.faces[::-1], 1, axis=1))
+    one, two = (displacements(mesh, "sensor", level=0.2, rng=np.random.default_rng(3)) for mesh in (ball, turned))
+    np.testing.assert_allclose(one, two, atol=1e-12)
+    other = displacements(ball, "sensor", level=0.2, rng=np.random.default_rng(4))
+    towards = [moves[np.abs(moves).sum(axis=1).argmax()] for moves in (one, other)]
+    assert abs(np.dot(*(v / np.linalg.norm(v) for v in towards))) < 0.99
