@@ -77,7 +77,7 @@ def drift(laplacian: Laplacian, velocity: Vectors, region: Region | None) -> Vec
     mass = np.bincount(part, laplacian.mass, count)
     free = mass > 0 if region is None else (mass > 0) & (np.bincount(part, ~region, count) == 0)
     sums = [np.bincount(part, laplacian.mass * column, count) for column in velocity.T]
-    return np.where(free, sums / np.where(free, mass, 1.0), 0.0).T[part]
+    return np.asarray(np.where(free, sums / np.where(free, mass, 1.0), 0.0).T[part])
 
 
 def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray[np.float64]:

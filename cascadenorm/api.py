@@ -20,10 +20,11 @@ from cascadenorm.interop import adapter
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target, extensible
 from cascadenorm.io.patches import Patches
+from cascadenorm.io.welding import weld
 from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, in_frame, isolated, limit_threads, without_lines
 from cascadenorm.metrics import Measures, measure
 from cascadenorm.registry import Method, ParameterError, find, registered
-from cascadenorm.selection import selected
+from cascadenorm.selection import selected, welded
 
 DEFAULT_METHOD = "auto"
 
@@ -96,7 +97,7 @@ def denoise(
     Parameters
     ----------
     mesh : vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, open3d
-        or meshio, or the path of a file
+        or meshio, of which copies of a vertex at seams stay together; or the path of a file
     faces : (m, 3) integers in 0 … n - 1
     method : one of `methods()`
     strength : 0 nothing, 1 the method; between them a blend; above 1 the method is applied again to what came out
@@ -154,8 +155,7 @@ def denoise(
             return Path(done.output)
         if isinstance(mesh, Mesh):
             return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls, isolate=isolate))
-        kind = adapter(mesh)
-        return kind.with_vertices(mesh, _denoised(chosen, *kind.arrays(mesh), parameters, controls, isolate=isolate))
+        return _denoised_object(chosen, mesh, parameters, controls, isolate=isolate)
 
 
 def denoise_file(
@@ -309,6 +309,20 @@ def _denoised(
     return np.where(bad_vertices(given)[:, None], given, denoised) if isolate else denoised
 
 
+def _denoised_object(
+    method: Method, mesh: Any, parameters: dict[str, Any], controls: Controls, *, isolate: bool
+) -> Any:
+    """Denoise a mesh of another library, of which copies of vertices at seams stay together."""
+    kind = adapter(mesh)
+    vertices, faces = kind.arrays(mesh)
+    within = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
+    welds, first = weld(vertices, faces[within].astype(np.int64))
+    named = faces.astype(np.int64)
+    named[within] = welds[faces[within]]
+    denoised = _denoised(method, vertices[first], named, parameters, welded(controls, welds), isolate=isolate)[welds]
+    return kind.with_vertices(mesh, np.where(denoised == vertices, vertices, denoised))  # -0 stays -0
+
+
 def _denoised_file(
     method: Method,
     source: str | PathLike[str] | BinaryIO,
@@ -325,8 +339,6 @@ def _denoised_file(
             raise TypeError("a stream has no place for its output: give one")
         output = beside(Path(source), "denoised")
         check_output(output, force=force)
-        if output.suffix:
-            io.output_format(output)
     elif isinstance(output, str | PathLike):
         check_output(Path(output), force=force)
         if not is_special(output):

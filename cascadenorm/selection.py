@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.controls import Controls, faces_within
 from cascadenorm.io import MeshFile
@@ -59,6 +59,33 @@ def selected(controls: Controls, file: MeshFile) -> Controls:
     return replace(controls, **changed)
 
 
+def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
+    """Return controls over vertices of which some are copies of each other as controls over the welded ones.
+
+    Parameters
+    ----------
+    controls : as arrays; of the copies of a vertex the smallest weight counts, and it is fixed if one of them is
+    welds : (k,) the welded vertex of each
+    """
+
+    def renumbered(numbers: ArrayLike) -> NDArray[Any]:
+        given = np.asarray(numbers)
+        within = given.dtype.kind in "iu" and ((given >= 0) & (given < len(welds))).all()
+        return welds[given] if within else given  # the controls say what is wrong
+
+    changed: dict[str, Any] = {}
+    if controls.mask is not None:
+        changed["mask"] = _joined(np.asarray(controls.mask), welds, np.minimum)
+    if controls.fixed is not None:
+        is_mask = np.asarray(controls.fixed).dtype == bool
+        changed["fixed"] = (
+            _joined(np.asarray(controls.fixed), welds, np.maximum) if is_mask else renumbered(controls.fixed)
+        )
+    if np.ndim(controls.creases) == 2:  # type: ignore[arg-type]
+        changed["creases"] = renumbered(controls.creases)  # type: ignore[arg-type]
+    return replace(controls, **changed)
+
+
 def faces_labelled(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
     """Return (m,) which triangles of the mesh of a file carry one of the labels.
 
@@ -88,22 +115,22 @@ def faces_labelled(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
 
 def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
     if not isinstance(mask, str):
-        return _joined(np.asarray(mask), file, np.minimum)
+        return _joined(np.asarray(mask), file.welds, np.minimum)
     values = _of_vertices("mask", mask, file)
-    return _joined(values / 255 if values.dtype == np.uint8 else values, file, np.minimum)
+    return _joined(values / 255 if values.dtype == np.uint8 else values, file.welds, np.minimum)
 
 
 def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
     if not isinstance(fixed, str):
         given = np.asarray(fixed)
-        return _joined(given, file, np.maximum) if given.dtype == bool else given
+        return _joined(given, file.welds, np.maximum) if given.dtype == bool else given
     count, attributes = len(file.positions), _attributes(file)
     if fixed in attributes:
-        return _joined(np.asarray(attributes[fixed] != 0), file, np.maximum)
+        return _joined(np.asarray(attributes[fixed] != 0), file.welds, np.maximum)
     if fixed.endswith(FILES):
         column = _table("fixed", fixed, 1)[:, 0]
         if column.dtype == bool:
-            return _joined(column, file, np.maximum)
+            return _joined(column, file.welds, np.maximum)
         return file.welds[_vertex_numbers("fixed", column, count)]
     runs = [RUN.fullmatch(run) for run in fixed.split(",")]
     if not all(runs):
@@ -147,13 +174,13 @@ def _attributes(file: MeshFile) -> dict[str, NDArray[Any]]:
     return {name: value for name, value in values.items() if value.shape == (len(file.positions),)}
 
 
-def _joined(values: NDArray[Any], file: MeshFile, smallest_or_largest: np.ufunc) -> NDArray[Any]:
+def _joined(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_largest: np.ufunc) -> NDArray[Any]:
     """Bring values at the vertices of the file to those of its mesh; others are left for the controls to judge."""
-    if values.shape != (len(file.positions),) or values.dtype.kind not in "biuf":
+    if values.shape != welds.shape or values.dtype.kind not in "biuf":
         return values
-    joined = np.empty(len(file.mesh.vertices), values.dtype)
-    joined[file.welds] = values
-    smallest_or_largest.at(joined, file.welds, values)
+    joined = np.empty(welds.max(initial=-1) + 1, values.dtype)
+    joined[welds] = values
+    smallest_or_largest.at(joined, welds, values)
     return joined
 
 

@@ -209,6 +209,29 @@ def test_trimesh_comes_back_with_its_attributes():
     assert out.metadata["unit"] == "mm"
 
 
+def test_seams_of_trimesh_stay_closed():
+    trimesh = pytest.importorskip("trimesh")
+    beyond = BALL.vertices[BALL.faces].mean(axis=1)[:, 0] > 0.1
+    own = np.intersect1d(BALL.faces[beyond], BALL.faces[~beyond])  # on the seam: the faces beyond it have copies
+    number = np.arange(len(BALL.vertices))
+    number[own] = len(BALL.vertices) + np.arange(len(own))
+    faces = np.where(beyond[:, None], number[BALL.faces], BALL.faces)
+    source = np.concatenate([np.arange(len(BALL.vertices)), own])
+    split = trimesh.Trimesh(BALL.vertices[source], faces, process=False)
+    np.testing.assert_array_equal(cn.denoise(split, **METHOD).vertices, cn.denoise(BALL, **METHOD).vertices[source])
+    for name, one, several in (
+        ("fixed", [number[own[3]]], [own[3]]),
+        ("fixed", np.arange(len(source)) == number[own[3]], [own[3]]),
+        ("mask", np.arange(len(source)) != number[own[3]], np.arange(162) != own[3]),
+        ("creases", number[BALL.faces[beyond][0, :2]][None], BALL.faces[beyond][0, :2][None]),
+    ):
+        out = cn.denoise(split, **METHOD, **{name: one}).vertices
+        expected = cn.denoise(BALL, **METHOD, **{name: several}).vertices
+        np.testing.assert_array_equal(out, expected[source])
+    with pytest.raises(cn.ParameterError, match="names vertex 1000"):
+        cn.denoise(split, **METHOD, fixed=[1000])
+
+
 def test_pyvista_comes_back_with_its_arrays():
     pyvista = pytest.importorskip("pyvista")
     mesh = pyvista.PolyData.from_regular_faces(BALL.vertices.astype(np.float32), BALL.faces)

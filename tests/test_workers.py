@@ -50,7 +50,7 @@ import time
 from cascadenorm.workers import side_by_side
 try:
     with side_by_side(2) as each:
-        results = each(time.sleep, [0.1] * 40)
+        results = each(time.sleep, [0.1] * 400)
         print("begun", flush=True)
         list(results)
 except KeyboardInterrupt:

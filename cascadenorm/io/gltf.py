@@ -75,8 +75,8 @@ class GltfContainer(MeshFile):
             return self._parse_document(self._json.document, chunk)
 
     def _parse_document(self, document: Any, chunk: bytes | None) -> tuple[NDArray[np.float32], Polygons]:
-        named = [*document.get("extensionsRequired", []), *document.get("extensionsUsed", [])]
-        used = [name for name in COMPRESSED if name in named]
+        extensions = [*document.get("extensionsRequired", []), *document.get("extensionsUsed", [])]
+        used = [name for name in COMPRESSED if name in extensions]
         if used:
             raise ReadError(f"this glTF file is compressed ({used[0]}): export it without compression")
         self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)

@@ -28,11 +28,10 @@ def kernel(function: Callable[..., Any]) -> Any:
 
     Where neither the package's folder nor the user's can be written, it is compiled in each process.
     """
-    options = {"nogil": True, "error_model": "numpy"}
     try:
-        return numba.njit(cache=True, **options)(function)
+        return numba.njit(nogil=True, error_model="numpy", cache=True)(function)
     except RuntimeError:  # no place for it
-        return numba.njit(**options)(function)
+        return numba.njit(nogil=True, error_model="numpy")(function)
 
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
