@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.interior import face_pairs
 from cascadenorm.mesh import Mesh, Topology, Vectors, angles_between, kernel, over
 
 STEEPEST = 1e3  # weight of a vertex at an edge that counts
@@ -23,7 +22,7 @@ def edge_quads(topology: Topology) -> NDArray[np.int32]:
     Vertex 2 belongs to the face with the smaller number; the faces need not be oriented alike.
     """
     ends = topology.edges[topology.interior_edges]
-    corners = topology.faces[face_pairs(topology)]  # (e, 2, 3)
+    corners = topology.faces[topology.face_pairs]  # (e, 2, 3)
     apart = (corners != ends[:, None, :1]) & (corners != ends[:, None, 1:])
     proper = (apart.sum(axis=2) == 1).all(axis=1)
     apexes = corners[proper][apart[proper]].reshape(-1, 2)
@@ -47,7 +46,7 @@ def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: Edg
 
 def mean_dihedral(mesh: Mesh) -> float:
     """Mean angle in radians between the normals of the faces at an edge, unsigned, over the edges with two faces."""
-    angles = angles_between(*np.moveaxis(mesh.normals[face_pairs(mesh.topology)], 1, 0))
+    angles = angles_between(*np.moveaxis(mesh.normals[mesh.topology.face_pairs], 1, 0))
     return float(angles.mean()) if len(angles) else 0.0
 
 

@@ -13,7 +13,6 @@ from cascadenorm.baselines.bilateral_normal import (
     joint_bilateral_pass,
     spatial_weights,
 )
-from cascadenorm.baselines.interior import face_pairs, faces_across
 from cascadenorm.baselines.reach import each_alone, within
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
 from cascadenorm.recover import Sweeps, recover_vertices
@@ -72,7 +71,7 @@ def guided_normal(
 
 def centroid_distance(mesh: Mesh) -> float:
     """Mean distance of the centroids of faces at an edge, in mean edge lengths: 0.58 for equilateral triangles."""
-    ours, theirs = np.moveaxis(mesh.centroids[face_pairs(mesh.topology)], 1, 0)
+    ours, theirs = np.moveaxis(mesh.centroids[mesh.topology.face_pairs], 1, 0)
     distances = np.linalg.norm(ours - theirs, axis=1)
     return float(distances.mean() / mesh.mean_edge_length) if distances.any() else 1.0
 
@@ -113,7 +112,7 @@ def patch_statistics(mesh: Mesh, rings: Csr) -> tuple[Vectors, Vectors]:
     """Return H, (m,), and the area-weighted mean normal, (m, 3), of the patch of each face; zero where they cancel."""
     count = len(mesh.faces)
     inconsistency, means = np.empty(count), np.empty((count, 3))
-    across = faces_across(mesh.topology)
+    across = mesh.topology.faces_across
     over(count, _patch_statistics, mesh.normals, mesh.areas, across, *rings, inconsistency, means)
     return inconsistency, means
 

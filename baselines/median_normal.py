@@ -63,6 +63,9 @@ def _vector_medians(start, stop, normals, areas, indptr, indices, out):  # type:
 @kernel
 def _angle_medians(start, stop, normals, areas, indptr, indices, out):  # type: ignore[no-untyped-def]
     for f in range(start, stop):
+        if areas[f] == 0.0:  # all are as far from it
+            out[f] = normals[f]
+            continue
         count = indptr[f + 1] - indptr[f]
         chords = np.empty(count)
         half = 0.5 * areas[f]

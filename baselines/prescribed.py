@@ -9,7 +9,6 @@ from scipy.sparse.csgraph import connected_components
 
 from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
 from cascadenorm.baselines.diffusion import Moving, Region, Step, diffuse
-from cascadenorm.baselines.interior import face_pairs
 from cascadenorm.baselines.operators import Laplacian, cotangent_laplacian, sums
 from cascadenorm.mesh import Mesh, Vectors, unit
 from cascadenorm.registry import Parameter, method
@@ -86,7 +85,7 @@ def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray
     The turn c is that of the given vertex normals from the middle of one face of the edge to that of the other; past
     the threshold the weight is threshold² / (10 (c - threshold)² + threshold²).
     """
-    first, second = face_pairs(mesh.topology).T
+    first, second = mesh.topology.face_pairs.T
     middle = unit(normals[mesh.faces].sum(axis=1))
     past = np.maximum(np.linalg.norm(middle[second] - middle[first], axis=1) / threshold - 1, 0)
     weights = np.zeros(len(mesh.topology.edges))

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.baselines.interior import face_pairs
 from cascadenorm.baselines.solvers import solver
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
 from cascadenorm.recover import Sweeps, recover_vertices
@@ -56,7 +55,7 @@ class TotalVariation:
 
     def __init__(self, mesh: Mesh, *, fidelity: float) -> None:
         edge = mesh.mean_edge_length or 1.0
-        self.pairs = face_pairs(mesh.topology)
+        self.pairs = mesh.topology.face_pairs
         ends = mesh.vertices[mesh.topology.edges[mesh.topology.interior_edges]]
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / edge
         self.pull = 2 * fidelity * np.maximum(mesh.areas / edge**2, LEAST_AREA)

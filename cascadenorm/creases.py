@@ -82,8 +82,7 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike) -> NDArray[np.bool_]:
 def _turns(mesh: Mesh) -> NDArray[np.float64]:
     """(e,) angle between the two faces of each edge, 0 where there are not two."""
     topology = mesh.topology
-    pairs = topology.edge_faces.indices[topology.edge_faces.indptr[topology.interior_edges, None] + np.arange(2)]
-    first, second = mesh.normals[pairs[:, 0]], mesh.normals[pairs[:, 1]]
+    first, second = mesh.normals[topology.face_pairs.T]
     alike = topology.balance[topology.interior_edges] != 0  # both faces run along the edge the same way
     second = np.where(alike[:, None], -second, second)
     angles = np.zeros(len(topology.edges))

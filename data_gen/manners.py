@@ -91,9 +91,7 @@ def creases_of(field: Field, mesh: Mesh) -> NDArray[np.bool_]:
 
     So a narrow fillet is none, however much the mesh bends there.
     """
-    inner = mesh.topology.interior_edges
-    first = mesh.topology.edge_faces.indptr[inner]
-    pairs = np.stack([mesh.topology.edge_faces.indices[first], mesh.topology.edge_faces.indices[first + 1]])
+    inner, pairs = mesh.topology.interior_edges, mesh.topology.face_pairs.T
     bends = np.einsum("ij,ij->i", *mesh.normals[pairs]) < np.cos(0.5 * JUMP)
     edges, pairs = inner[bends], pairs[:, bends]
     middle = mesh.vertices[mesh.topology.edges[edges]].mean(axis=1)

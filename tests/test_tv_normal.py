@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from shapes import grid, icosphere, noisy
 
-from cascadenorm.baselines.interior import face_pairs
 from cascadenorm.baselines.tv_normal import TotalVariation, difference_operator
 
 ROUGH = noisy(icosphere(1), 0.2)
@@ -10,7 +9,7 @@ ROUGH = noisy(icosphere(1), 0.2)
 
 def parts(mesh):
     """D, w, l, A, n* as in the formula, in mean edge lengths."""
-    pairs = face_pairs(mesh.topology)
+    pairs = mesh.topology.face_pairs
     difference = difference_operator(pairs, len(mesh.faces))
     shared = [np.intersect1d(mesh.faces[f], mesh.faces[g]) for f, g in pairs]
     lengths = np.array([np.linalg.norm(mesh.vertices[i] - mesh.vertices[j]) for i, j in shared])

@@ -99,6 +99,19 @@ class Topology:
         return np.flatnonzero(self.edge_faces.counts == 2).astype(np.int32)
 
     @cached_property
+    def face_pairs(self) -> NDArray[np.int32]:
+        """(i, 2) the two faces of each interior edge, the smaller number first."""
+        return self.edge_faces.indices[self.edge_faces.indptr[self.interior_edges, None] + np.arange(2)]
+
+    @cached_property
+    def faces_across(self) -> NDArray[np.int32]:
+        """(m, 3) the face on the other side of each face side, -1 where there is none or there are several."""
+        total = np.full(len(self.edges), -1, np.int64)
+        total[self.interior_edges] = self.face_pairs.sum(axis=1, dtype=np.int64)
+        around = total[self.face_edges]
+        return np.where(around >= 0, around - np.arange(len(self.faces))[:, None], -1).astype(np.int32)
+
+    @cached_property
     def balance(self) -> NDArray[np.float64]:
         """(e,) faces that run along each edge from its smaller vertex, less those that run from the larger one."""
         rising = np.sign(np.roll(self.faces, -1, axis=1) - self.faces)
