@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import names_twice, row_sums
 
-MOST_APEXES = 64  # corners tried for a fan without folds; beyond, the fold stays
+MOST_APEXES = 64  # corners tried for a fan without folds
+MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stays
 
 
 def ranges(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -79,7 +80,7 @@ def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np
         better = np.isin(polygon, trying[~still])
         fans[np.isin(owners, trying[~still])] = fan[better]
         folded = np.setdiff1d(folded, trying[~still])
-    for number in folded[counts[folded] > 4].tolist():
+    for number in folded[(counts[folded] > 4) & (counts[folded] <= MOST_CORNERS)].tolist():
         corners = polygons.corners[polygons.indptr[number] : polygons.indptr[number + 1]]
         if ears := _ears(positions[corners]):
             fans[owners == number] = corners[ears]
@@ -99,15 +100,17 @@ def _ears(corners: NDArray[Any]) -> list[tuple[int, int, int]]:
     def side(a: int, b: int, c: Any) -> Any:
         return (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a])
 
-    left, ears = list(range(len(corners))), []
+    left, ears = np.arange(len(corners)), list[tuple[int, int, int]]()
     while len(left) > 2:
         for place, b in enumerate(left):
             a, c = left[place - 1], left[(place + 1) % len(left)]
-            others = np.array([i for i in left if not any((flat[i] == flat[[a, b, c]]).all(axis=1))], np.intp)
-            within = (side(a, b, others) >= 0) & (side(b, c, others) >= 0) & (side(c, a, others) >= 0)
-            if side(a, b, c) >= 0 and not within.any():
+            if not side(a, b, c) >= 0:
+                continue
+            apart = [(x[left] != x[corner]) | (y[left] != y[corner]) for corner in (a, b, c)]
+            others = left[np.all(apart, axis=0)]
+            if not ((side(a, b, others) >= 0) & (side(b, c, others) >= 0) & (side(c, a, others) >= 0)).any():
                 ears.append((a, b, c))
-                del left[place]
+                left = np.delete(left, place)
                 break
         else:
             return []
