@@ -46,11 +46,12 @@ def test_a_process_that_ends_early_is_told_in_words():
 
 
 INTERRUPTED = """
-import time
+import signal, time
 from cascadenorm.workers import side_by_side
+signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a shell it is ignored
 try:
     with side_by_side(2) as each:
-        results = each(time.sleep, [0.1] * 400)
+        results = each(time.sleep, [0.1] * 40)
         print("begun", flush=True)
         list(results)
 except KeyboardInterrupt:
