@@ -102,8 +102,8 @@ def _ears(corners: NDArray[Any]) -> list[tuple[int, int, int]]:
 
     left, ears = np.arange(len(corners)), list[tuple[int, int, int]]()
     while len(left) > 2:
-        for place, b in enumerate(left):
-            a, c = left[place - 1], left[(place + 1) % len(left)]
+        for place, b in enumerate(left.tolist()):
+            a, c = int(left[place - 1]), int(left[(place + 1) % len(left)])
             if not side(a, b, c) >= 0:
                 continue
             apart = [(x[left] != x[corner]) | (y[left] != y[corner]) for corner in (a, b, c)]

@@ -101,7 +101,7 @@ class Topology:
     @cached_property
     def face_pairs(self) -> NDArray[np.int32]:
         """(i, 2) the two faces of each interior edge, the smaller number first."""
-        return self.edge_faces.indices[self.edge_faces.indptr[self.interior_edges, None] + np.arange(2)]
+        return np.asarray(self.edge_faces.indices[self.edge_faces.indptr[self.interior_edges, None] + np.arange(2)])
 
     @cached_property
     def faces_across(self) -> NDArray[np.int32]:
