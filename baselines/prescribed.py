@@ -5,11 +5,10 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
 from cascadenorm.baselines.diffusion import Moving, Region, Step, diffuse
-from cascadenorm.baselines.operators import Laplacian, cotangent_laplacian, sums
+from cascadenorm.baselines.operators import cotangent_laplacian, sums
 from cascadenorm.mesh import Mesh, Vectors, unit
 from cascadenorm.registry import Parameter, method
 from cascadenorm.steps import steps
@@ -58,7 +57,7 @@ def prescribed_mean_curvature(
         laplacian = cotangent_laplacian(mesh)
         normals = smoothed_normals(mesh, presmoothing)
         velocity = target * normals - laplacian.inverse_mass[:, None] * area_gradient(mesh, weights)
-        velocity -= drift(laplacian, velocity, region)
+        velocity -= drift(mesh, laplacian.mass, velocity, region)
         if region is not None:
             velocity[~region] = 0
         moves = time * diffuse(laplacian, velocity, time=time, iterations=1, region=region)
@@ -67,16 +66,19 @@ def prescribed_mean_curvature(
     return mesh.vertices.copy()
 
 
-def drift(laplacian: Laplacian, velocity: Vectors, region: Region | None) -> Vectors:
+def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: Region | None) -> Vectors:
     """Return (n, 3) the mean velocity of the part of the mesh that each vertex belongs to, unless something holds it.
 
     The pulls on a part with creases need not cancel, and one that is tiny would fly off.
     """
-    count, part = connected_components(laplacian.stiffness, directed=False)
-    mass = np.bincount(part, laplacian.mass, count)
-    free = mass > 0 if region is None else (mass > 0) & (np.bincount(part, ~region, count) == 0)
-    sums = [np.bincount(part, laplacian.mass * column, count) for column in velocity.T]
-    return np.asarray(np.where(free, sums / np.where(free, mass, 1.0), 0.0).T[part])
+    part = mesh.topology.components
+    count = int(part.max()) + 1
+    masses = sums(part, mass, count)
+    held = masses == 0
+    if region is not None:
+        held[part[~region]] = True
+    total = np.stack([sums(part, mass * column, count) for column in velocity.T], axis=1)
+    return np.asarray(np.where(held[:, None], 0.0, total / np.where(held, 1.0, masses)[:, None])[part])
 
 
 def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray[np.float64]:
