@@ -25,8 +25,8 @@ class OffFile(MeshFile):
         data = self.data
         magic = MAGIC.match(data)
         self._flavour = magic[1].decode() if magic else "OFF"
-        header = data[magic.end() :].split(b"\n", 1)[0] if magic else b""
-        if "n" in self._flavour or b"BINARY" in header.split(b"#")[0]:
+        header = data[magic.end() : magic.end() + 40] if magic else b""
+        if "n" in self._flavour or b"BINARY" in header.split(b"\n")[0].split(b"#")[0]:
             raise ReadError("this variant of OFF (binary, or not in 3 dimensions) cannot be read: export it as PLY")
         self._text = text = Text(data, start=magic.end() if magic else 0)
         lines = np.arange(len(text.first))
