@@ -1,14 +1,13 @@
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
-import numpy as np
 import pytest
 from shapes import icosphere, noisy
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import cascadenorm as cn
 from cascadenorm.api import save_mesh
-from cascadenorm.mesh import kernel, one_blas_thread, threads
+from cascadenorm.mesh import one_blas_thread, threads
 
 MESH = noisy(icosphere(3), 0.2)
 
@@ -61,11 +60,3 @@ def test_one_thread_means_no_other_is_started(method, monkeypatch, tmp_path):
     monkeypatch.setattr(threads, "ThreadPoolExecutor", OneThread)
     cn.denoise(MESH.vertices, MESH.faces, method=method, threads=1, boundary="smooth")
     cn.denoise_file(tmp_path / "mesh.ply", method=method, threads=1, max_displacement="0.5 edges")
-
-
-def test_a_kernel_that_cannot_be_kept_on_disk_runs_all_the_same():
-    names = {"kernel": kernel}
-    exec("@kernel\ndef twice(start, stop, out):\n    for i in range(start, stop):\n        out[i] *= 2", names)
-    out = np.arange(4.0)
-    names["twice"](1, 3, out)
-    assert out.tolist() == [0, 2, 4, 3]

@@ -100,9 +100,18 @@ def numbers_on(device: torch.device, standard: Standard) -> Callable[[Tensor, Te
     return kernel
 
 
-def chord(predicted: Tensor, truth: Tensor) -> Tensor:
-    """Return the mean distance between unit normals: robust, where its square follows the few that fail."""
-    return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8).mean()
+def chords(predicted: Tensor, truth: Tensor) -> Tensor:
+    """Return the distances between unit normals: robust, where their squares follow the few that fail."""
+    return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8)
+
+
+def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
+    """Return how many of its faces this process gives to each batch of a pass, and how many all processes give."""
+    counts = processes.gathered(np.array([own]))
+    whole = int(counts.sum())
+    stops = np.minimum(np.arange(0, whole + batch, batch), whole)
+    given = np.diff(counts[:, None] * stops // whole)
+    return given[processes.rank()].tolist(), np.maximum(given.sum(axis=0), 1).tolist()
 
 
 def train_network(
@@ -116,12 +125,12 @@ def train_network(
 ) -> dict[str, Array]:
     """Train a network on 85 % of some faces, stop by the other 15 %, return the best weights.
 
-    Several processes average their gradients, and each takes its part of a batch.
+    Several processes average their gradients, and each gives to a batch in proportion to its faces.
 
     Parameters
     ----------
     faces : of all clusters, those of this process
-    rows : those of one cluster, at least one
+    rows : those of one cluster; at least one process has some
     standard : how what is known of the faces becomes numbers
     fit : settings
     seed : of the split, the first weights and the order of the batches
@@ -142,31 +151,32 @@ def train_network(
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay, fused=device.type == "cuda"
     )
-    used, batch = processes.least(len(training)), max(1, fit.batch // processes.count())
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * -(-used // batch))
+    mine, sizes = _batches(len(training), fit.batch)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * len(sizes))
 
     def loss_of(model: torch.nn.Module, part: Tensor) -> Tensor:
         stack, context, truth = (tensor[part].to(device) for tensor in faces)
-        return chord(model(numbers(stack, context), stack), truth)
+        return chords(model(numbers(stack, context), stack), truth).sum()
 
     best, best_loss, best_epoch = network.state_dict(), np.inf, 0
     for epoch in range(1, fit.epochs + 1):
-        total = torch.zeros((), dtype=torch.float64, device=device)
-        drawn = training[torch.randperm(len(training), generator=generator)][:used].to(stored)
-        for part in drawn.split(batch):  # type: ignore[no-untyped-call]
+        learned = torch.zeros((), dtype=torch.float64, device=device)
+        drawn = training[torch.randperm(len(training), generator=generator)].to(stored)
+        for part, size in zip(drawn.split(mine), sizes, strict=True):  # type: ignore[no-untyped-call]
             loss = loss_of(model, part)
             optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
+            shared = loss * (processes.count() / size)  # of all processes the mean is that of the batch
+            shared.backward()  # type: ignore[no-untyped-call]
             torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
             optimiser.step()
             schedule.step()
-            total += loss.detach() * len(part)
+            learned += loss.detach()
         with torch.no_grad():
             parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
-            sums = [sum(loss_of(network, part).item() * len(part) for part in parts), len(validation)]
-        lost, count = processes.total(np.array(sums, np.float64))
-        validation_loss = float(lost / count)
-        log(epoch, total.item() / used, validation_loss)
+            tested = sum(loss_of(network, part).item() for part in parts)
+        sums = processes.total(np.array([learned.item(), len(training), tested, len(validation)]))
+        validation_loss = float(sums[2] / sums[3])
+        log(epoch, float(sums[0] / sums[1]), validation_loss)
         if validation_loss < best_loss:
             best = {name: t.clone() for name, t in network.state_dict().items()}
             best_loss, best_epoch = validation_loss, epoch

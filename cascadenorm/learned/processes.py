@@ -14,6 +14,7 @@ from cascadenorm.learned.progress import alone
 from cascadenorm.mesh import thread_count
 
 Made = TypeVar("Made")
+Value = TypeVar("Value", bound=np.generic)
 
 
 @contextmanager
@@ -41,6 +42,11 @@ def count() -> int:
     return distributed.get_world_size() if distributed.is_initialized() else 1
 
 
+def rank() -> int:
+    """Return the place of this process among them, from 0."""
+    return distributed.get_rank() if distributed.is_initialized() else 0
+
+
 def cores() -> int:
     """Return how many cores there are for this process, beside the others on this machine."""
     return max(1, thread_count() // _beside())
@@ -53,23 +59,23 @@ def _beside() -> int:
 
 def share() -> slice:
     """Return which of a list of things are this process's own."""
-    return slice(distributed.get_rank(), None, count()) if count() > 1 else slice(None)
+    return slice(rank(), None, count())
 
 
 def from_first(make: Callable[[], Made]) -> Made:
     """Let the first process make something, and give it to all."""
     if count() == 1:
         return make()
-    made = [make() if distributed.get_rank() == 0 else None]
+    made = [make() if rank() == 0 else None]
     distributed.broadcast_object_list(made)
     return made[0]  # type: ignore[return-value]  # the first process has made it
 
 
-def gathered(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+def gathered(rows: NDArray[Value]) -> NDArray[Value]:
     """Put the rows of all processes together, those of the first one first."""
     if count() == 1:
         return rows
-    parts: list[NDArray[np.float32]] = [rows] * count()
+    parts = [rows] * count()
     distributed.all_gather_object(parts, rows)
     return np.concatenate(parts)
 
@@ -85,13 +91,4 @@ def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def meet() -> None:
     """Wait until all processes are here."""
-    least(0)
-
-
-def least(number: int) -> int:
-    """Return the smallest number that any process has."""
-    if count() == 1:
-        return number
-    tensor = torch.tensor(number)
-    distributed.all_reduce(tensor, distributed.ReduceOp.MIN)
-    return int(tensor)
+    total(np.zeros(1))

@@ -117,13 +117,14 @@ def _train_stage(
         if done := processes.from_first(partial(_read, part)):
             return done
         mine = np.flatnonzero(cluster == c)
-        if not processes.least(len(mine)):
-            raise ConfigError(f"a process has no face of cluster {c + 1}: take fewer processes, or more meshes")
+        count = int(processes.total(np.array([len(mine)], np.float64))[0])
+        if not count:
+            raise ConfigError(f"cluster {c + 1} has no face to learn from: take fewer clusters, or more meshes")
 
         task, epochs, notes = f"stage {number + 1} cluster {c + 1}", config.fit.epochs, list[str]()
 
         def log(epoch: int, loss: float, validation: float) -> None:
-            notes.append(f"{len(mine)} faces, loss {loss:.4f}, validation {validation:.4f}")
+            notes.append(f"{count} faces, loss {loss:.4f}, validation {validation:.4f}")
             progress(task, epoch, epochs, notes[-1])
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]

@@ -2,8 +2,9 @@
 
 from cascadenorm.mesh.frame import in_frame, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, names_twice, without_lines
+from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, angles_between, first_places, row_sums, unit
-from cascadenorm.mesh.threads import in_blocks, kernel, limit_threads, one_blas_thread, over, thread_count
+from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, over, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
 
 __all__ = [

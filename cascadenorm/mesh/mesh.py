@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh.threads import kernel, over
+from cascadenorm.mesh.kernels import kernel
+from cascadenorm.mesh.threads import over
 from cascadenorm.mesh.topology import Topology
 from cascadenorm.wording import counted
 

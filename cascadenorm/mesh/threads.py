@@ -13,7 +13,6 @@ from functools import cache
 from threading import Event, Lock, Thread
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
@@ -21,17 +20,6 @@ from threadpoolctl import ThreadpoolController
 BLOCK = 8192
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
 SMALLEST_CHUNK = 512
-
-
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a loop: it releases the interpreter, divides by zero as numpy does, and is kept on disk for next time.
-
-    Where neither the package's folder nor the user's can be written, it is compiled in each process.
-    """
-    try:
-        return numba.njit(nogil=True, error_model="numpy", cache=True)(function)
-    except RuntimeError:  # no place for it
-        return numba.njit(nogil=True, error_model="numpy")(function)
 
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.mesh.threads import kernel, over
+from cascadenorm.mesh.kernels import kernel
+from cascadenorm.mesh.threads import over
 
 
 class Csr(NamedTuple):

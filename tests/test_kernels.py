@@ -1,0 +1,72 @@
+import os
+import subprocess
+import sys
+from threading import Barrier, Thread
+
+import numpy as np
+
+from cascadenorm.mesh import kernel
+from cascadenorm.mesh.kernels import KernelFiles
+
+TWICE = """
+import numpy as np
+from cascadenorm.mesh.kernels import kernel
+
+@kernel
+def twice(start, stop, out):
+    for i in range(start, stop):
+        out[i] *= 2
+
+for dtype in (np.float64, np.float32):
+    out = np.arange(4, dtype=dtype)
+    twice(1, 3, out)
+    print(out.tolist(), sum(twice.stats.cache_hits.values()))
+"""
+
+
+def run_twice(folder, before: str = "") -> str:
+    (folder / "module.py").write_text(before + TWICE)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "kept"), "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, folder / "module.py"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_kernel_that_cannot_be_kept_on_disk_runs_all_the_same():
+    names = {"kernel": kernel}
+    exec("@kernel\ndef twice(start, stop, out):\n    for i in range(start, stop):\n        out[i] *= 2", names)
+    out = np.arange(4.0)
+    names["twice"](1, 3, out)
+    assert out.tolist() == [0, 2, 4, 3]
+
+
+def test_the_next_process_takes_what_was_compiled_for_each_type(tmp_path):
+    out = "[0.0, 2.0, 4.0, 3.0] "
+    assert run_twice(tmp_path).split("\n") == [out + "0", out + "0", ""]
+    assert run_twice(tmp_path).split("\n") == [out + "1", out + "2", ""]
+
+
+def test_a_full_disk_keeps_nothing_and_stops_nobody(tmp_path):
+    full = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
+    assert run_twice(tmp_path, full).startswith("[0.0, 2.0, 4.0, 3.0]")
+    assert not [path for path in (tmp_path / "kept").rglob("*") if path.is_file()]
+
+
+def test_of_two_that_write_at_once_none_reads_what_the_other_wrote(tmp_path):
+    for number in range(300):
+        both = [KernelFiles(cache_path=tmp_path, filename_base=str(number), source_stamp=0) for _ in range(2)]
+        start = Barrier(2)
+
+        def save(key, both=both, start=start):
+            start.wait()
+            both[key].save(key, f"compiled for {key}")
+
+        threads = [Thread(target=save, args=(key,)) for key in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        kept = [both[0].load(key) for key in range(2)]
+        assert any(kept)
+        assert all(found in (None, f"compiled for {key}") for key, found in enumerate(kept))
