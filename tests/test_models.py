@@ -24,10 +24,10 @@ faces_per_mesh = 300
 clusters = 2
 [fit]
 hidden = [8]
-epochs = 3
+epochs = 15
 [data]
 count = 2
-families = ["polyhedron"]
+families = ["smooth"]
 min_faces = 1200
 max_faces = 1250
 """
@@ -87,7 +87,8 @@ def test_train_writes_a_model_that_denoises(tmp_path, capsys):
     assert not Path(f"{weights}.training").exists()
     mesh = noisy(icosphere(3), 0.2)
     out = cn.Denoiser.load(weights).denoise(mesh.vertices, mesh.faces)
-    assert measure(mesh.moved(out), icosphere(3)).normal_error_deg < measure(mesh, icosphere(3)).normal_error_deg
+    given, denoised = (measure(m, icosphere(3)).normal_error_deg for m in (mesh, mesh.moved(out)))
+    assert denoised < 0.6 * given
     before = weights.read_bytes()
     assert run(arguments) == 5
     assert weights.read_bytes() == before
