@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
 from cascadenorm.baselines.diffusion import Moving, Region, Step, diffuse
 from cascadenorm.baselines.operators import cotangent_laplacian, sums
-from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.mesh import Mesh, Vectors, row_sums, unit
 from cascadenorm.registry import Parameter, method
 from cascadenorm.steps import steps
 
@@ -72,13 +72,12 @@ def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: Regi
     The pulls on a part with creases need not cancel, and one that is tiny would fly off.
     """
     part = mesh.topology.components
-    count = int(part.max()) + 1
-    masses = sums(part, mass, count)
+    whole = row_sums(part, np.column_stack([mass, mass[:, None] * velocity]))
+    masses, momenta = whole[:, :1], whole[:, 1:]
     held = masses == 0
     if region is not None:
         held[part[~region]] = True
-    total = np.stack([sums(part, mass * column, count) for column in velocity.T], axis=1)
-    return np.asarray(np.where(held[:, None], 0.0, total / np.where(held, 1.0, masses)[:, None])[part])
+    return np.asarray(np.where(held, 0.0, momenta / np.where(held, 1.0, masses))[part])
 
 
 def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray[np.float64]:

@@ -316,9 +316,9 @@ def _denoised_object(
     kind = adapter(mesh)
     vertices, faces = kind.arrays(mesh)
     within = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
-    welds, first = weld(vertices, faces[within].astype(np.int64))
     named = faces.astype(np.int64)
-    named[within] = welds[faces[within]]
+    welds, first = weld(vertices, named[within])
+    named[within] = welds[named[within]]
     denoised = _denoised(method, vertices[first], named, parameters, welded(controls, welds), isolate=isolate)[welds]
     return kind.with_vertices(mesh, np.where(denoised == vertices, vertices, denoised))  # -0 stays -0
 

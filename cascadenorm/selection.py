@@ -77,10 +77,8 @@ def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
     if controls.mask is not None:
         changed["mask"] = _joined(np.asarray(controls.mask), welds, np.minimum)
     if controls.fixed is not None:
-        is_mask = np.asarray(controls.fixed).dtype == bool
-        changed["fixed"] = (
-            _joined(np.asarray(controls.fixed), welds, np.maximum) if is_mask else renumbered(controls.fixed)
-        )
+        fixed = np.asarray(controls.fixed)
+        changed["fixed"] = _joined(fixed, welds, np.maximum) if fixed.dtype == bool else renumbered(fixed)
     if np.ndim(controls.creases) == 2:  # type: ignore[arg-type]
         changed["creases"] = renumbered(controls.creases)  # type: ignore[arg-type]
     return replace(controls, **changed)

@@ -174,9 +174,9 @@ def train_network(
         with torch.no_grad():
             parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
             tested = sum(loss_of(network, part).item() for part in parts)
-        sums = processes.total(np.array([learned.item(), len(training), tested, len(validation)]))
-        validation_loss = float(sums[2] / sums[3])
-        log(epoch, float(sums[0] / sums[1]), validation_loss)
+        lost, counts = processes.total(np.array([[learned.item(), tested], [len(training), len(validation)]]))
+        training_loss, validation_loss = (lost / counts).tolist()
+        log(epoch, training_loss, validation_loss)
         if validation_loss < best_loss:
             best = {name: t.clone() for name, t in network.state_dict().items()}
             best_loss, best_epoch = validation_loss, epoch

@@ -117,7 +117,7 @@ def _train_stage(
         if done := processes.from_first(partial(_read, part)):
             return done
         mine = np.flatnonzero(cluster == c)
-        count = int(processes.total(np.array([len(mine)], np.float64))[0])
+        count = int(processes.total(np.array(float(len(mine)))))
         if not count:
             raise ConfigError(f"cluster {c + 1} has no face to learn from: take fewer clusters, or more meshes")
 

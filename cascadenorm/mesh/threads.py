@@ -1,4 +1,4 @@
-"""Compiled kernels over index ranges, on several threads.
+"""Kernels over index ranges, on several threads.
 
 A kernel is `kernel(start, stop, *arrays)` and writes only what belongs to start … stop, in an order that does not
 depend on the range; so the bytes of the result do not depend on the number of threads.
@@ -20,7 +20,6 @@ from threadpoolctl import ThreadpoolController
 BLOCK = 8192
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
 SMALLEST_CHUNK = 512
-
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
 
