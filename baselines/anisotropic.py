@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from cascadenorm.baselines.diffusion import Moving, Step, diffuse, flowed
-from cascadenorm.baselines.operators import (
+from cascadenorm.geometry.laplacians import (
     Laplacian,
     assemble,
     cotangent_laplacian,
@@ -15,8 +15,8 @@ from cascadenorm.baselines.operators import (
     vertex_masses,
 )
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 Threshold = Annotated[
     float, Parameter("curvature at which diffusion falls to a half", "radians per mean edge length", above=0)

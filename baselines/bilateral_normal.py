@@ -5,10 +5,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
-from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 SpatialSpread = Annotated[float, Parameter("spread of the weight over distance", "mean edge lengths", minimum=1e-6)]
 RangeSpread = Annotated[

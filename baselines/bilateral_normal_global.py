@@ -8,9 +8,9 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from cascadenorm.baselines.bilateral_normal import RangeSpread, SpatialSpread, spatial_weights
-from cascadenorm.baselines.solvers import conjugate_gradients
+from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.geometry.sparse_solvers import conjugate_gradients
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
-from cascadenorm.recover import Sweeps, recover_vertices
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA = 1e-6  # mean areas; a face without area still gets a normal, from its neighbours

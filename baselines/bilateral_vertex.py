@@ -5,10 +5,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.reach import each_alone, within
+from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 REACH = 2.0  # spreads beyond which a neighbour is left out
 

@@ -3,10 +3,10 @@
 from typing import Annotated
 
 from cascadenorm.baselines.diffusion import Moving, Scheme, Step, flowed
-from cascadenorm.baselines.operators import MOLLIFICATION, cotangent_laplacian
+from cascadenorm.geometry.laplacians import MOLLIFICATION, cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 
 @method("mean-curvature-flow", source="Desbrun, Meyer, Schröder, Barr 1999")

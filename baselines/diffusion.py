@@ -10,21 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.baselines.operators import Laplacian, Weights, laplacian_of
-from cascadenorm.baselines.solvers import solve_once, solver, solver_of_rings
+from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
+from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, ParameterError, method
-from cascadenorm.steps import steps
 
-Order = Literal[1, 2, 3]
 Scheme = Literal["explicit", "implicit"]
-Region = NDArray[np.bool_]
 Step = Annotated[
     float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0, below=math.inf)
 ]
 Moving = Annotated[Region | None, Parameter("(n,) bool, the vertices that move; the others hold the surface there")]
 
-MILD = 1e4  # condition up to which one solution by conjugate gradients is cheaper than a factorisation
 MOST_STEPS = 10_000  # explicit steps that a call may be cut into
 
 logger = logging.getLogger(__name__)

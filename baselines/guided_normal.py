@@ -13,11 +13,11 @@ from cascadenorm.baselines.bilateral_normal import (
     joint_bilateral_pass,
     spatial_weights,
 )
-from cascadenorm.baselines.reach import each_alone, within
+from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
-from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 Guidance = Annotated[
     Literal["patch", "gaussian"], Parameter("what tells features from noise: the most consistent patch, or a mean")

@@ -14,8 +14,8 @@ from scipy import sparse
 
 from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 FIRST_BETA, LAST_BETA = 1e-3, 1e3
 ACCURACY = 1e-6  # bound of the root mean square error of each solution, in mean edge lengths

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
+from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
-from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 Threshold = Annotated[
     float,

@@ -5,10 +5,10 @@ from typing import Annotated, Literal
 import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import Passes
+from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.mesh import Mesh, Vectors, kernel, over
-from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 Median = Annotated[
     Literal["vector", "angle"],

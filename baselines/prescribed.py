@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
-from cascadenorm.baselines.diffusion import Moving, Region, Step, diffuse
-from cascadenorm.baselines.operators import cotangent_laplacian, sums
+from cascadenorm.baselines.diffusion import Moving, Step, diffuse
+from cascadenorm.geometry.laplacians import Region, cotangent_laplacian, sums
 from cascadenorm.mesh import Mesh, Vectors, row_sums, unit
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 SMOOTHINGS = 5  # implicit steps that the diffusion of the curvature is made of
 SHARPNESS = 10.0  # r of the paper's edge weight: how fast it falls past the crease threshold

@@ -5,10 +5,10 @@ from typing import Annotated
 import numpy as np
 
 from cascadenorm.baselines.diffusion import Moving
-from cascadenorm.baselines.operators import uniform_laplacian
+from cascadenorm.geometry.laplacians import uniform_laplacian
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, ParameterError, method
-from cascadenorm.steps import steps
 
 LARGEST_GROWTH = 10.0
 

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.baselines.solvers import solver
+from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.geometry.sparse_solvers import solver
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
-from cascadenorm.recover import Sweeps, recover_vertices
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, method
-from cascadenorm.steps import steps
 
 LEAST_AREA = 1e-6  # squared mean edges; faces without area get a normal from their neighbours
 PENALTY = 1.0  # of the tie between differences and normals; sets how fast it converges, not to what

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from cascadenorm import models
-from cascadenorm.api import as_mesh
 from cascadenorm.data_gen import DatasetConfig, pairs
+from cascadenorm.evaluation.pairs import find_pairs
+from cascadenorm.interop import as_mesh
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.mesh import Mesh, angles_between, thread_count
-from cascadenorm.pairs import find_pairs
 from cascadenorm.workers import Map, side_by_side
 
 ROOT = Path(__file__).parents[1]

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import cascadenorm as cn
+from cascadenorm.evaluation.metrics import measure
 from cascadenorm.mesh import Mesh
-from cascadenorm.metrics import measure
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cascadenorm.evaluation import DEFAULT_METHODS, NOISY, Evaluation, evaluate
+from cascadenorm.evaluation.harness import DEFAULT_METHODS, NOISY, Evaluation, evaluate
 
 BEGIN, END = "<!-- results: written by benchmarks/results.py -->", "<!-- end of results -->"
 

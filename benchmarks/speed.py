@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.api import save_mesh
+from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh, thread_count
 
 SIZES = {"100 k faces": (250, 200), "1 M faces": (1000, 500)}

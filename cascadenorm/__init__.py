@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cascadenorm.api import Report, compare, denoise, denoise_file, methods
-    from cascadenorm.baselines.fast_spectral import fast_harmonics
-    from cascadenorm.baselines.harmonics import manifold_harmonics, shape_dna
-    from cascadenorm.baselines.holes import fill_holes
     from cascadenorm.controls import DenoiseError
-    from cascadenorm.evaluation import evaluate
+    from cascadenorm.evaluation.harness import evaluate
+    from cascadenorm.evaluation.metrics import Measures
+    from cascadenorm.geometry.fast_harmonics import fast_harmonics
+    from cascadenorm.geometry.harmonics import manifold_harmonics, shape_dna
+    from cascadenorm.geometry.holes import fill_holes
     from cascadenorm.inspection import Inspection, inspect
     from cascadenorm.io import OutputError, ReadError, from_arrays, read, write
     from cascadenorm.learned.config import ConfigError, TrainConfig, read_config
     from cascadenorm.mesh import Mesh, MeshError
-    from cascadenorm.metrics import Measures
     from cascadenorm.models import Denoiser, train
     from cascadenorm.registry import ParameterError
 
@@ -29,7 +29,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "DenoiseError": "controls",
     "Denoiser": "models",
     "Inspection": "inspection",
-    "Measures": "metrics",
+    "Measures": "evaluation.metrics",
     "Mesh": "mesh",
     "MeshError": "mesh",
     "OutputError": "io",
@@ -40,16 +40,16 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "compare": "api",
     "denoise": "api",
     "denoise_file": "api",
-    "evaluate": "evaluation",
-    "fast_harmonics": "baselines.fast_spectral",
-    "fill_holes": "baselines.holes",
+    "evaluate": "evaluation.harness",
+    "fast_harmonics": "geometry.fast_harmonics",
+    "fill_holes": "geometry.holes",
     "from_arrays": "io",
     "inspect": "inspection",
-    "manifold_harmonics": "baselines.harmonics",
+    "manifold_harmonics": "geometry.harmonics",
     "methods": "api",
     "read": "io",
     "read_config": "learned.config",
-    "shape_dna": "baselines.harmonics",
+    "shape_dna": "geometry.harmonics",
     "train": "models",
     "write": "io",
 }

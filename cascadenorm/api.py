@@ -13,18 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 import cascadenorm.baselines
 import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm import io
-from cascadenorm.baselines.diffusion import Order
-from cascadenorm.baselines.holes import fill_holes
 from cascadenorm.controls import Boundary, Controls, controlled, faces_within, framed_length
-from cascadenorm.interop import adapter
+from cascadenorm.controls.selection import selected, welded
+from cascadenorm.evaluation.metrics import Measures, measure
+from cascadenorm.geometry.holes import fill_holes
+from cascadenorm.geometry.laplacians import Order
+from cascadenorm.interop import adapter, as_mesh, mesh_of_file, source_name
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target, extensible
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.welding import weld
-from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, in_frame, isolated, limit_threads, without_lines
-from cascadenorm.metrics import Measures, measure
+from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated, limit_threads, without_lines
 from cascadenorm.registry import Method, ParameterError, find, registered
-from cascadenorm.selection import selected, welded
 
 DEFAULT_METHOD = "auto"
 
@@ -222,20 +222,6 @@ def compare(mesh: Any, *others: Any) -> Measures:
     return measure(Mesh(mesh, others[0]), Mesh(others[1], others[-1] if len(others) == 3 else others[0]))
 
 
-def as_mesh(source: Any) -> Mesh:
-    """Return the triangles of a file, a stream or a mesh of any library."""
-    if isinstance(source, Mesh):
-        return source
-    if isinstance(source, str | PathLike) or hasattr(source, "read"):
-        return _mesh_of(io.read(source), _name(source))
-    return Mesh(*adapter(source).arrays(source))
-
-
-def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
-    """Write triangles to a new file in the format of its extension."""
-    io.write(io.from_arrays(mesh.vertices, mesh.faces), path, force=force)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Filling:
     """What was added to a file.
@@ -265,7 +251,7 @@ def fill_holes_file(
     check_output(output, force=force)
     io.output_format(output)
     read = io.read(source)
-    _mesh_of(read, _name(source))
+    mesh_of_file(read, source_name(source))
     file, lost = extensible(read)
     filled = fill_holes(file.mesh, order=order, max_edges=max_edges)
     added = len(filled.faces) - len(file.mesh.faces)
@@ -280,7 +266,7 @@ def beside(source: Path, what: str) -> Path:
     """Return `<stem>_<what><suffix>` in the folder of a mesh file; raises ReadError where that is a folder itself."""
     if source.is_dir():
         raise io.ReadError(f"{source} is a folder: give the name of a mesh file in it")
-    return source.with_name(f"{source.stem}_{what}{source.suffix}")
+    return source.withsource_name(f"{source.stem}_{what}{source.suffix}")
 
 
 def _isolates(on_bad: str) -> bool:
@@ -346,7 +332,7 @@ def _denoised_file(
     file = io.read(source).isolating() if isolate else io.read(source)
     format = io.output_format(output, file.format)
     check_target(file, output, format=format, force=force)
-    mesh = _mesh_of(file, _name(source))
+    mesh = mesh_of_file(file, source_name(source))
     given = {**controls.in_words(), "on_bad": "isolate" if isolate else "error"}
     controls = selected(controls, file)
     start = time.perf_counter()
@@ -358,12 +344,12 @@ def _denoised_file(
     try:
         left_out = io.write(file.with_vertices(vertices, limit=limit), output, format=format, force=force)
     except io.ReadError as error:  # of what only other formats need to know
-        raise io.ReadError(f"{_name(source)}: {error}") from error.__cause__
+        raise io.ReadError(f"{source_name(source)}: {error}") from error.__cause__
     moves = np.linalg.norm(np.ldexp(vertices - mesh.vertices, -exponent), axis=1)
     in_edges = moves / small.mean_edge_length if small.mean_edge_length > 0 else moves
     return Report(
-        source=_name(source),
-        output=_name(output),
+        source=source_name(source),
+        output=source_name(output),
         method=method.name,
         parameters=parameters,
         strength=controls.strength,
@@ -378,16 +364,3 @@ def _denoised_file(
         seconds=seconds,
         left_out=tuple(left_out),
     )
-
-
-def _mesh_of(file: io.MeshFile, name: str) -> Mesh:
-    try:
-        return file.mesh
-    except io.ReadError:
-        raise
-    except MeshError as error:
-        raise MeshError(f"{name}: {error}") from None
-
-
-def _name(source: str | PathLike[str] | BinaryIO) -> str:
-    return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))

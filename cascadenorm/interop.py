@@ -1,17 +1,20 @@
-"""Meshes of other libraries: their triangles, and a copy of them with other vertices.
+"""Meshes of any kind: files, and meshes of other libraries, of which copies with other vertices are made.
 
-Nothing is imported here: a library whose mesh is handed in has been imported already.
+No other library is imported here: one whose mesh is handed in has been imported already.
 """
 
 import copy
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm import io
 from cascadenorm.io.normals import NORMALS, Normals, renewed_normals
-from cascadenorm.mesh import MeshError
+from cascadenorm.mesh import Mesh, MeshError
 
 
 class Adapter(NamedTuple):
@@ -39,6 +42,35 @@ def adapter(mesh: object) -> Adapter:
         f"{kind.__module__}.{kind.__qualname__} is no kind of mesh that is known here: give vertices and faces as "
         "arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, open3d or meshio"
     )
+
+
+def as_mesh(source: Any) -> Mesh:
+    """Return the triangles of a file, a stream or a mesh of any library."""
+    if isinstance(source, Mesh):
+        return source
+    if isinstance(source, str | PathLike) or hasattr(source, "read"):
+        return mesh_of_file(io.read(source), source_name(source))
+    return Mesh(*adapter(source).arrays(source))
+
+
+def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
+    """Write triangles to a new file in the format of its extension."""
+    io.write(io.from_arrays(mesh.vertices, mesh.faces), path, force=force)
+
+
+def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
+    """Return the triangles of a file that was read; errors begin with its name."""
+    try:
+        return file.mesh
+    except io.ReadError:
+        raise
+    except MeshError as error:
+        raise MeshError(f"{name}: {error}") from None
+
+
+def source_name(source: str | PathLike[str] | BinaryIO) -> str:
+    """Return what messages call a file or a stream."""
+    return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))
 
 
 def _trimesh_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:

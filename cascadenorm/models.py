@@ -9,12 +9,12 @@ from typing import Any
 
 from cascadenorm.api import denoise
 from cascadenorm.controls import DenoiseError
+from cascadenorm.evaluation.pairs import Places, training_pairs
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
-from cascadenorm.learned.progress import Progress, leads, silent, tells
+from cascadenorm.learned.launch import Progress, leads, silent, tells
 from cascadenorm.mesh import limit_threads
-from cascadenorm.pairs import Places, training_pairs
 from cascadenorm.registry import ParameterError
 
 SHIPPED = ("auto", "cascade")

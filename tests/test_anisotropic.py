@@ -4,7 +4,7 @@ from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.baselines.anisotropic import anisotropic_diffusion, anisotropic_laplacian, smoothed_normals
 from cascadenorm.baselines.curvature_flow import mean_curvature_flow
-from cascadenorm.baselines.operators import cotangent_laplacian
+from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, unit
 
 MESH = noisy(icosphere(2), 0.2)

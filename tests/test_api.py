@@ -7,10 +7,10 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.controls import Controls, controlled
+from cascadenorm.geometry.volume import closed_parts, is_closed, with_volume_of
 from cascadenorm.interop import adapter
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import Method, ParameterError
-from cascadenorm.volume import closed_parts, is_closed, with_volume_of
 
 BALL = noisy(icosphere(2), 0.2)
 METHOD = {"method": "bilateral-normal"}

@@ -12,8 +12,8 @@ import pytest
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api import save_mesh
 from cascadenorm.cli import main, run
+from cascadenorm.interop import save_mesh
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import write_atomically, write_together
 

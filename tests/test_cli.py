@@ -11,9 +11,9 @@ import pytest
 from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api import save_mesh
 from cascadenorm.cli import run
 from cascadenorm.controls import Controls
+from cascadenorm.interop import save_mesh
 
 CLEAN = icosphere(2)
 ROUGH = noisy(CLEAN, 0.2)

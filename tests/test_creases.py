@@ -3,7 +3,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.creases import crease_edges, cut
+from cascadenorm.controls.creases import crease_edges, cut
 from cascadenorm.mesh import Mesh
 
 BOX = cube(6)

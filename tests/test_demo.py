@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cascadenorm.api import as_mesh, compare
+from cascadenorm.api import compare
 from cascadenorm.cli import run
-from cascadenorm.demo import BEFORE_AFTER, ERRORS, EXAMPLES, demo, table
+from cascadenorm.cli.demo import BEFORE_AFTER, ERRORS, EXAMPLES, demo, table
+from cascadenorm.interop import as_mesh
 from cascadenorm.io import OutputError
 from cascadenorm.render import Camera
 

@@ -4,9 +4,9 @@ from scipy.linalg import eigh
 from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.baselines.operators import cotangent_laplacian
 from cascadenorm.controls import Controls, controlled
-from cascadenorm.detail import finer_than
+from cascadenorm.controls.detail import finer_than
+from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Method
 

@@ -6,10 +6,10 @@ import pytest
 from scipy.linalg import eigh
 from shapes import grid, icosphere, noisy
 
-from cascadenorm.baselines import solvers
 from cascadenorm.baselines.diffusion import diffuse, laplacian
-from cascadenorm.baselines.operators import cotangent_laplacian, laplacian_of
-from cascadenorm.baselines.solvers import Factorisation
+from cascadenorm.geometry import sparse_solvers
+from cascadenorm.geometry.laplacians import cotangent_laplacian, laplacian_of
+from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import ParameterError, find
 
@@ -45,9 +45,9 @@ def test_eigenvectors_are_scaled_by_the_transfer_function(order, weights, scheme
 def test_large_systems_of_rings_are_solved_without_their_factorisation(monkeypatch, order):
     settings = {"scheme": "implicit", "order": order, "step": 0.5, "iterations": 2, "weights": "cotan"}
     expected = laplacian(MESH, **settings)
-    monkeypatch.setattr(solvers, "DENSE_LIMIT", 0)
+    monkeypatch.setattr(sparse_solvers, "DENSE_LIMIT", 0)
     roots = []
-    monkeypatch.setattr(solvers, "solver", lambda root, at: roots.append(root) or Factorisation(root, at).solve)
+    monkeypatch.setattr(sparse_solvers, "solver", lambda root, at: roots.append(root) or Factorisation(root, at).solve)
     np.testing.assert_allclose(laplacian(MESH, **settings), expected, rtol=0, atol=1e-9)
     assert [root.nnz for root in roots] == [cotangent_laplacian(MESH).stiffness.nnz]
 

@@ -5,11 +5,11 @@ import pytest
 from shapes import cube, icosphere, noisy
 
 from cascadenorm import registry
-from cascadenorm.api import save_mesh
-from cascadenorm.evaluation import NOISY, evaluate
+from cascadenorm.evaluation.harness import NOISY, evaluate
+from cascadenorm.evaluation.metrics import measure
+from cascadenorm.evaluation.pairs import find_pairs, write_pairs
+from cascadenorm.interop import save_mesh
 from cascadenorm.io import OutputError, ReadError
-from cascadenorm.metrics import measure
-from cascadenorm.pairs import find_pairs, write_pairs
 from cascadenorm.registry import ParameterError
 
 SHAPES = {"ball": icosphere(2), "cube": cube(4)}

@@ -4,8 +4,9 @@ from scipy.optimize import brentq
 from shapes import cube, grid, icosphere, noisy
 from test_prescribed import cylinder
 
-from cascadenorm.baselines.fairing import blend, fairing, grown
-from cascadenorm.baselines.operators import cotangent_laplacian
+from cascadenorm.baselines.fairing import fairing
+from cascadenorm.geometry.fairing import blend, grown
+from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import ParameterError
 

@@ -12,7 +12,7 @@ from cascadenorm.baselines.guided_normal import (
     patch_guidance,
     patch_statistics,
 )
-from cascadenorm.recover import recover_vertices
+from cascadenorm.baselines.vertex_update import recover_vertices
 
 ROUGH = noisy(icosphere(2), 0.2)
 

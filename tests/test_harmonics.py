@@ -4,9 +4,9 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 from shapes import grid, icosphere, noisy
 
-from cascadenorm.baselines import harmonics
-from cascadenorm.baselines.harmonics import manifold_harmonics, shape_dna
-from cascadenorm.baselines.operators import cotangent_laplacian
+from cascadenorm.geometry import harmonics
+from cascadenorm.geometry.harmonics import manifold_harmonics, shape_dna
+from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, one_blas_thread
 from cascadenorm.registry import ParameterError
 

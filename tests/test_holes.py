@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy
 
-from cascadenorm.baselines.holes import boundary_loops, fill_holes
+from cascadenorm.geometry.holes import boundary_loops, fill_holes
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import ParameterError
 

@@ -6,10 +6,11 @@ import pytest
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api import as_mesh, fill_holes_file, save_mesh
-from cascadenorm.baselines.holes import fill_holes
+from cascadenorm.api import fill_holes_file
 from cascadenorm.cli import run
-from cascadenorm.io.contract import Content
+from cascadenorm.geometry.holes import fill_holes
+from cascadenorm.interop import as_mesh, save_mesh
+from cascadenorm.io.base import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.gltf import GltfFile
 from cascadenorm.io.patches import Patches

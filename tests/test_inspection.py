@@ -7,13 +7,13 @@ import trimesh
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api import save_mesh
 from cascadenorm.cli import run
+from cascadenorm.cli.report import FINDINGS, counted
 from cascadenorm.data_gen.families import FAMILIES
 from cascadenorm.inspection import Found, Inspection, inspect, noise_level
 from cascadenorm.inspection.crossings import crossing_faces
+from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh
-from cascadenorm.report import FINDINGS, counted
 
 BALL = icosphere(2)
 ROUGH = noisy(BALL, 0.2)

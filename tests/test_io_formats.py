@@ -8,10 +8,10 @@ from shapes import cube, icosphere
 from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, stl_text, written
 
 from cascadenorm import io
-from cascadenorm.io.contract import Content
+from cascadenorm.io.base import Content
 from cascadenorm.io.files import FORMATS
-from cascadenorm.io.foreign import foreign
 from cascadenorm.io.polygons import Polygons, triangulate
+from cascadenorm.io.via_trimesh import foreign
 from cascadenorm.mesh import Mesh, MeshError, unit
 
 OFF_TETRAHEDRON = b"\n".join(

@@ -6,8 +6,8 @@ import trimesh
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api import save_mesh
 from cascadenorm.cli import run
+from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated
 
 BALL = noisy(icosphere(2), 0.2, seed=3)

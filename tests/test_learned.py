@@ -8,6 +8,15 @@ from scipy.spatial.transform import Rotation
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
+from cascadenorm.baselines.iterated_bilateral import (
+    LANES,
+    REACH_PASSES,
+    REACH_SIGMA_R,
+    STEADY,
+    _reach_range,
+    reaching_stack,
+)
+from cascadenorm.baselines.smoothed_normals import smoothed_normals
 from cascadenorm.learned.cascade import FORMAT, Cascade
 from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import (
@@ -26,9 +35,7 @@ from cascadenorm.learned.descriptors import (
     surroundings,
 )
 from cascadenorm.learned.networks import Network
-from cascadenorm.learned.reach import LANES, REACH_PASSES, REACH_SIGMA_R, STEADY, _reach_range, reaching_stack
 from cascadenorm.learned.regression import Regression, Standard, stage_stack
-from cascadenorm.learned.smoothed import smoothed_normals
 from cascadenorm.mesh import Mesh, angles_between, in_blocks, limit_threads, unit
 from cascadenorm.mesh.threads import BLOCK
 from cascadenorm.registry import ParameterError

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from shapes import icosphere, noisy
 
 from cascadenorm.baselines.mean_normal import mean_normal, unilateral_pass, walk_means
+from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.mesh import unit
-from cascadenorm.recover import recover_vertices
 
 ROUGH = noisy(icosphere(2), 0.2)
 RINGS = ROUGH.topology.face_rings(1)

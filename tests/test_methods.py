@@ -7,7 +7,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.creases import crease_edges
+from cascadenorm.controls.creases import crease_edges
 from cascadenorm.mesh import Mesh
 
 ROUGH = noisy(icosphere(3), 0.15, seed=1)

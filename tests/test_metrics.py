@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy
 
+from cascadenorm.evaluation.metrics import measure
 from cascadenorm.mesh import Mesh, MeshError
-from cascadenorm.metrics import measure
 
 
 def turned(mesh: Mesh, degrees: float, axis: int) -> Mesh:

@@ -11,11 +11,11 @@ from shapes import icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.data_gen import DatasetConfig, pair
+from cascadenorm.evaluation.metrics import measure
+from cascadenorm.evaluation.pairs import training_pairs
 from cascadenorm.learned.cascade import advanced, shipped
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.mesh import Mesh, in_frame, scaled_alike
-from cascadenorm.metrics import measure
-from cascadenorm.pairs import training_pairs
 
 ROOT = Path(__file__).parents[1]
 HELD_OUT = DatasetConfig(seed=1_000_003, min_faces=3000, max_faces=5000, noise_kinds=("normal",), min_level=0.2)

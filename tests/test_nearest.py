@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import cube, grid, icosphere
 
+from cascadenorm.geometry.nearest import Surface
 from cascadenorm.mesh import Mesh, limit_threads
-from cascadenorm.nearest import Surface
 
 
 def distance_to_triangle(point, a, b, c) -> float:

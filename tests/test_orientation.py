@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import cube, grid, icosphere
 
+from cascadenorm.geometry.orientation import oriented
+from cascadenorm.geometry.volume import is_closed
 from cascadenorm.mesh import Mesh
-from cascadenorm.orientation import oriented
-from cascadenorm.volume import is_closed
 
 BALL = icosphere(2)
 SHEET = grid(5, 4)

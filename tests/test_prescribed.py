@@ -5,8 +5,8 @@ from test_anisotropic import distance_to_cube
 
 from cascadenorm.baselines.anisotropic import smoothed_normals
 from cascadenorm.baselines.curvature_flow import mean_curvature_flow
-from cascadenorm.baselines.operators import cotangent_laplacian
 from cascadenorm.baselines.prescribed import area_gradient, crease_weights, prescribed_mean_curvature
+from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, unit
 
 MESH = noisy(icosphere(2), 0.15)

@@ -10,7 +10,7 @@ import pytest
 from cascadenorm import registry
 from cascadenorm.api import methods
 from cascadenorm.cli import run
-from cascadenorm.evaluation import DEFAULT_METHODS
+from cascadenorm.evaluation.harness import DEFAULT_METHODS
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -6,9 +6,9 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.mesh import Mesh, limit_threads
-from cascadenorm.pictures import draw
 from cascadenorm.render import Camera, error_colors, error_legend, png, render, side_by_side
-from cascadenorm.render.lettering import lettering
+from cascadenorm.render.files import draw
+from cascadenorm.render.text import lettering
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
 

@@ -8,10 +8,10 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.controls import Controls
-from cascadenorm.io.contract import Content
+from cascadenorm.controls.selection import faces_labelled, selected
+from cascadenorm.io.base import Content
 from cascadenorm.io.ply import PlyFile
 from cascadenorm.io.polygons import Polygons
-from cascadenorm.selection import faces_labelled, selected
 
 BALL = noisy(icosphere(2), 0.1)
 COUNT = len(BALL.vertices)

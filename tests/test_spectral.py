@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from shapes import icosphere, noisy
 
-from cascadenorm.baselines.harmonics import manifold_harmonics
 from cascadenorm.baselines.spectral import filtered, spectral
+from cascadenorm.geometry.harmonics import manifold_harmonics
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import ParameterError
 

@@ -6,7 +6,7 @@ from shapes import icosphere, noisy
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import cascadenorm as cn
-from cascadenorm.api import save_mesh
+from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import one_blas_thread, threads
 
 MESH = noisy(icosphere(3), 0.2)

@@ -9,12 +9,12 @@ import torch
 from shapes import cube, icosphere, mean_angle, noisy
 
 from cascadenorm.data_gen import DatasetConfig, pairs
-from cascadenorm.learned import processes, training
+from cascadenorm.learned import distributed, training
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_stack, pose_free
+from cascadenorm.learned.launch import leads, tells
 from cascadenorm.learned.networks import Faces, Numbers, chords, train_network
-from cascadenorm.learned.progress import leads, tells
 from cascadenorm.learned.regression import Standard
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
@@ -243,9 +243,9 @@ def test_each_process_has_a_card_of_its_own_or_none_has_one(monkeypatch, cards, 
     for name, value in {"WORLD_SIZE": "4", "LOCAL_WORLD_SIZE": "2", "LOCAL_RANK": "1", "RANK": "3"}.items():
         monkeypatch.setenv(name, value)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: cards)
-    assert processes.device() == torch.device(expected)
+    assert distributed.device() == torch.device(expected)
     with ThreadPoolExecutor(1) as pool:  # networks are trained in threads, which do not know of one another's card
-        assert pool.submit(processes.device).result() == torch.device(expected)
+        assert pool.submit(distributed.device).result() == torch.device(expected)
 
 
 def test_settings_are_read_from_toml(tmp_path):

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.geometry.nearest import LEAF, Surface
 from cascadenorm.mesh import Mesh, kernel, over
-from cascadenorm.nearest import LEAF, Surface
 
 MOST_NEAR = 1000  # faces around one face that are looked at before it is given up
 ROUNDING = 1e-14  # a determinant that small, relative to the sides that it is made of, may be zero

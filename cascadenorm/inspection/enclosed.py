@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.geometry.volume import closed_parts, volumes
 from cascadenorm.inspection.defects import pinched_vertices
 from cascadenorm.mesh import Mesh
-from cascadenorm.volume import closed_parts, volumes
 
 
 class Enclosed(NamedTuple):

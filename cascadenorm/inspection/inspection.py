@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
+from cascadenorm.geometry.orientation import oriented
 from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.inspection.defects import pinched_vertices, repeats, rim_count, thin_faces, turned_edges
 from cascadenorm.inspection.enclosed import enclosed
@@ -16,7 +17,6 @@ from cascadenorm.inspection.noise_level import noise_level
 from cascadenorm.interop import adapter
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated
 from cascadenorm.mesh.mesh import face_array, vertex_array
-from cascadenorm.orientation import oriented
 
 MOST_FACES_CROSSED = 200_000
 """Faces up to which those that cross are looked for unasked; it takes seconds for 100,000."""

@@ -1,6 +1,6 @@
 """Reading and writing mesh files."""
 
-from cascadenorm.io.contract import MeshFile, OutputError, ReadError
+from cascadenorm.io.base import MeshFile, OutputError, ReadError
 from cascadenorm.io.files import from_arrays, is_mesh_name, output_format, read, write
 
 __all__ = ["MeshFile", "OutputError", "ReadError", "from_arrays", "is_mesh_name", "output_format", "read", "write"]

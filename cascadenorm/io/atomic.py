@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from cascadenorm.io.contract import OutputError, Piece
+from cascadenorm.io.base import OutputError, Piece
 
 
 def check_output(path: Path, *, force: bool) -> None:

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.io.atomic import check_output, is_special, write_atomically, write_together
-from cascadenorm.io.companions import companions
-from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
-from cascadenorm.io.foreign import NEEDS as TRIMESH_NEEDS
-from cascadenorm.io.foreign import foreign, foreign_formats, foreign_outputs
+from cascadenorm.io.base import Content, MeshFile, OutputError, Piece, ReadError
 from cascadenorm.io.glb import GlbFile
 from cascadenorm.io.gltf import GltfContainer, GltfFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply import PlyFile
 from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.sidecar_files import companions
 from cascadenorm.io.stl import StlFile, is_binary_stl
+from cascadenorm.io.via_trimesh import NEEDS as TRIMESH_NEEDS
+from cascadenorm.io.via_trimesh import foreign, foreign_formats, foreign_outputs
 from cascadenorm.io.vtk import VtkFile, VtuFile, is_installed
 from cascadenorm.mesh import Mesh
 

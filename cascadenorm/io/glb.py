@@ -5,7 +5,7 @@ import struct
 from collections.abc import Iterable
 from typing import Any
 
-from cascadenorm.io.contract import Piece, ReadError
+from cascadenorm.io.base import Piece, ReadError
 from cascadenorm.io.gltf import GltfContainer
 
 MAGIC = b"glTF"

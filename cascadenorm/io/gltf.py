@@ -16,7 +16,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import Content, Labels, MeshFile, Piece, Positions, ReadError
+from cascadenorm.io.base import Content, Labels, MeshFile, Piece, Positions, ReadError
 from cascadenorm.io.gltf_accessors import STORED, Accessors, Vectors
 from cascadenorm.io.gltf_buffers import Buffers, embedded, relative_name
 from cascadenorm.io.gltf_document import document_of

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.io.base import Content, Labels, MeshFile, Piece, ReadError
 from cascadenorm.io.colors import channels, from_words
-from cascadenorm.io.contract import Content, Labels, MeshFile, Piece, ReadError
 from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.io.base import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.colors import channels, from_words
-from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Places, Text, rows_of, spelled

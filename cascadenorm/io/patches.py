@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.io.contract import MeshFile, Positions
+from cascadenorm.io.base import MeshFile, Positions
 from cascadenorm.mesh import Mesh
 
 

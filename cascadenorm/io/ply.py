@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.io.base import Content, MeshFile, OutputError, Piece, Positions, ReadError
 from cascadenorm.io.colors import CHANNELS
-from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, Positions, ReadError
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply_table import Body, Column, Kind, columns
 from cascadenorm.io.polygons import Polygons, strips
-from cascadenorm.io.scan import splice
 from cascadenorm.io.text import Text, spelled
+from cascadenorm.io.tokenizer import splice
 
 XYZ, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 CORNERS = ("vertex_indices", "vertex_index")

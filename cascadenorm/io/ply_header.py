@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from typing import NamedTuple
 
-from cascadenorm.io.contract import ReadError
+from cascadenorm.io.base import ReadError
 
 TYPES = {
     "char": "i1",

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import Content, MeshFile, Piece, ReadError
+from cascadenorm.io.base import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.polygons import Polygons, area_vectors, triangulate
 from cascadenorm.io.text import Places, Text, spelled
 from cascadenorm.mesh import unit

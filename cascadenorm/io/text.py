@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import ReadError
-from cascadenorm.io.scan import cut, decimals, splice
+from cascadenorm.io.base import ReadError
+from cascadenorm.io.tokenizer import cut, decimals, splice
 from cascadenorm.mesh import over
 
 Places = NDArray[np.signedinteger[Any]]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.contract import Content, MeshFile, OutputError, Piece, ReadError
+from cascadenorm.io.base import Content, MeshFile, OutputError, Piece, ReadError
 from cascadenorm.io.normals import NORMALS, Normals
 from cascadenorm.io.polygons import Polygons
 

@@ -1,36 +1,26 @@
 """The cascade: regress normals, recover vertices, and again from what came out (Wang, Liu, Tong 2016)."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.learned.descriptors import CONSTANTS, DESCRIPTORS, FILTERS, Filters, Stack
+from cascadenorm.baselines.vertex_update import Misfit, Sweeps
+from cascadenorm.learned.descriptors import CONSTANTS, DESCRIPTORS
+from cascadenorm.learned.engine import PROCESSOR, Engine
 from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.recover import Misfit, Sweeps, recover_vertices
+from cascadenorm.progress import steps
 from cascadenorm.registry import Parameter, ParameterError, method
-from cascadenorm.steps import steps
 
 FORMAT = "cascadenorm/4"
-
-
-class Engine(NamedTuple):
-    """What computes a stage: the processor, or a graphics card by the same formulas."""
-
-    filters: Filters
-    regress: Callable[[Regression, Mesh, Stack], Vectors]
-    recover: Callable[..., Vectors]
-
-
-PROCESSOR = Engine(FILTERS, Regression.normals, recover_vertices)
 
 
 @dataclass(frozen=True)
@@ -146,12 +136,12 @@ def _engine(device: str) -> Engine:
     if device == "cpu":
         return PROCESSOR
     try:
-        from cascadenorm.learned import graphics
+        from cascadenorm.learned import torch_engine
     except ModuleNotFoundError:
         raise ParameterError(
             f'device is {device!r}, which needs torch: pip install "cascadenorm[gpu]", or leave the device out'
         ) from None
-    return graphics.engine(device)
+    return torch_engine.engine(device)
 
 
 def _loaded(model: Cascade | Path | None, name: str) -> Cascade:

@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.learned.reach import NEAR_PASSES, REACH_PASSES, REACH_SIGMA_R, STEADY, reaching_stack
-from cascadenorm.learned.smoothed import smoothed_normals
+from cascadenorm.baselines.iterated_bilateral import NEAR_PASSES, REACH_PASSES, REACH_SIGMA_R, STEADY, reaching_stack
+from cascadenorm.baselines.normal_filter_bank import filtered_normals
+from cascadenorm.baselines.smoothed_normals import smoothed_normals
 from cascadenorm.mesh import Mesh, Vectors, kernel, over, row_sums
 
 SIGMA_S = (1.0, 2.0)
@@ -52,7 +53,13 @@ def bilateral_stack(mesh: Mesh) -> Stack:
     (m, 1 + 10, 3) : the face normal first, then σ_r ascending within σ_s ascending
     """
     guides = np.broadcast_to(mesh.normals, (len(SIGMA_S), *mesh.normals.shape))
-    return np.concatenate([mesh.normals[:, None].astype(np.float32), _filtered(mesh, guides, SIGMA_R)], axis=1)
+    return np.concatenate(
+        [
+            mesh.normals[:, None].astype(np.float32),
+            _filtered(mesh, guides, SIGMA_R),
+        ],
+        axis=1,
+    )
 
 
 def guided_stack(mesh: Mesh) -> Stack:
@@ -169,50 +176,7 @@ def openness(mesh: Mesh) -> NDArray[np.float32]:
 
 
 def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...]) -> Stack:
-    """One joint bilateral pass for each σ_s, whose guide is guides[s], and each σ_r."""
-    rings = mesh.topology.face_rings(RING)
-    out = np.empty((len(mesh.faces), len(SIGMA_S) * len(sigma_r), 3), np.float32)
-    spatial = 0.5 / (np.array(SIGMA_S) * mesh.mean_edge_length) ** 2
-    spreads = 0.5 / np.array(sigma_r) ** 2
-    over(
-        len(mesh.faces), _filter_range, mesh.normals, np.ascontiguousarray(guides), mesh.centroids, mesh.areas,
-        rings.indptr, rings.indices, spatial, spreads, out,
-    )  # fmt: skip
-    return out
-
-
-@kernel
-def _filter_range(start, stop, normals, guides, centroids, areas, indptr, indices, spatial, spreads, out):  # type: ignore[no-untyped-def]
-    """All filters of a face in one walk over its neighbours; iteration f alone writes out[f]."""
-    count_s, count_r = len(spatial), len(spreads)
-    total = np.empty((count_s, count_r, 3))
-    for f in range(start, stop):
-        for s in range(count_s):
-            for r in range(count_r):
-                for d in range(3):
-                    total[s, r, d] = areas[f] * normals[f, d]
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            x = centroids[g, 0] - centroids[f, 0]
-            y = centroids[g, 1] - centroids[f, 1]
-            z = centroids[g, 2] - centroids[f, 2]
-            distance = x * x + y * y + z * z
-            for s in range(count_s):
-                near = areas[g] * np.exp(-spatial[s] * distance)
-                x = guides[s, g, 0] - guides[s, f, 0]
-                y = guides[s, g, 1] - guides[s, f, 1]
-                z = guides[s, g, 2] - guides[s, f, 2]
-                chord = x * x + y * y + z * z
-                for r in range(count_r):
-                    w = near if spreads[r] == 0 else near * np.exp(-spreads[r] * chord)
-                    for d in range(3):
-                        total[s, r, d] += w * normals[g, d]
-        for s in range(count_s):
-            for r in range(count_r):
-                x, y, z = total[s, r]
-                length = np.sqrt(x * x + y * y + z * z)
-                for d in range(3):
-                    out[f, s * count_r + r, d] = total[s, r, d] / length if length > 0 else normals[f, d]
+    return filtered_normals(mesh, guides, sigma_s=SIGMA_S, sigma_r=sigma_r, rings=RING)
 
 
 @kernel

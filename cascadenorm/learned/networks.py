@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.parallel import DistributedDataParallel
 
-from cascadenorm.learned import processes
+from cascadenorm.learned import distributed
 from cascadenorm.learned.config import ConfigError, Fit
 from cascadenorm.learned.descriptors import FLOOR
 from cascadenorm.learned.regression import Array, Standard
@@ -29,7 +29,7 @@ class Faces(NamedTuple):
 
     def placed(self) -> "Faces":
         """Return them where the matrix products are done, if there is room for them."""
-        device, size = processes.device(), sum(tensor.nbytes for tensor in self)
+        device, size = distributed.device(), sum(tensor.nbytes for tensor in self)
         if device.type == "cuda" and size > SHARE_OF_CARD * torch.cuda.mem_get_info(device)[0]:
             return self
         return Faces(*(tensor.to(device) for tensor in self))
@@ -107,11 +107,11 @@ def chords(predicted: Tensor, truth: Tensor) -> Tensor:
 
 def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
     """Return how many of its faces this process gives to each batch of a pass, and how many all processes give."""
-    counts = processes.gathered(np.array([own]))
+    counts = distributed.gathered(np.array([own]))
     whole = int(counts.sum())
     stops = np.minimum(np.arange(0, whole + batch, batch), whole)
     given = np.diff(counts[:, None] * stops // whole)
-    return given[processes.rank()].tolist(), np.maximum(given.sum(axis=0), 1).tolist()
+    return given[distributed.rank()].tolist(), np.maximum(given.sum(axis=0), 1).tolist()
 
 
 def train_network(
@@ -141,13 +141,13 @@ def train_network(
     weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation (), their loss on the 15 %
     """
     generator = torch.Generator().manual_seed(seed)
-    device, stored = processes.device(), faces.stack.device
+    device, stored = distributed.device(), faces.stack.device
     order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
     cut = max(1, int(0.85 * len(order)))
     training, validation = order[:cut], order[cut:] if cut < len(order) else order
     numbers, inputs = numbers_on(device, standard), len(standard.mean) + faces.context.shape[1]
     network = Network(inputs, fit, faces.stack.shape[1], generator).to(device)
-    model = DistributedDataParallel(network) if processes.count() > 1 else network
+    model = DistributedDataParallel(network) if distributed.count() > 1 else network
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay, fused=device.type == "cuda"
     )
@@ -165,7 +165,7 @@ def train_network(
         for part, size in zip(drawn.split(mine), sizes, strict=True):  # type: ignore[no-untyped-call]
             loss = loss_of(model, part)
             optimiser.zero_grad()
-            shared = loss * (processes.count() / size)  # of all processes the mean is that of the batch
+            shared = loss * (distributed.count() / size)  # of all processes the mean is that of the batch
             shared.backward()  # type: ignore[no-untyped-call]
             torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
             optimiser.step()
@@ -174,7 +174,7 @@ def train_network(
         with torch.no_grad():
             parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
             tested = sum(loss_of(network, part).item() for part in parts)
-        lost, counts = processes.total(np.array([[learned.item(), tested], [len(training), len(validation)]]))
+        lost, counts = distributed.total(np.array([[learned.item(), tested], [len(training), len(validation)]]))
         training_loss, validation_loss = (lost / counts).tolist()
         log(epoch, training_loss, validation_loss)
         if validation_loss < best_loss:

@@ -20,12 +20,12 @@ from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
-from cascadenorm.learned import processes
+from cascadenorm.learned import distributed
 from cascadenorm.learned.cascade import FORMAT, Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.descriptors import pose_free
+from cascadenorm.learned.launch import Progress, leads, silent, tells
 from cascadenorm.learned.networks import Faces, train_network
-from cascadenorm.learned.progress import Progress, leads, silent, tells
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest
 from cascadenorm.learned.samples import Sample
 from cascadenorm.mesh import Mesh, Vectors, in_blocks, thread_count
@@ -55,20 +55,20 @@ def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), pr
     ------
     ConfigError : the folder holds a training of another config, or of other pairs; fewer meshes than processes
     """
-    with processes.together(), _one_thread_each():
+    with distributed.together(), _one_thread_each():
         return _trained(config, checkpoint, own, progress if tells() else silent)
 
 
 def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progress: Progress) -> Cascade:
-    if (meshes := config.data.count + len(own)) < processes.count():
-        raise ConfigError(f"{processes.count()} processes are more than the meshes, {meshes}: take fewer")
+    if (meshes := config.data.count + len(own)) < distributed.count():
+        raise ConfigError(f"{distributed.count()} processes are more than the meshes, {meshes}: take fewer")
     if leads():
         _claim(checkpoint, config, own)
-    processes.meet()  # by then each machine has a folder
+    distributed.meet()  # by then each machine has a folder
     samples = _samples(config, own, checkpoint / "pairs", progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
-    with side_by_side(processes.cores()) as each:
+    with side_by_side(distributed.cores()) as each:
         for number, descriptor in enumerate(config.descriptors):
             arrays = _train_stage(samples, each, config, checkpoint, number, descriptor, progress)
             stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
@@ -79,7 +79,7 @@ def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progres
                 for done, vertices in enumerate(moved):
                     samples[done].vertices = vertices
                     progress(f"apply stage {number + 1}", done + 1, len(samples))
-    faces = int(processes.total(np.array(sum(len(sample.rows) for sample in samples), np.float64)))
+    faces = int(distributed.total(np.array(sum(len(sample.rows) for sample in samples), np.float64)))
     return Cascade(tuple(stages), _card(config, own, faces, losses))
 
 
@@ -94,7 +94,7 @@ def _train_stage(
 ) -> dict[str, Array]:
     """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
     finished = checkpoint / f"stage{number}.safetensors"
-    if done := processes.from_first(partial(_read, finished)):
+    if done := distributed.from_first(partial(_read, finished)):
         return done
     rng = np.random.default_rng([config.seed, number])
     standard, faces = _described(samples, each, config.context, descriptor, f"stage {number + 1} descriptors", progress)
@@ -103,21 +103,21 @@ def _train_stage(
     def numbers(rows: NDArray[np.intp] | slice) -> Array:
         return standard.numbers(stack[rows], [context[rows]])
 
-    some = rng.choice(len(stack), min(KMEANS_FACES // processes.count(), len(stack)), replace=False)
-    drawn = processes.gathered(numbers(some))
+    some = rng.choice(len(stack), min(KMEANS_FACES // distributed.count(), len(stack)), replace=False)
+    drawn = distributed.gathered(numbers(some))
     if len(drawn) < config.clusters:
         raise ConfigError(f"{config.clusters} clusters are more than the faces to learn from, {len(drawn)}: take fewer")
     kmeans = KMeans(config.clusters, n_init=2, random_state=int(rng.integers(2**31)))
-    centers = processes.from_first(lambda: np.ascontiguousarray(kmeans.fit(drawn).cluster_centers_, np.float32))
+    centers = distributed.from_first(lambda: np.ascontiguousarray(kmeans.fit(drawn).cluster_centers_, np.float32))
     cluster = in_blocks(len(stack), lambda start, stop: nearest(numbers(slice(start, stop)), centers))
     faces = faces.placed()
 
     def one(c: int) -> Mapping[str, Array]:
         part = checkpoint / f"stage{number}-cluster{c}.safetensors"
-        if done := processes.from_first(partial(_read, part)):
+        if done := distributed.from_first(partial(_read, part)):
             return done
         mine = np.flatnonzero(cluster == c)
-        count = int(processes.total(np.array(float(len(mine)))))
+        count = int(distributed.total(np.array(float(len(mine)))))
         if not count:
             raise ConfigError(f"cluster {c + 1} has no face to learn from: take fewer clusters, or more meshes")
 
@@ -134,7 +134,7 @@ def _train_stage(
             progress(task, epochs, epochs, notes[-1])
         return network
 
-    with ThreadPoolExecutor(thread_count() if processes.count() == 1 else 1) as pool:
+    with ThreadPoolExecutor(thread_count() if distributed.count() == 1 else 1) as pool:
         networks = list(pool.map(one, range(config.clusters)))
     weights = {name: np.stack([network[name] for network in networks]) for name in networks[0]}
     arrays = {**asdict(standard), "centers": centers, **weights}
@@ -168,7 +168,7 @@ def _described(
 
     The context can be averaged only where its main directions are known: those of a few samples serve.
     """
-    few = samples[:: -(-len(samples) * processes.count() // STANDARD_MESHES)]
+    few = samples[:: -(-len(samples) * distributed.count() // STANDARD_MESHES)]
     steps = len(few) + len(samples)
     stacks = []
     for done, stack in enumerate(each(partial(Sample.stack, descriptor=descriptor), few), 1):
@@ -178,7 +178,7 @@ def _described(
     mean, scale = _mean_and_scale(own)
     own -= mean
     own *= scale
-    covariance = processes.total(np.asarray(own.T.astype(np.float64) @ own))
+    covariance = distributed.total(np.asarray(own.T.astype(np.float64) @ own))
     del own
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
     directions *= np.sign(np.take_along_axis(directions, np.abs(directions).argmax(axis=0)[None], axis=0))
@@ -204,13 +204,13 @@ def _described(
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
     """Mean and reciprocal deviation of each column; what hardly varied here must not matter much elsewhere."""
-    count = processes.total(np.array(float(len(x))))
-    mean = processes.total(x.sum(axis=0, dtype=np.float64)) / count
+    count = distributed.total(np.array(float(len(x))))
+    mean = distributed.total(x.sum(axis=0, dtype=np.float64)) / count
     squares = np.zeros(len(mean))
     for start in range(0, len(mean), COLUMNS):
         columns = slice(start, start + COLUMNS)
         squares[columns] = np.square(x[:, columns] - mean[columns]).sum(axis=0)
-    deviation = np.sqrt(processes.total(squares) / count)
+    deviation = np.sqrt(distributed.total(squares) / count)
     return mean.astype(np.float32), (1 / np.maximum(deviation, LEAST_DEVIATION)).astype(np.float32)
 
 
@@ -218,11 +218,11 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     """Make what this process keeps of the generated pairs and of one's own; those that are in the folder are made."""
     folder.mkdir(parents=True, exist_ok=True)
     count = config.data.count
-    mine = range(count + len(own))[processes.share()]
+    mine = range(count + len(own))[distributed.share()]
     generated, others = [i for i in mine if i < count], [i for i in mine if i >= count]
     files = {i: folder / f"{i:05d}.safetensors" for i in generated}
     missing = [i for i in generated if not files[i].exists()]
-    made = zip(missing, pairs(config.data, missing, workers=processes.cores()), strict=True)
+    made = zip(missing, pairs(config.data, missing, workers=distributed.cores()), strict=True)
     for done, (i, new) in enumerate(made, len(generated) - len(missing) + 1):
         positions = {"noisy": new.noisy.vertices, "clean": new.clean.vertices}
         _write(files[i], {**positions, "faces": new.clean.faces})

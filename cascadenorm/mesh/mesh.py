@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import over
 from cascadenorm.mesh.topology import Topology
-from cascadenorm.wording import counted
+from cascadenorm.messages import counted
 
 Vectors = NDArray[np.float64]
 """(k, 3) float64: positions, normals or displacements."""

@@ -1,0 +1,155 @@
+"""The demonstration: three noisy meshes that come with the package, denoised, measured and drawn."""
+
+import time
+from collections.abc import Callable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from rich.table import Table
+
+from cascadenorm.api import denoise
+from cascadenorm.interop import as_mesh, save_mesh
+from cascadenorm.io import OutputError
+from cascadenorm.io.atomic import write_atomically
+from cascadenorm.mesh import Mesh, angles_between
+from cascadenorm.render import Camera, Image, error_colors, error_legend, png, render, side_by_side
+
+EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.45, 0.4, 0.8), "head": (0.15, 0.15, 1), "scan": None}
+"""Name of each example and the direction that it is seen from."""
+
+METHODS = ("bilateral-normal", "cascade", "auto")
+FOLDER = Path("cascadenorm-demo")
+BEFORE_AFTER, ERRORS = "before-after.png", "errors.png"
+
+_DATA = Path(__file__).parent.parent / "demo_data"
+_PANEL = (400, 400)
+_LIMIT = 20.0  # degrees, where the scale of errors ends
+
+
+class Outcome(NamedTuple):
+    """A method on an example: its mesh, the angle that each face is off in degrees, and how long it took."""
+
+    method: str
+    mesh: Mesh
+    angles: NDArray[np.float64]
+    seconds: float
+
+
+class Example(NamedTuple):
+    """One of the meshes, the noisy one and what each method made of it."""
+
+    name: str
+    clean: Mesh
+    noisy: Outcome
+    denoised: tuple[Outcome, ...]
+
+
+def demo(
+    folder: str | PathLike[str] = FOLDER,
+    *,
+    methods: Sequence[str] = METHODS,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> list[Example]:
+    """Denoise the examples and leave meshes and pictures in a folder.
+
+    Parameters
+    ----------
+    folder : made if it is not there; files of an earlier demonstration are replaced, others are left alone
+    methods : names, with their default parameters
+    progress : called with (what comes next, parts done, parts in all)
+
+    Returns
+    -------
+    The examples in their order, each measured against its clean mesh
+
+    Raises
+    ------
+    OutputError : the folder is a file, or cannot be written to
+    """
+    folder = Path(folder)
+    report = progress or (lambda text, done, total: None)
+    total = len(EXAMPLES) + 2
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        report("compiling, the first time", 0, total)
+        _warm_up(methods)
+        examples: list[Example] = []
+        for name in EXAMPLES:
+            report(name, len(examples) + 1, total)
+            examples.append(_example(name, methods))
+            _save(folder / name, examples[-1])
+        report("drawing", total - 1, total)
+        for name, drawn in ((BEFORE_AFTER, _before_after), (ERRORS, _errors)):
+            picture = np.concatenate([drawn(example) for example in examples])
+            write_atomically(folder / name, [png(picture)], force=True)
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
+    return examples
+
+
+def table(examples: Sequence[Example]) -> Table:
+    """Normal errors and seconds, a line for each example."""
+    lines = Table(caption="mean angle between the normals of the faces and the true ones")
+    lines.add_column("mesh")
+    for title in ("faces", "noisy", *(outcome.method for outcome in examples[0].denoised)):
+        lines.add_column(title, justify="right")
+    for example in examples:
+        cells = [f"{outcome.angles.mean():5.2f}°  {outcome.seconds:.2f} s" for outcome in example.denoised]
+        lines.add_row(example.name, str(len(example.clean.faces)), f"{example.noisy.angles.mean():.2f}°", *cells)
+    return lines
+
+
+def _warm_up(methods: Sequence[str]) -> None:
+    """Denoise a small piece of an example, so that the times do not depend on what was compiled before."""
+    mesh = as_mesh(_DATA / "part" / "noisy.ply")
+    piece = Mesh(mesh.vertices, mesh.faces[:200])
+    for method in methods:
+        denoise(piece, method=method)
+
+
+def _example(name: str, methods: Sequence[str]) -> Example:
+    noisy, clean = as_mesh(_DATA / name / "noisy.ply"), as_mesh(_DATA / name / "clean.ply")
+    outcomes = []
+    for method in methods:
+        start = time.perf_counter()
+        mesh = denoise(noisy, method=method)
+        seconds = time.perf_counter() - start
+        outcomes.append(Outcome(method, mesh, _angles(mesh, clean), seconds))
+    return Example(name, clean, Outcome("noisy", noisy, _angles(noisy, clean), 0.0), tuple(outcomes))
+
+
+def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
+    """(m,) angle between the normals of a face in both meshes, in degrees."""
+    return np.asarray(np.degrees(angles_between(mesh.normals, clean.normals)))
+
+
+def _save(folder: Path, example: Example) -> None:
+    folder.mkdir(exist_ok=True)
+    save_mesh(folder / "clean.ply", example.clean, force=True)
+    for outcome in (example.noisy, *example.denoised):
+        save_mesh(folder / f"{outcome.method}.ply", outcome.mesh, force=True)
+
+
+def _before_after(example: Example) -> Image:
+    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
+    shown = (example.noisy, *example.denoised)
+    pictures = [render(mesh, view=view, size=_PANEL) for mesh in (*(outcome.mesh for outcome in shown), example.clean)]
+    return side_by_side(pictures, [*map(_caption, shown), "true shape"])
+
+
+def _errors(example: Example) -> Image:
+    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
+    shown = (example.noisy, *example.denoised)
+    pictures = [
+        render(outcome.mesh, view=view, size=_PANEL, colors=error_colors(outcome.angles, limit=_LIMIT))
+        for outcome in shown
+    ]
+    legend = error_legend(limit=_LIMIT, unit="°", size=(_PANEL[0] // 5, _PANEL[1]))
+    return side_by_side([*pictures, legend], [*map(_caption, shown), ""])
+
+
+def _caption(outcome: Outcome) -> str:
+    return f"{outcome.method} {outcome.angles.mean():.1f}°"

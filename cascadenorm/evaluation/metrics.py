@@ -1,0 +1,97 @@
+"""How far a denoised mesh is from the true one: in the directions of its faces, in its vertices, in its volume."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.geometry.nearest import Nearest, Surface
+from cascadenorm.geometry.volume import is_closed
+from cascadenorm.mesh import Mesh, MeshError, angles_between, scaled_alike
+
+SMALLEST = 1e-90
+"""Size of a mesh, as a share of the other's, whose cube is still a number."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measures:
+    """Errors of a mesh against the true one; 0 is perfect, and 1 for the volume ratio.
+
+    Parameters
+    ----------
+    normal_error_deg : E_a, mean angle between the face normals, in degrees
+    normal_error_rms_deg : root of the mean square of that angle
+    normal_error_p95_deg : 95 % of the faces are at most that far off
+    turned_percent : share of the faces that are off by more than 90°
+    vertex_error_edges : E_v, mean distance of the vertices to the true surface, in mean edge lengths of the true mesh
+    hausdorff_diagonal : largest distance of a vertex of either mesh to the other surface, over the diagonal of the
+        true mesh's bounding box
+    volume_ratio : enclosed volume over the true one; None unless both meshes are closed
+    """
+
+    normal_error_deg: float
+    normal_error_rms_deg: float
+    normal_error_p95_deg: float
+    turned_percent: float
+    vertex_error_edges: float
+    hausdorff_diagonal: float
+    volume_ratio: float | None
+
+
+def measure(mesh: Mesh, reference: Mesh) -> Measures:
+    """Measure a mesh against the true one.
+
+    Parameters
+    ----------
+    mesh : the one to judge; vertices that no face uses do not count
+    reference : the true one. If its faces are the same, they are compared one by one; otherwise each face is compared
+        with the true face nearest to its centroid. Faces without area, in either mesh, have no angle
+
+    Raises
+    ------
+    MeshError : no face has a normal on both sides, the true mesh has no extent, or they differ in size beyond measure
+    """
+    mesh, reference = scaled_alike(mesh, reference)  # which changes no measure
+    sizes = sorted([mesh.diagonal, reference.diagonal])
+    if 0 < sizes[0] < SMALLEST * sizes[1]:
+        raise MeshError(f"one mesh is over {1 / SMALLEST:.0e} times as large as the other: bring them to one unit")
+    if reference.diagonal == 0 or reference.mean_edge_length == 0:
+        raise MeshError("all vertices of the reference mesh are at one place: give a mesh that has an extent")
+    surface = Surface(reference)
+    there = surface.nearest(_used_vertices(mesh))
+    back = Surface(mesh).nearest(_used_vertices(reference))
+    angles = _angles(mesh, reference, surface)
+    return Measures(
+        normal_error_deg=float(angles.mean()),
+        normal_error_rms_deg=float(np.sqrt(np.square(angles).mean())),
+        normal_error_p95_deg=float(np.percentile(angles, 95)),
+        turned_percent=float(100 * (angles > 90).mean()),
+        vertex_error_edges=float(there.distances.mean() / reference.mean_edge_length),
+        hausdorff_diagonal=float(max(_largest(there), _largest(back)) / reference.diagonal),
+        volume_ratio=_volume_ratio(mesh, reference),
+    )
+
+
+def _angles(mesh: Mesh, reference: Mesh, surface: Surface) -> NDArray[np.float64]:
+    """Angles in degrees between normals that belong together."""
+    ours, theirs = mesh.normals, reference.normals
+    if not np.array_equal(mesh.faces, reference.faces):
+        theirs = theirs[surface.nearest(mesh.centroids).faces]
+    angles = angles_between(ours, theirs)
+    if not len(angles):
+        raise MeshError("no face has an area in both meshes: there are no normals to compare")
+    return np.asarray(np.degrees(angles))
+
+
+def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:
+    return mesh.vertices[mesh.topology.used_vertices]
+
+
+def _largest(nearest: Nearest) -> float:
+    return float(nearest.distances.max())
+
+
+def _volume_ratio(mesh: Mesh, reference: Mesh) -> float | None:
+    if not (is_closed(mesh) and is_closed(reference)) or reference.volume == 0:
+        return None
+    return mesh.volume / reference.volume

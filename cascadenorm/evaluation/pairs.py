@@ -1,0 +1,170 @@
+"""Folders of noisy/clean pairs: found on disk, read for a training, or generated."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from importlib.util import find_spec
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cascadenorm import data_gen
+from cascadenorm.controls import DenoiseError
+from cascadenorm.data_gen import DatasetConfig, write_dataset
+from cascadenorm.data_gen.pieces import piece, pieces
+from cascadenorm.geometry.orientation import oriented
+from cascadenorm.interop import as_mesh, save_mesh
+from cascadenorm.io import OutputError, ReadError, is_mesh_name
+from cascadenorm.learned.config import DATA
+from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
+
+Places = str | PathLike[str] | Iterable[str | PathLike[str]]
+"""One path or several."""
+
+
+class Pair(NamedTuple):
+    """Two files of the same surface."""
+
+    name: str
+    noisy: Path
+    clean: Path
+
+
+def find_pairs(folders: Places) -> list[Pair]:
+    """List the pairs `noisy.*` + `clean.*` in each folder itself and in the folders in it, by name, each once.
+
+    Raises
+    ------
+    ReadError : a folder that does not exist or holds no pair, half a pair, two files of one name
+    """
+    known: dict[Path, Pair] = {}
+    for folder in _paths(folders):
+        if not folder.is_dir():
+            raise ReadError(f"{folder} is not a folder: give one that holds noisy.* and clean.*, or folders that do")
+        found = [pair for place in (folder, *sorted(folder.iterdir())) if (pair := _pair(place))]
+        if not found:
+            raise ReadError(f"{folder} holds no pairs: put noisy.ply and clean.ply into it, or into folders in it")
+        for pair in found:
+            known.setdefault(pair.noisy.resolve(), pair)
+    pairs = list(known.values())
+    if len({pair.name for pair in pairs}) < len(pairs):
+        pairs = [pair._replace(name=str(pair.noisy.parent)) for pair in pairs]
+    return pairs
+
+
+def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[data_gen.Pair]:
+    """Read meshes of one's own to train on, wound alike, of about unit size, in pieces of at most config.max_faces.
+
+    Parameters
+    ----------
+    shapes : clean meshes, or folders of them; they get noise as `config` says, each again and again until they are
+        about a quarter of what is generated, or for the twentieth time
+    noisy : folders of pairs, as `find_pairs` takes them, of equal faces
+    config : of the generated pairs
+
+    Raises
+    ------
+    ReadError, MeshError : a file that is missing or no mesh, a folder without one, a pair of different faces
+    """
+    clean = [part for path in _mesh_files(shapes) for part in _pieces(oriented(in_frame(as_mesh(path))[0]), config)]
+    rounds = max(1, min(20, config.count // (4 * len(clean)))) if clean else 0
+    made = [data_gen.own_pair(config, i, part) for i, part in enumerate(clean * rounds)]
+    for files in find_pairs(noisy):
+        first, true = as_mesh(files.noisy), as_mesh(files.clean)
+        if not np.array_equal(first.faces, true.faces):
+            raise MeshError(f"{files.noisy} and {files.clean} have different faces: a training needs the same in both")
+        first, true = scaled_alike(first, true)
+        true = oriented(true)
+        first = Mesh(first.vertices, true.faces)
+        for chosen in pieces(true, faces=config.max_faces):
+            made.append(data_gen.Pair(piece(first, chosen), piece(true, chosen), data_gen.OWN, "none", 0.0))
+    return made
+
+
+def _pieces(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
+    return [piece(mesh, chosen) for chosen in pieces(mesh, faces=config.max_faces)]
+
+
+def _mesh_files(places: Places) -> list[Path]:
+    """List files as they are, and the mesh files in folders by name."""
+    files = []
+    for place in _paths(places):
+        found = (
+            sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
+            if place.is_dir()
+            else [place]
+        )
+        if not found:
+            raise ReadError(f"{place} holds no mesh files: put clean meshes into it")
+        files += found
+    return files
+
+
+def _paths(places: Places) -> list[Path]:
+    return [Path(places)] if isinstance(places, str | PathLike) else [Path(place) for place in places]
+
+
+def write_pairs(
+    folder: Path,
+    *,
+    count: int,
+    seed: int,
+    workers: int = 1,
+    force: bool = False,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> None:
+    """Generate pairs as trainings do, each in a folder of its own, and `dataset.json` beside them.
+
+    Parameters
+    ----------
+    folder : made if it is not there
+    count, seed : how many, and of what; the same numbers give the same files
+    workers : processes
+    force : write into a folder that is not empty
+    progress : called with (what is done, pairs done, pairs in all)
+
+    Raises
+    ------
+    OutputError : the folder is not empty and force is not given, or it is a file or cannot be made
+    DenoiseError : scikit-image is not installed
+    """
+    if find_spec("skimage") is None:
+        raise DenoiseError("generating needs skimage: pip install 'cascadenorm[train]'")
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder} is a file: give the name of a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not force:
+        raise OutputError(f"{folder} is not empty: give another folder, or write into it with force (--force)")
+    config = replace(DATA, count=count, seed=seed)
+
+    def report(done: int, total: int) -> None:
+        if progress is not None:
+            progress("generating", done, total)
+
+    try:
+        write_dataset(folder, config, write=_overwrite, workers=workers, progress=report)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
+
+
+def _overwrite(path: Path, mesh: Mesh) -> None:
+    save_mesh(path, mesh, force=True)
+
+
+def _pair(folder: Path) -> Pair | None:
+    """Return the pair in a folder; None where there is neither half of one."""
+    if not folder.is_dir():
+        return None
+    halves = {}
+    for half in ("noisy", "clean"):
+        files = sorted(file for file in folder.glob(f"{half}.*") if file.is_file())
+        files = [file for file in files if is_mesh_name(file)] or files  # beside them may lie what they name
+        if len(files) > 1:
+            raise ReadError(f"{folder} holds {len(files)} files {half}.*: leave one")
+        if files:
+            halves[half] = files[0]
+    if len(halves) == 1:
+        raise ReadError(f"{folder} holds {next(iter(halves.values())).name} alone: a pair is noisy.* and clean.*")
+    return Pair(folder.resolve().name, halves["noisy"], halves["clean"]) if halves else None

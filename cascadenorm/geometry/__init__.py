@@ -1,0 +1,1 @@
+"""What is true of any surface: Laplacians, sparse systems, eigenproblems, neighbourhoods, nearest points, holes."""

@@ -1,0 +1,192 @@
+"""Manifold harmonics: the lowest eigenpairs of the Laplacian, band by band (Vallet & Lévy 2008), and shape DNA."""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.linalg import eigh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+
+from cascadenorm.geometry.laplacians import Laplacian, cotangent_laplacian
+from cascadenorm.geometry.sparse_solvers import Factorisation
+from cascadenorm.mesh import Mesh, one_blas_thread
+from cascadenorm.registry import ParameterError
+
+BAND = 60  # eigenpairs around one shift
+TOLERANCE = 1e-10  # relative residual of an eigenvalue of the inverse; its own error is of the order of the square
+RESTARTS = 60  # of Lanczos in one band; 2 to 5 are usual
+DENSE = 1200  # vertices up to which all eigenpairs at once are faster
+
+Pairs = tuple[NDArray[np.float64], NDArray[np.float64]]
+Rim = Literal["free", "fixed"]
+
+
+class Harmonics(NamedTuple):
+    """The k lowest eigenpairs of -Δ on n vertices: S φ = λ M φ, φᵀ M φ = 1."""
+
+    values: NDArray[np.float64]  # (k,) ascending, in 1 / length²
+    vectors: NDArray[np.float64]  # (n, k)
+    mass: NDArray[np.float64]  # (n,)
+
+    def coefficients(self, functions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (k, c) M-inner products of the columns of `functions`, (n, c), with the eigenvectors."""
+        with one_blas_thread():
+            return np.asarray(self.vectors.T @ (self.mass[:, None] * functions))
+
+    def combined(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (n, c) the sums of the eigenvectors with (k, c) coefficients."""
+        with one_blas_thread():
+            return np.asarray(self.vectors @ coefficients)
+
+
+def manifold_harmonics(mesh: Mesh, count: int, *, rim: Rim = "free") -> Harmonics:
+    """Return the lowest eigenpairs of the cotangent Laplacian.
+
+    Shift-invert Lanczos finds 60 pairs around a shift; the shift then moves up. Between the bands the signs of the
+    pivots of a factorisation count the eigenvalues below, so that no pair is missed and none comes twice.
+
+    Parameters
+    ----------
+    mesh : n vertices
+    count : k, from 1 to the number of vertices that have a face (and are not held)
+    rim : "free" is Neumann's condition, "fixed" Dirichlet's: zero at the rim of an open mesh
+
+    Returns
+    -------
+    k pairs; eigenvectors are 0 at vertices without a face, and their largest entry in size is positive
+
+    Raises
+    ------
+    ParameterError : count is out of range
+    """
+    laplacian = cotangent_laplacian(mesh)
+    free = laplacian.mass > 0
+    if rim == "fixed":
+        free &= ~mesh.topology.boundary_vertices
+    check_count(count, int(free.sum()))
+    # connected parts one by one: together, equal ones would have each eigenvalue many times
+    component = np.where(free, mesh.topology.components, -1)
+    order = np.argsort(component, kind="stable")[(~free).sum() :]
+    parts = np.split(order, np.flatnonzero(np.diff(component[order])) + 1)
+    pairs = [_lowest(laplacian, part, min(count, len(part))) for part in parts]
+    all_values = np.concatenate([found for found, _ in pairs])
+    owners = np.concatenate([[(i, k) for k in range(len(found))] for i, (found, _) in enumerate(pairs)])
+    lowest = np.argsort(all_values, kind="stable")[:count]
+    vectors = np.zeros((len(mesh.vertices), count))
+    for column, (i, k) in enumerate(owners[lowest]):
+        vectors[parts[i], column] = pairs[i][1][:, k]
+    vectors *= np.where(vectors[abs(vectors).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
+    return Harmonics(np.maximum(all_values[lowest], 0.0), vectors, laplacian.mass)
+
+
+def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pairs:
+    """Return the lowest eigenpairs of functions on some vertices, zero elsewhere; vectors for these vertices alone."""
+    stiffness, mass = laplacian.stiffness[inside][:, inside], laplacian.mass[inside]
+    if len(inside) > DENSE and 3 * count <= len(inside):
+        return _in_bands(Laplacian(stiffness, mass, laplacian.positions[inside]), count)
+    root = 1 / np.sqrt(mass)
+    with one_blas_thread():
+        values, vectors = eigh(root[:, None] * stiffness.toarray() * root, subset_by_index=(0, count - 1))
+    return values, root[:, None] * vectors
+
+
+def shape_dna(mesh: Mesh, count: int, *, scale: Literal["keep", "area"] = "keep") -> NDArray[np.float64]:
+    """Return the lowest eigenvalues of the Laplacian (Reuter, Wolter, Peinecke 2006), the same for isometric shapes.
+
+    Parameters
+    ----------
+    mesh : n vertices
+    count : how many, at most n
+    scale : "keep": values go with 1 / length²; "area" multiplies them by the area, so that size does not matter
+
+    Returns
+    -------
+    (count,) ascending, the first 0 for each connected part
+    """
+    values = manifold_harmonics(mesh, count).values
+    return values * mesh.area if scale == "area" else values
+
+
+def check_count(count: int, available: int) -> None:
+    """Refuse more harmonics than there are."""
+    if not 1 <= count <= available:
+        raise ParameterError(f"{count} harmonics are wanted; this mesh has {available}: ask for 1 to {available}")
+
+
+def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
+    """Return the lowest `count` eigenpairs, from bands that overlap."""
+    n = len(laplacian.mass)
+    values, vectors = np.empty(count), np.empty((n, count))
+    weyl = 4 * np.pi / laplacian.mass.sum()  # mean spacing of the eigenvalues of a surface
+    have, floor, shift = 0, -np.inf, -0.01 * weyl
+    for _ in range(20 + 4 * count // BAND):
+        found, parts = _band(laplacian, shift, min(BAND, n - 1))
+        if have > 0 and found[0] > floor:  # a gap may be left: come closer
+            shift = 0.5 * (shift + floor)
+            continue
+        # end at the widest gap near the top, so that no cluster of equal eigenvalues is divided between two bands
+        gaps = np.diff(found[-BAND // 6 :])
+        end = len(found) - len(gaps) + int(gaps.argmax())
+        ceiling = 0.5 * (found[end - 1] + found[end])
+        expected = _count_below(laplacian, ceiling) - have
+        inside = (found > floor) & (found < ceiling)
+        if inside.sum() < expected:
+            found, parts = _completed(laplacian, shift, found, parts, expected - int(inside.sum()))
+            inside = (found > floor) & (found < ceiling)
+        if inside.sum() != expected:
+            shift = 0.5 * (shift + max(floor, 0.0))
+            continue
+        taken = min(expected, count - have)
+        values[have : have + taken] = found[inside][:taken]
+        vectors[:, have : have + taken] = parts[:, inside][:, :taken]
+        have += taken
+        if have == count:
+            return values, vectors
+        floor, shift = ceiling, ceiling + 0.4 * BAND * max((found[-1] - found[0]) / len(found), 0.01 * weyl)
+    raise _too_alike()
+
+
+def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.float64] | None = None) -> Pairs:
+    """Return the eigenpairs nearest to a shift, ascending; those with the eigenvectors `known` are left out."""
+    factorisation = Factorisation(laplacian.stiffness - shift * sparse.diags_array(laplacian.mass), laplacian.positions)
+    root, n = np.sqrt(laplacian.mass), len(laplacian.mass)
+    others = np.empty((n, 0)) if known is None else root[:, None] * known
+
+    def apply(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = x.ravel() - others @ (others.T @ x.ravel())
+        x = root * factorisation.solve(root * x)
+        return np.asarray(x - others @ (others.T @ x))
+
+    start = np.cos((1 + others.shape[1]) * np.arange(n))
+    try:
+        with one_blas_thread():
+            operator = LinearOperator((n, n), apply, dtype=np.float64)
+            inverse, vectors = eigsh(operator, count, v0=start, maxiter=RESTARTS, tol=TOLERANCE)
+    except ArpackError as error:
+        raise _too_alike() from error
+    values = shift + 1 / inverse
+    order = np.argsort(values)
+    return values[order], vectors[:, order] / root[:, None]
+
+
+def _completed(
+    laplacian: Laplacian, shift: float, values: NDArray[np.float64], vectors: NDArray[np.float64], missing: int
+) -> Pairs:
+    """Add eigenpairs with eigenvalues that Lanczos found less often than they occur, as on a symmetric mesh."""
+    more, parts = _band(laplacian, shift, missing + 5, vectors)
+    values, vectors = np.concatenate([values, more]), np.concatenate([vectors, parts], axis=1)
+    order = np.argsort(values)
+    return values[order], vectors[:, order]
+
+
+def _count_below(laplacian: Laplacian, value: float) -> int:
+    """Return how many eigenvalues are smaller: the negative pivots of S - value M (Sylvester's law of inertia)."""
+    factorisation = Factorisation(laplacian.stiffness - value * sparse.diags_array(laplacian.mass), laplacian.positions)
+    return int((factorisation.factors.U.diagonal() < 0).sum())
+
+
+def _too_alike() -> ParameterError:
+    return ParameterError(
+        "too many eigenvalues of this mesh are equal to tell its harmonics apart: ask for fewer, or approximate them"
+    )

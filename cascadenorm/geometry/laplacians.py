@@ -1,0 +1,138 @@
+"""Laplacians of a triangle mesh: cotangent with intrinsic mollification, and uniform.
+
+Both are a symmetric stiffness S and a diagonal mass M, so that the Laplacian is Δ = -M⁻¹S, with negative diagonal.
+At a rim nothing special is done: the cotangent stiffness then has the natural (Neumann) condition, the uniform one
+the neighbours that there are. Nothing needs a manifold: an edge collects a weight from each of its faces.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cascadenorm.mesh import Mesh, Vectors, kernel, over
+
+Weights = Literal["uniform", "cotan"]
+Order = Literal[1, 2, 3]
+"""Power of the Laplacian: 1 membrane or plain diffusion, 2 thin plate, 3 minimum variation."""
+Region = NDArray[np.bool_]
+"""(n,) bool, vertices."""
+MOLLIFICATION = 1e-3
+"""Slack of the triangle inequality, in mean edge lengths (Sharp & Crane 2020); less ruins powers of the Laplacian."""
+
+
+@dataclass(frozen=True)
+class Laplacian:
+    """A Laplacian Δ = -M⁻¹S on the n vertices of a mesh.
+
+    Parameters
+    ----------
+    stiffness : S, (n, n) sparse, symmetric, positive semidefinite, rows sum to zero
+    mass : M, (n,); zero for a vertex without a face, which then keeps its value
+    positions : (n, 3) of the vertices: by them solvers order the unknowns
+    """
+
+    stiffness: Any  # scipy.sparse.csr_array, which has no types
+    mass: NDArray[np.float64]
+    positions: Vectors
+
+    @cached_property
+    def inverse_mass(self) -> NDArray[np.float64]:
+        """(n,) 1 / mass, and 0 where there is none."""
+        return np.divide(1.0, self.mass, out=np.zeros_like(self.mass), where=self.mass > 0)
+
+    def apply(self, values: NDArray[np.float64], order: int = 1) -> NDArray[np.float64]:
+        """Return (-Δ)^order of the columns of `values`, (n, c)."""
+        for _ in range(order):
+            values = self.inverse_mass[:, None] * (self.stiffness @ values)
+        return values
+
+    def power(self, order: int) -> Any:
+        """Return M (-Δ)^order = S (M⁻¹S)^(order - 1), symmetric and positive semidefinite, sparse."""
+        matrix = self.stiffness
+        for _ in range(order - 1):
+            matrix = sparse.csr_array(self.stiffness @ (sparse.diags_array(self.inverse_mass) @ matrix))
+        return matrix
+
+    @cached_property
+    def largest(self) -> float:
+        """An upper bound (Gershgorin) of the eigenvalues of -Δ."""
+        return float((abs(self.stiffness).sum(axis=1) * self.inverse_mass).max())
+
+
+def laplacian_of(mesh: Mesh, weights: Weights) -> Laplacian:
+    """Return the Laplacian with uniform or cotangent weights."""
+    return uniform_laplacian(mesh) if weights == "uniform" else cotangent_laplacian(mesh)
+
+
+def uniform_laplacian(mesh: Mesh) -> Laplacian:
+    """Return Δx_i = mean of the 1-ring of i - x_i: the mass is the number of neighbours, eigenvalues lie in 0 … 2."""
+    edges = mesh.topology.edges
+    return assemble(mesh, np.ones(len(edges)), mesh.topology.vertex_neighbors.counts.astype(np.float64))
+
+
+def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> Laplacian:
+    """Return the cotangent Laplacian (Pinkall & Polthier 1993; Meyer et al. 2003), a third of the area as mass.
+
+    The stiffness has -(cot α + cot β)/2 for an edge with the opposite angles α and β, so that Δx = -2Hn.
+
+    Parameters
+    ----------
+    mesh : n vertices; triangles may be obtuse or degenerate
+    mollification : each edge length grows by one and the same ε, the least that lets every triangle satisfy the
+        triangle inequality by this many mean edge lengths; ε is 0 for a mesh that does (Sharp & Crane 2020)
+    """
+    lengths = intrinsic_lengths(mesh, mollification=mollification)
+    cotangents, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
+    over(len(mesh.faces), _cotangents, lengths, cotangents, areas)
+    edge_weights = sums(mesh.topology.face_edges, 0.5 * cotangents, len(mesh.topology.edges))
+    return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
+
+
+def vertex_masses(mesh: Mesh, areas: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n,) a third of the areas of the faces around each vertex."""
+    return sums(mesh.faces, np.repeat(areas / 3, 3), len(mesh.vertices))
+
+
+def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> NDArray[np.float64]:
+    """Return (m, 3) mollified lengths of the sides of each face; side k joins corners k and k + 1."""
+    corners = mesh.corners
+    lengths: NDArray[np.float64] = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    slack = lengths.sum(axis=1) - 2 * lengths.max(axis=1)
+    missing = mollification * (mesh.mean_edge_length or 1.0) - slack.min()
+    return lengths + max(float(missing), 0.0)
+
+
+def sums(places: NDArray[np.int32], values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Add each value to its place; (count,)."""
+    return np.asarray(np.bincount(places.ravel(), values.ravel(), count), np.float64)
+
+
+def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]) -> Laplacian:
+    """Return the Laplacian with the given weight of each edge, e.g. (cot α + cot β)/2, and mass of each vertex."""
+    proper = mesh.topology.edges[:, 0] != mesh.topology.edges[:, 1]
+    (i, j), w = mesh.topology.edges[proper].T, weights[proper]
+    n = len(mesh.vertices)
+    diagonal = sums(i, w, n) + sums(j, w, n)
+    everyone = np.arange(n, dtype=np.int32)
+    rows, columns = np.concatenate([i, j, everyone]), np.concatenate([j, i, everyone])
+    stiffness = sparse.csr_array(sparse.coo_array((np.concatenate([-w, -w, diagonal]), (rows, columns)), (n, n)))
+    return Laplacian(stiffness, mass, mesh.vertices)
+
+
+@kernel
+def _cotangents(start, stop, lengths, cotangents, areas):  # type: ignore[no-untyped-def]
+    """Cotangent of the angle opposite to each side, and the area, from three lengths (Kahan's form of Heron's)."""
+    for f in range(start, stop):
+        a, b, c = lengths[f]
+        low, high = min(a, b, c), max(a, b, c)
+        middle = max(min(a, b), min(max(a, b), c))
+        squared = (high + (middle + low)) * (low - (high - middle)) * (low + (high - middle)) * (high + (middle - low))
+        area = 0.25 * np.sqrt(squared)
+        areas[f] = area
+        cotangents[f, 0] = (b * b + c * c - a * a) / (4.0 * area)
+        cotangents[f, 1] = (c * c + a * a - b * b) / (4.0 * area)
+        cotangents[f, 2] = (a * a + b * b - c * c) / (4.0 * area)

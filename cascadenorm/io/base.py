@@ -1,0 +1,327 @@
+"""What every mesh format offers: a file that was read, and the same file with its vertices moved."""
+
+import copy
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.io.normals import Normals, renewed_normals
+from cascadenorm.io.polygons import Polygons, triangulate
+from cascadenorm.io.welding import weld
+from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, first_places, isolated
+from cascadenorm.messages import counted
+
+Positions = NDArray[Any]
+"""(k, 3) float32 or float64, as the file holds them."""
+
+Piece = bytes | memoryview
+
+AnyMeshFile = TypeVar("AnyMeshFile", bound="MeshFile")
+
+
+class ReadError(MeshError):
+    """A file that cannot be read as a mesh; the message says what is wrong, where, and what to do."""
+
+
+class OutputError(OSError):
+    """An output that exists already or cannot be written; nothing has been changed."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What formats have in common, to turn one into another; attributes carry the names that PLY uses.
+
+    Parameters
+    ----------
+    positions : (k, 3) float32 or float64
+    polygons : corners are rows of positions
+    vertex_values : name -> (k,); colours are red, green, blue, alpha as uint8, texture coordinates s, t
+    face_values : name -> one for each polygon
+    left_out : what the source holds that has no place here, in words
+    """
+
+    positions: Positions
+    polygons: Polygons
+    vertex_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    face_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+    def without_misnamed(self) -> "Content":
+        """Leave out polygons that name positions that do not exist; elsewhere their numbers may mean some that do."""
+        bad = np.zeros(len(self.polygons), bool)
+        bad[self.polygons.owners[self.polygons.misnamed(len(self.positions))]] = True
+        if not bad.any():
+            return self
+        return replace(
+            self,
+            polygons=Polygons.from_counts(
+                self.polygons.counts[~bad], self.polygons.corners[~bad[self.polygons.owners]]
+            ),
+            face_values={name: values[~bad] for name, values in self.face_values.items()},
+            left_out=(*self.left_out, f"{bad.sum()} faces that name vertices that do not exist"),
+        )
+
+    def single_positions(self) -> NDArray[np.float32]:
+        """Return the positions in single precision; raises OutputError where one is beyond it."""
+        with np.errstate(over="ignore"):
+            single = self.positions.astype(np.float32)
+        bad = np.asarray((np.isinf(single) & np.isfinite(self.positions)).any(axis=1))
+        if bad.any():
+            raise OutputError(
+                f"{bad.sum()} vertices lie beyond the largest number of this format, 3.4e38 (vertices "
+                f"{first_places(bad)}): write ply, obj or off, or scale the mesh down"
+            )
+        return single
+
+
+class Labels(NamedTuple):
+    """What the faces of a file are labelled with, of one kind.
+
+    Parameters
+    ----------
+    kind : "material", "group", "object", "mesh", or the name of a property of faces
+    values : (c,) names, or numbers, each once or more
+    of_faces : (p,) for each polygon the row of its value, -1 where it has none
+    """
+
+    kind: str
+    values: NDArray[Any]
+    of_faces: NDArray[np.int64]
+
+    def carrying(self, value: str) -> NDArray[np.bool_]:
+        """Return (p,) which polygons carry a label, which may be a number in words."""
+        try:
+            wanted = value if self.values.dtype.kind == "U" else float(value)
+        except ValueError:
+            return np.zeros(len(self.of_faces), bool)
+        return np.append(self.values == wanted, False)[self.of_faces]
+
+
+class MeshFile(ABC):
+    """A mesh file in memory, complete: what is not a position or a normal is written as it was read.
+
+    Attributes
+    ----------
+    format : name of the format, which is also its extension
+    positions : (k, 3) float32 or float64, as the file holds them, copies at seams included
+    polygons : the faces of the file, corners counted from 0 in `positions`
+    data : the file as it was read
+    folder : where other files lie that it names; None if it came from a stream
+    parts : (k,) the frame that each position is given in, where the file has several; None for one
+    triangles : (m, 3) the polygons cut into triangles
+    welds : (k,) for each position the vertex of `mesh` that it is a copy of
+    mesh : n vertices and m triangles; n < k where the file splits vertices at seams or for each face
+    left_out : (m,) the triangles that `mesh` is without; none but for files made by `isolating`
+    bad_vertices : (n,) the vertices that are not finite; `mesh` has them at the origin, or is refused
+    """
+
+    format: ClassVar[str]
+    counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
+    _isolates = False
+    moving_loses: tuple[str, ...] = ()  # what a moved file lacks, in words
+
+    def __init__(self, data: bytes, folder: Path | None = None) -> None:
+        self.data = data
+        self.folder = folder
+        self.parts: NDArray[np.int64] | None = None
+        self._read_positions, self.polygons = self._parse()
+        self.positions = self._read_positions
+
+    @abstractmethod
+    def _parse(self) -> tuple[Positions, Polygons]:
+        """Read `data`; raises ReadError."""
+
+    @abstractmethod
+    def _moved_pieces(self) -> Iterable[Piece]:
+        """Return `data` with its positions and normals replaced, in pieces."""
+
+    @abstractmethod
+    def _read_content(self) -> Content:
+        """Return what other formats can take over from `data`."""
+
+    @classmethod
+    @abstractmethod
+    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+        """Write content in this format; the bytes, and what they leave out, in words."""
+
+    def isolating(self: AnyMeshFile) -> AnyMeshFile:
+        """Return this file with a `mesh` that does without what is bad, as `isolated` does, instead of refusing it."""
+        file = copy.copy(self)
+        file._isolates = True
+        file.__dict__.pop("mesh", None)
+        return file
+
+    def pieces(self) -> Iterable[Piece]:
+        """Return the bytes of the file with its present positions, in pieces."""
+        return self._moved_pieces() if self.has_moved else [self.data]
+
+    def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
+        """Return what is written for this file at a path: itself last, before it what it keeps in other files.
+
+        The names of those are what `part_name` makes of their usual ones.
+        """
+        return {path: self.pieces()}
+
+    def may_write(self, path: Path) -> list[Path]:
+        """Return the paths that `files` may have, for other positions as well."""
+        return [path]
+
+    def refers_to(self) -> dict[str, bool]:
+        """Return the names, relative to its folder, of files that stay as they are: name -> needed to read this one."""
+        return {}
+
+    def content(self) -> Content:
+        """Return what other formats can take over."""
+        here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
+        here._isolates = self._isolates
+        return here._read_content().without_misnamed()
+
+    def face_labels(self) -> list[Labels]:
+        """Return what the polygons are labelled with: their properties; in some formats also materials and the like.
+
+        A kind may come more than once, where a face has several labels of it.
+        """
+        properties = self._read_content().face_values
+        labels = [Labels(name, *np.unique(v, return_inverse=True)) for name, v in properties.items()]
+        return [label for label in labels if label.of_faces.shape == (len(self.polygons),)]
+
+    @cached_property
+    def triangles(self) -> NDArray[np.int64]:
+        """(m, 3) the polygons cut into triangles, in their order; corners are rows of `positions`."""
+        return self._cut[0]
+
+    @cached_property
+    def triangle_polygons(self) -> NDArray[np.int64]:
+        """(m,) the polygon that each triangle was cut from."""
+        return self._cut[1]
+
+    @cached_property
+    def _cut(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        bad = self.polygons.misnamed(len(self.positions))
+        if not bad.any():
+            return triangulate(self._read_positions, self.polygons)
+        if not self._isolates:
+            faces, first = np.unique(self.polygons.owners[bad]), self.counts_from
+            which = f"{counted(len(faces), 'face uses', 'faces use')} vertices that do not exist"
+            raise MeshError(
+                f"{which} (faces {self._numbers(faces)}; the first names "
+                f"vertex {self.polygons.corners[bad][0] + first}; there are {len(self.positions)}, counted from "
+                f"{first}): drop these faces, write the file again where it came from, or denoise with "
+                "on_bad='isolate'"
+            )
+        positions = self._read_positions if len(self.positions) else np.zeros((1, 3))
+        corners = np.where(bad, 0, self.polygons.corners)
+        triangles, owners = triangulate(positions, Polygons(self.polygons.indptr, corners))
+        return np.where(np.isin(owners, self.polygons.owners[bad])[:, None], -1, triangles), owners
+
+    @cached_property
+    def _weld(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        return weld(self._read_positions, self.triangles[(self.triangles >= 0).all(axis=1)], self.parts)
+
+    @property
+    def welds(self) -> NDArray[np.int32]:
+        """(k,) for each position the vertex of `mesh` that it is a copy of."""
+        return self._weld[0]
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The triangles with seams closed; raises MeshError where the file describes no valid mesh."""
+        if self._isolates:
+            return isolated(self.positions[self._weld[1]], self._welded_triangles)
+        if not len(self.polygons):
+            raise MeshError(f"the file has {len(self.positions)} vertices and no faces: points alone are not a mesh")
+        bad = ~np.asarray(np.isfinite(self.positions).all(axis=1))
+        if bad.any():
+            raise MeshError(
+                f"{bad.sum()} of {len(bad)} vertices are not finite (vertices {self._numbers(np.flatnonzero(bad))}, "
+                f"counted from {self.counts_from}): give them a position, remove them and their faces, or denoise with "
+                "on_bad='isolate'"
+            )
+        return Mesh(self.positions[self._weld[1]], self._welded_triangles)
+
+    @property
+    def _welded_triangles(self) -> NDArray[np.int32]:
+        """(m, 3) the triangles by vertices of `mesh`; -1 where the file names none."""
+        return np.append(self.welds, np.int32(-1))[self.triangles]
+
+    @property
+    def bad_vertices(self) -> NDArray[np.bool_]:
+        """(n,) the vertices that are not finite; `mesh` has them at the origin, or is refused."""
+        return bad_vertices(self._read_positions[self._weld[1]])
+
+    @cached_property
+    def left_out(self) -> NDArray[np.bool_]:
+        """(m,) the triangles that `mesh` is without; none unless the file is `isolating`."""
+        if not self._isolates:
+            return np.zeros(len(self.triangles), bool)
+        return bad_faces(self._read_positions[self._weld[1]], self._welded_triangles)
+
+    def _numbers(self, places: NDArray[np.int64]) -> str:
+        """Name the first few places as the format counts them: '17, 18, 40, …'."""
+        return ", ".join(map(str, places[:3] + self.counts_from)) + (", …" if len(places) > 3 else "")
+
+    def with_vertices(self: AnyMeshFile, vertices: ArrayLike, *, limit: float = np.inf) -> AnyMeshFile:
+        """Return this file with the vertices of `mesh` elsewhere; every copy of a vertex goes with it.
+
+        Parameters
+        ----------
+        vertices : (n, 3) finite, in the order of mesh.vertices; rounded to the type that the file holds
+        limit : where whole numbers hold the positions, rounding takes none farther than this, in the unit of the file
+
+        Returns
+        -------
+        A new file; positions that did not move stay bit for bit, normals around those that did are recomputed
+
+        Raises
+        ------
+        MeshError : wrong shape, or numbers that are not finite in the type of the file
+        """
+        mesh = self.mesh
+        wanted = np.asarray(vertices, np.float64)
+        if wanted.shape != mesh.vertices.shape:
+            raise MeshError(f"vertices have shape {wanted.shape}; the mesh of this file has {mesh.vertices.shape}")
+        copies = wanted[self.welds]
+        with np.errstate(over="ignore", invalid="ignore"):
+            while True:
+                typed = copies.astype(self.positions.dtype)
+                rounded = self._storable(typed)
+                if rounded is typed:  # `vertices` keep the limit in that type already
+                    break
+                far = np.linalg.norm(rounded.astype(np.float64) - self.positions, axis=1) > limit
+                if not far.any():
+                    break
+                copies[far] = 0.5 * (copies[far] + self.positions[far])
+        bad = np.asarray(~np.isfinite(rounded).all(axis=1))
+        if bad.any():
+            raise MeshError(f"{bad.sum()} vertices are not finite as {rounded.dtype} (vertices {first_places(bad)})")
+        moved = copy.copy(self)
+        finite = np.asarray(np.isfinite(self.positions).all(axis=1))[:, None]
+        moved.positions = np.where((copies == self.positions) | ~finite, self.positions, rounded)
+        first = self._weld[1]
+        moved.__dict__["mesh"] = mesh.moved(np.where(finite[first], moved.positions[first], mesh.vertices))
+        return moved
+
+    def _storable(self, positions: Positions) -> Positions:
+        """Return positions as near as the file can store them, where that is coarser than their type."""
+        return positions
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether a position differs from what was read."""
+        return bool(self._changed.any())
+
+    @property
+    def _changed(self) -> NDArray[np.bool_]:
+        """(k, 3) which coordinates differ from those that were read."""
+        return np.asarray((self.positions != self._read_positions) & ~np.isnan(self._read_positions))
+
+    def _renewed(self, normals: Normals) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the normals of the present positions, and which of them belong to faces that moved."""
+        normals = normals._replace(corners=np.where(self.left_out[:, None], -1, normals.corners))
+        return renewed_normals(normals, self.triangles, self.welds, self._read_positions, self.positions)

@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from shapes import icosphere, noisy
+
+from cascadenorm.geometry.fast_harmonics import farthest_points, fast_harmonics
+from cascadenorm.geometry.harmonics import manifold_harmonics
+from cascadenorm.mesh import Mesh
+from cascadenorm.registry import ParameterError
+
+MESH = noisy(icosphere(4), 0.1)
+
+
+def edge_lengths(mesh):
+    neighbors = mesh.topology.vertex_neighbors
+    return neighbors, np.linalg.norm(mesh.vertices[neighbors.indices] - mesh.vertices[neighbors.rows], axis=1)
+
+
+@pytest.mark.parametrize("samples, noise", [(800, 0.1), (200, 0.0), (300, 0.2)])
+def test_lower_half_of_the_eigenvalues_is_within_two_percent_and_none_is_below(samples, noise):
+    mesh = noisy(icosphere(4), noise)
+    exact, fast = manifold_harmonics(mesh, 100).values, fast_harmonics(mesh, 100, samples=samples).values
+    error = fast[1:] / exact[1:] - 1
+    assert error.min() > -1e-9
+    assert error[:50].max() < 0.02
+    assert fast[0] == pytest.approx(0, abs=1e-9)
+
+
+def test_eigenvectors_are_orthonormal_and_near_the_exact_ones():
+    fast, exact = fast_harmonics(MESH, 30, samples=500), manifold_harmonics(MESH, 30)
+    np.testing.assert_allclose(fast.coefficients(fast.vectors), np.eye(30), atol=1e-9)
+    overlap = exact.coefficients(fast.vectors)
+    assert (overlap[:25, :16] ** 2).sum(axis=0).min() > 0.995  # of three whole clusters of the sphere
+
+
+def test_samples_are_well_spread():
+    neighbors, lengths = edge_lengths(MESH)
+    everyone = np.arange(len(MESH.vertices))
+    samples, distances = farthest_points(neighbors, lengths, everyone, 100)
+    graph = csr_array((lengths, neighbors.indices, neighbors.indptr))
+    between = dijkstra(graph, indices=samples)
+    np.testing.assert_allclose(distances, between.min(axis=0), atol=1e-12)
+    apart = between[:, samples] + np.where(np.eye(100), np.inf, 0)
+    assert distances.max() <= apart.min()  # farthest points: covering radius at most the separation
+    assert distances.max() < 2 * np.sqrt(MESH.area / (100 * np.pi))
+
+
+def test_every_connected_part_gets_a_sample_and_lone_vertices_none():
+    ball = icosphere(1)
+    mesh = Mesh(
+        np.concatenate([ball.vertices, [[9, 9, 9]], ball.vertices + 4]), np.concatenate([ball.faces, ball.faces + 43])
+    )
+    neighbors, lengths = edge_lengths(mesh)
+    samples, _ = farthest_points(neighbors, lengths, np.delete(np.arange(85), 42), 5)
+    assert {s < 42 for s in samples} == {True, False} and 42 not in samples
+    values = fast_harmonics(mesh, 3, samples=12).values
+    assert values[:2] == pytest.approx(0, abs=1e-9) and values[2] > 0.1
+
+
+def test_no_two_samples_lie_in_one_place():
+    faces = np.concatenate([MESH.faces, MESH.faces + len(MESH.vertices)])
+    twice = Mesh(np.concatenate([MESH.vertices, MESH.vertices]), np.concatenate([faces, [(0, len(MESH.vertices), 1)]]))
+    neighbors, _ = edge_lengths(twice)
+    samples, _ = farthest_points(neighbors, np.zeros(len(neighbors.indices)), np.arange(5124), 50)
+    assert list(samples) == [0]
+
+
+def test_with_nearly_as_many_samples_as_vertices_the_pairs_are_exact():
+    small = noisy(icosphere(2), 0.2)
+    np.testing.assert_array_equal(fast_harmonics(small, 20).values, manifold_harmonics(small, 20).values)
+
+
+def test_more_harmonics_than_samples_are_refused():
+    with pytest.raises(ParameterError, match="ask for 1 to 50"):
+        fast_harmonics(MESH, 51, samples=50)

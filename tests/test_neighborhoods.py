@@ -1,0 +1,37 @@
+import numpy as np
+from shapes import grid, icosphere, noisy
+
+from cascadenorm.geometry.neighborhoods import each_alone, within
+from cascadenorm.mesh import Mesh
+
+
+def test_finds_all_points_within_the_radius_of_a_connected_mesh():
+    mesh = noisy(icosphere(2), 0.1)
+    count = len(mesh.vertices)
+    radii = np.linspace(0, 3, count)
+    distances = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices, axis=2)
+    found = within(mesh.vertices, radii, mesh.vertices, mesh.topology.vertex_neighbors, each_alone(count))
+    pocket = 0
+    for i in range(count):
+        near = np.flatnonzero(distances[i] <= radii[i])
+        assert set(found.row(i)) <= set(near) and len(found.row(i)) == len(set(found.row(i)))
+        pocket += len(near) - len(found.row(i))
+    assert found.row(0).tolist() == [0]
+    assert pocket < 0.01 * len(found.indices)  # near in space, but only joined by points that are not
+
+
+def test_does_not_jump_to_another_sheet():
+    sheet = grid(4, 4)
+    above = sheet.vertices + np.array([0, 0, 0.1])
+    both = Mesh(np.concatenate([sheet.vertices, above]), np.concatenate([sheet.faces, sheet.faces + 25]))
+    neighbors = both.topology.vertex_neighbors
+    found = within(both.vertices, np.full(50, 1.01), both.vertices, neighbors, each_alone(50))
+    assert sorted(found.row(12)) == [7, 11, 12, 13, 17]
+    seeds = neighbors  # the walk starts around the centre, which it still finds
+    assert sorted(within(both.vertices, np.full(50, 1.01), both.vertices, neighbors, seeds).row(12)) == [
+        7,
+        11,
+        12,
+        13,
+        17,
+    ]

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from scipy import sparse
+from shapes import icosphere, noisy
+
+from cascadenorm.geometry import sparse_solvers
+from cascadenorm.geometry.laplacians import cotangent_laplacian
+from cascadenorm.geometry.sparse_solvers import Factorisation, conjugate_gradients, solve_once, solver
+from cascadenorm.mesh import MeshError
+
+MESH = noisy(icosphere(3), 0.2)
+LAPLACIAN = cotangent_laplacian(MESH)
+MATRIX = sparse.csr_array(sparse.diags_array(LAPLACIAN.mass) + 0.01 * LAPLACIAN.stiffness)
+RIGHT = np.random.default_rng(0).normal(size=(642, 3))
+
+
+def test_factorisation_solves_one_and_several_right_hand_sides():
+    expected = np.linalg.solve(MATRIX.toarray(), RIGHT)
+    factorisation = Factorisation(MATRIX, MESH.vertices)
+    np.testing.assert_allclose(factorisation.solve(RIGHT), expected, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(factorisation.solve(RIGHT[:, 0]), expected[:, 0], rtol=1e-10, atol=1e-12)
+
+
+def test_nested_dissection_orders_each_unknown_once_and_fills_less_than_the_given_order():
+    factorisation = Factorisation(MATRIX, MESH.vertices)
+    assert (np.sort(factorisation.order) == np.arange(642)).all()
+    shuffled = np.random.default_rng(0).permutation(642)
+    natural = sparse.linalg.splu(sparse.csc_array(MATRIX[shuffled][:, shuffled]), permc_spec="NATURAL")
+    assert factorisation.factors.L.nnz < 0.5 * natural.L.nnz
+
+
+def test_unknowns_in_one_place_are_ordered_too():
+    factorisation = Factorisation(MATRIX, np.zeros((642, 3)))
+    np.testing.assert_allclose(MATRIX @ factorisation.solve(RIGHT), RIGHT, atol=1e-10)
+
+
+def test_conjugate_gradients_agree_and_take_over_when_the_matrix_is_huge(monkeypatch):
+    expected = Factorisation(MATRIX, MESH.vertices).solve(RIGHT)
+    inverse = 1 / MATRIX.diagonal()
+    found = conjugate_gradients(MATRIX, RIGHT, lambda r: inverse * r)
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(solve_once(MATRIX, RIGHT), expected, rtol=1e-7, atol=1e-8)
+    monkeypatch.setattr(sparse_solvers, "DIRECT_LIMIT", 10)
+    monkeypatch.setattr(sparse_solvers, "Factorisation", None)
+    np.testing.assert_allclose(solver(MATRIX, MESH.vertices)(RIGHT), expected, rtol=1e-7, atol=1e-8)
+
+
+def test_a_singular_matrix_is_refused_in_words():
+    with pytest.raises(MeshError, match="no single solution"):
+        Factorisation(sparse.csr_array(np.diag([1.0, 0.0, 1.0])), np.eye(3))
+
+
+def test_right_hand_side_is_not_written():
+    right = RIGHT.copy()
+    Factorisation(MATRIX, MESH.vertices).solve(right)
+    assert (right == RIGHT).all()

@@ -1,0 +1,110 @@
+"""What computes on a graphics card, tried on each device that torch finds; without a card that is the processor."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+from damage import mean_mesh
+from shapes import cube, icosphere, noisy
+from test_learned import random_regression
+
+import cascadenorm as cn
+from cascadenorm.baselines.iterated_bilateral import NEAR_PASSES, REACH_PASSES
+from cascadenorm.learned import torch_engine
+from cascadenorm.learned.cascade import PROCESSOR, shipped
+from cascadenorm.learned.regression import stage_stack
+from cascadenorm.mesh import Mesh, angles_between, in_frame
+from cascadenorm.registry import ParameterError
+
+DEVICES = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
+MESH = noisy(icosphere(3), 0.3)
+MEAN = [in_frame(Mesh(*mean_mesh(np.random.default_rng(seed))))[0] for seed in range(100)]
+
+
+@pytest.fixture(params=DEVICES)
+def card(request, monkeypatch):
+    """An engine that works in several parts even on small meshes."""
+    monkeypatch.setattr(torch_engine, "ROWS", 100)
+    return torch_engine.engine(request.param)
+
+
+@pytest.mark.parametrize("passes", [NEAR_PASSES, REACH_PASSES])
+def test_filters_equal_those_of_the_processor(card, passes):
+    reach = PROCESSOR.filters.reaching(MESH, passes)
+    np.testing.assert_array_equal(card.filters.reaching(MESH, passes), reach)
+    for sigma_r in (np.inf, 0.35):
+        expected = PROCESSOR.filters.smoothed(MESH, reach[:, 1], (1, 2, 5), sigma_r=sigma_r)
+        found = card.filters.smoothed(MESH, reach[:, 1], (1, 2, 5), sigma_r=sigma_r)
+        np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("activation", ["tanh", "silu"])
+def test_regression_equals_that_of_the_processor(card, activation):
+    stage = random_regression("near+smooth", later=True, activation=activation)
+    smooth = MESH.moved(0.9 * MESH.vertices + 0.1 * icosphere(3).vertices)
+    stack = stage_stack(stage.descriptor, smooth, MESH)
+    np.testing.assert_allclose(card.regress(stage, smooth, stack), stage.normals(smooth, stack), atol=1e-5)
+
+
+@pytest.mark.parametrize("misfit", ["heights", "angles"])
+def test_vertices_equal_those_of_the_processor(card, misfit):
+    folded = noisy(cube(6), 1.0)
+    for normals in (folded.normals, cube(6).normals):
+        expected = PROCESSOR.recover(folded, normals, sweeps=5, misfit=misfit)
+        np.testing.assert_allclose(card.recover(folded, normals, sweeps=5, misfit=misfit), expected, atol=1e-12)
+
+
+def test_mean_meshes_come_out_as_on_the_processor(card):
+    for mesh in MEAN:
+        for misfit in ("heights", "angles"):
+            expected = PROCESSOR.recover(mesh, mesh.normals, sweeps=2, misfit=misfit)
+            found = card.recover(mesh, mesh.normals, sweeps=2, misfit=misfit)
+            np.testing.assert_allclose(found, expected, atol=1e-12)
+        if mesh.mean_edge_length > 0:
+            reach = PROCESSOR.filters.reaching(mesh, NEAR_PASSES)
+            np.testing.assert_array_equal(card.filters.reaching(mesh, NEAR_PASSES), reach)
+            smooth = PROCESSOR.filters.smoothed(mesh, reach[:, 1], (1, 4))
+            np.testing.assert_array_equal(card.filters.smoothed(mesh, reach[:, 1], (1, 4)), smooth)
+
+
+@pytest.mark.parametrize("name", ["auto", "cascade"])
+def test_shipped_models_agree_to_a_thousandth_of_a_degree(card, name):
+    mesh = noisy(cube(20), 0.3)
+    here, there = (mesh.moved(shipped(name).vertices(mesh, engine=engine)) for engine in (PROCESSOR, card))
+    assert np.degrees(angles_between(here.normals, there.normals)).mean() < 1e-4
+    assert shipped(name).vertices(mesh, engine=card).tobytes() == there.vertices.tobytes()
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no graphics card")
+def test_methods_run_on_a_graphics_card():
+    for method in ("auto", "cascade"):
+        here, there = (cn.denoise(MESH, method=method, device=device) for device in ("cpu", "cuda"))
+        assert np.degrees(angles_between(here.normals, there.normals)).mean() < 1e-3
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a graphics card")
+def test_no_graphics_card_is_said_in_words():
+    with pytest.raises(ParameterError, match=r"finds no graphics card .* leave the device out"):
+        cn.denoise(MESH, device="cuda")
+
+
+def test_no_torch_is_said_in_words():
+    code = """
+import sys; sys.modules["torch"] = None
+import cascadenorm as cn
+try:
+    cn.denoise([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], device="cuda")
+except cn.ParameterError as error:
+    print(error)"""
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "needs torch" in said and 'pip install "cascadenorm[gpu]"' in said
+
+
+def test_a_card_with_too_little_memory_is_a_memory_error():
+    def too_much(device):
+        raise torch.cuda.OutOfMemoryError("tried to allocate 80 GiB")
+
+    with pytest.raises(MemoryError, match="80 GiB"):
+        torch_engine._there(torch.device("cpu"), too_much)()

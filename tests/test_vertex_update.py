@@ -1,0 +1,37 @@
+from typing import get_args
+
+import numpy as np
+from shapes import cube, grid, icosphere, mean_angle, noisy
+
+from cascadenorm.baselines.vertex_update import Misfit, misfit_weights, recover_vertices
+from cascadenorm.mesh import Mesh
+
+
+def test_fitted_by_angles_thin_faces_come_nearer_to_their_normals():
+    clean = grid(30, 30)
+    clean = clean.moved(clean.vertices * (1, 0.1, 1) + np.sin(clean.vertices[:, :1] / 4) * (0, 0, 1))
+    rough = noisy(clean, 0.1, seed=1)
+    errors = [
+        mean_angle(rough.moved(recover_vertices(rough, clean.normals, misfit=misfit)), clean)
+        for misfit in get_args(Misfit)
+    ]
+    assert errors[1] < 0.8 * errors[0]
+
+
+def test_a_face_pulls_by_its_height_but_not_without_end():
+    sheet = Mesh([[0, 0, 0], [4, 0, 0], [1, 3, 0], [2, -1e-9, 0]], [[0, 1, 2], [1, 0, 3]])
+    np.testing.assert_array_equal(sheet.longest_edges, [np.sqrt(18), 4])
+    np.testing.assert_allclose(sheet.heights, [12 / np.sqrt(18), 1e-9])
+    np.testing.assert_allclose(misfit_weights(sheet, "angles"), [sheet.mean_edge_length / sheet.heights[0], 20])
+    np.testing.assert_array_equal(misfit_weights(sheet, "heights"), 1)
+    point = Mesh(np.zeros((3, 3)), [[0, 1, 2]])
+    np.testing.assert_array_equal(misfit_weights(point, "angles"), 1)
+
+
+def test_true_normals_bring_the_error_near_zero_and_turn_no_face():
+    for clean in (icosphere(3), cube(10)):
+        rough = noisy(clean, 0.2, seed=1)
+        out = rough.moved(recover_vertices(rough, clean.normals, sweeps=100))
+        assert mean_angle(rough, clean) > 15
+        assert mean_angle(out, clean) < 1.5
+        assert ((out.normals * clean.normals).sum(axis=1) > 0).all()
