@@ -14,8 +14,8 @@ from cascadenorm.geometry.laplacians import (
     sums,
     vertex_masses,
 )
-from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[
@@ -47,7 +47,7 @@ def anisotropic_diffusion(
     A rim moves off the surface only (see `flowed`).
     """
     time = step * mesh.mean_edge_length**2
-    for _ in steps(iterations):
+    for _ in track(iterations):
         normals = smoothed_normals(mesh, presmoothing)
         laplacian = anisotropic_laplacian(mesh, normals, threshold=threshold)
         mesh = mesh.moved(flowed(mesh, laplacian, time=time, region=region))
@@ -75,7 +75,7 @@ def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> 
     lengths = intrinsic_lengths(mesh)
     weights, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
     scale = (mesh.mean_edge_length or 1.0) / threshold
-    over(len(mesh.faces), _tensor_weights, mesh.vertices, mesh.faces, lengths, normals, scale, weights, areas)
+    parallel_for(len(mesh.faces), _tensor_weights, mesh.vertices, mesh.faces, lengths, normals, scale, weights, areas)
     edge_weights = sums(mesh.topology.face_edges, weights, len(mesh.topology.edges))
     return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
 

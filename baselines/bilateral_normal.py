@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 SpatialSpread = Annotated[float, Parameter("spread of the weight over distance", "mean edge lengths", minimum=1e-6)]
@@ -65,7 +65,7 @@ def bilateral_normals(
     weights = spatial_weights(mesh, rings, sigma_s)
     own = mesh.areas if center == "count" else np.zeros_like(mesh.areas)
     normals = mesh.normals
-    for _ in steps(iterations):
+    for _ in track(iterations):
         normals = joint_bilateral_pass(normals, normals, own, rings, weights, sigma_r)
     return normals
 
@@ -81,7 +81,7 @@ def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float, areas: NDArray[Any] 
     areas = mesh.areas if areas is None else areas
     weights = np.empty(len(rings.indices), areas.dtype)
     spread = 0.5 / (sigma_s * mesh.mean_edge_length) ** 2
-    over(len(mesh.faces), _spatial_weights, mesh.centroids, areas, rings.indptr, rings.indices, spread, weights)
+    parallel_for(len(mesh.faces), _spatial_weights, mesh.centroids, areas, rings.indptr, rings.indices, spread, weights)
     return weights
 
 
@@ -99,7 +99,7 @@ def joint_bilateral_pass(
     """
     out = np.empty_like(normals)
     spread = 0.5 / sigma_r**2
-    over(len(normals), _bilateral_pass, normals, guide, own, rings.indptr, rings.indices, weights, spread, out)
+    parallel_for(len(normals), _bilateral_pass, normals, guide, own, rings.indptr, rings.indices, weights, spread, out)
     return out
 
 

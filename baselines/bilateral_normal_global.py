@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 from cascadenorm.baselines.bilateral_normal import RangeSpread, SpatialSpread, spatial_weights
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.geometry.sparse_solvers import conjugate_gradients
-from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA = 1e-6  # mean areas; a face without area still gets a normal, from its neighbours
@@ -60,7 +60,7 @@ def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
     weights = spatial_weights(mesh, rings, sigma_s)
     count = len(mesh.faces)
     own = np.empty(count)
-    over(count, _to_difference, mesh.normals, *rings, 0.5 / sigma_r**2, weights, own)
+    parallel_for(count, _to_difference, mesh.normals, *rings, 0.5 / sigma_r**2, weights, own)
     means = sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
     return sparse.csr_array(sparse.diags_array(own) + means)
 

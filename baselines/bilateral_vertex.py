@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.neighborhoods import each_alone, within
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 REACH = 2.0  # spreads beyond which a neighbour is left out
@@ -35,11 +35,11 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
     count, edge = len(mesh.vertices), mesh.mean_edge_length
     graph, alone = mesh.topology.vertex_neighbors, each_alone(count)
     height_spread = 0.0 if sigma_s is None else sigma_s * edge
-    for _ in steps(iterations):
+    for _ in track(iterations):
         spreads = shortest_edges(mesh) if sigma_c is None else np.full(count, sigma_c * edge)
         near = within(mesh.vertices, REACH * spreads, mesh.vertices, graph, alone)
         moved = np.empty_like(mesh.vertices)
-        over(count, _bilateral_step, mesh.vertices, vertex_normals(mesh), spreads, height_spread, *near, moved)
+        parallel_for(count, _bilateral_step, mesh.vertices, vertex_normals(mesh), spreads, height_spread, *near, moved)
         mesh = mesh.moved(moved)
     return mesh.vertices.copy()
 
@@ -56,10 +56,10 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
     radii = np.full(count, REACH * spread)
     near = within(mesh.vertices, radii, mesh.centroids, topology.face_rings(1), topology.vertex_faces)
     mollified = np.empty_like(mesh.vertices)
-    over(count, _centroid_means, mesh.vertices, mesh.centroids, mesh.areas, 0.5 * spread, *near, mollified)
+    parallel_for(count, _centroid_means, mesh.vertices, mesh.centroids, mesh.areas, 0.5 * spread, *near, mollified)
     normals = mesh.moved(mollified).normals
     out = np.empty_like(mesh.vertices)
-    over(
+    parallel_for(
         count, _projection_means, mesh.vertices, mesh.centroids, mesh.areas, normals, spread, sigma_g * edge, *near, out
     )  # fmt: skip
     return out
@@ -74,7 +74,7 @@ def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
     """Return (n,) the length of the shortest edge at each vertex; 0 without any."""
     neighbors: Csr = mesh.topology.vertex_neighbors
     lengths = np.empty(len(mesh.vertices))
-    over(len(lengths), _shortest_edges, mesh.vertices, *neighbors, lengths)
+    parallel_for(len(lengths), _shortest_edges, mesh.vertices, *neighbors, lengths)
     return lengths
 
 

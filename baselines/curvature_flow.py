@@ -5,7 +5,7 @@ from typing import Annotated
 from cascadenorm.baselines.diffusion import Moving, Scheme, Step, flowed
 from cascadenorm.geometry.laplacians import MOLLIFICATION, cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.progress import steps
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 
@@ -24,7 +24,7 @@ def mean_curvature_flow(
     off the surface only (see `flowed`). Vertices outside the region, and those without a face, stay.
     """
     edge = mesh.mean_edge_length
-    for _ in steps(iterations):
+    for _ in track(iterations):
         slack = MOLLIFICATION * edge / (mesh.mean_edge_length or 1.0)  # a part that has shrunk to a point stays one
         laplacian = cotangent_laplacian(mesh, mollification=slack)
         mesh = mesh.moved(flowed(mesh, laplacian, time=step * edge**2, scheme=scheme, region=region))

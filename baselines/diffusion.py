@@ -13,7 +13,7 @@ from scipy import sparse
 from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.progress import steps
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
 
 Scheme = Literal["explicit", "implicit"]
@@ -91,7 +91,7 @@ def diffuse(
         return values.copy()
     if scheme == "explicit":
         cuts = _stable_cuts(laplacian, time, iterations, order)
-        for _ in steps(iterations * cuts):
+        for _ in track(iterations * cuts):
             values = values - np.where(free[:, None], (time / cuts) * laplacian.apply(values, order), 0.0)
         return values
     # (M + tP) d = -tPx for the displacement d, with P = M(-Δ)^p; rows and columns of values that stay are left out
@@ -107,7 +107,7 @@ def diffuse(
         root = mass + time ** (1 / order) * laplacian.stiffness[inside][:, inside]  # (1 + sk)^p is near 1 + tk^p
         solve = solver_of_rings(matrix, root, laplacian.mass[inside], laplacian.positions[inside], order=order)
     values = values.copy()
-    for _ in steps(iterations):
+    for _ in track(iterations):
         values[inside] += solve(-time * (power @ values)[inside])
     return values
 
@@ -138,7 +138,7 @@ def flowed(
             laplacian, velocity(mesh.vertices), time=time, iterations=1, region=region
         )
     cuts, vertices = _stable_cuts(laplacian, time, 1, 1) if time else 0, mesh.vertices
-    for _ in steps(cuts):
+    for _ in track(cuts):
         vertices = vertices + time / cuts * velocity(vertices)
     return vertices
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Topology, Vectors, angles_between, kernel, over
+from cascadenorm.mesh import Mesh, Topology, Vectors, angles_between, kernel, parallel_for
 
 STEEPEST = 1e3  # weight of a vertex at an edge that counts
 
@@ -40,7 +40,7 @@ def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: Edg
     operator one with a face without area.
     """
     coefficients = np.empty(quads.shape)
-    over(len(quads), _edge_coefficients, vertices, quads, operator == "area", coefficients)
+    parallel_for(len(quads), _edge_coefficients, vertices, quads, operator == "area", coefficients)
     return coefficients
 
 

@@ -15,8 +15,8 @@ from cascadenorm.baselines.bilateral_normal import (
 )
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.geometry.neighborhoods import each_alone, within
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Guidance = Annotated[
@@ -60,7 +60,7 @@ def guided_normal(
     if iterations is None:
         iterations = 10 if guidance == "patch" else 20
     neighbors = faces_within(mesh, 2 * centroid_distance(mesh) if radius is None else radius)
-    for _ in steps(iterations):
+    for _ in track(iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s
         guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, spread)
         weights = spatial_weights(mesh, neighbors, spread)
@@ -104,7 +104,7 @@ def patch_guidance(mesh: Mesh) -> Vectors:
     rings = mesh.topology.face_rings(1)
     inconsistency, means = patch_statistics(mesh, rings)
     guide = np.empty_like(means)
-    over(len(means), _choose_patch, inconsistency, means, mesh.normals, *rings, guide)
+    parallel_for(len(means), _choose_patch, inconsistency, means, mesh.normals, *rings, guide)
     return guide
 
 
@@ -113,7 +113,7 @@ def patch_statistics(mesh: Mesh, rings: Csr) -> tuple[Vectors, Vectors]:
     count = len(mesh.faces)
     inconsistency, means = np.empty(count), np.empty((count, 3))
     across = mesh.topology.faces_across
-    over(count, _patch_statistics, mesh.normals, mesh.areas, across, *rings, inconsistency, means)
+    parallel_for(count, _patch_statistics, mesh.normals, mesh.areas, across, *rings, inconsistency, means)
     return inconsistency, means
 
 

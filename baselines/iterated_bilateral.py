@@ -10,8 +10,8 @@ from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import spatial_weights
-from cascadenorm.mesh import Csr, Mesh, kernel, over
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Csr, Mesh, kernel, parallel_for
+from cascadenorm.progress import track
 
 REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
 REACH_PASSES = (1, 4, 16, 64)
@@ -39,8 +39,8 @@ def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> NDArra
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
     out[:, 0] = normals[:, :, 0]
-    for done in steps(passes[-1]):
-        over(len(normals), _reach_range, normals, own, *rings, weights, STEEPNESS, after)
+    for done in track(passes[-1]):
+        parallel_for(len(normals), _reach_range, normals, own, *rings, weights, STEEPNESS, after)
         normals, after = after, normals
         if done + 1 in passes:
             first = 1 + LANES * passes.index(done + 1)

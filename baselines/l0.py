@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 FIRST_BETA, LAST_BETA = 1e-3, 1e3
@@ -53,7 +53,7 @@ def l0(
     vertices = mesh.vertices.copy()
     right, values = np.empty_like(vertices), np.empty(len(system.pattern.indices))
     tolerance = len(vertices) * (ACCURACY * edge) ** 2
-    for _ in steps(math.ceil(math.log(LAST_BETA / FIRST_BETA, growth))):
+    for _ in track(math.ceil(math.log(LAST_BETA / FIRST_BETA, growth))):
         coefficients = edge_coefficients(vertices, system.quads, operator)
         _assemble(*system[1:], mesh.vertices, vertices, coefficients, alpha, beta, price, values, right)
         _conjugate_gradients(*system.pattern, values, right, vertices, tolerance, MOST_STEPS)
@@ -88,7 +88,7 @@ def edge_system(quads: NDArray[np.int32], vertex_count: int) -> EdgeSystem:
     matrix.sort_indices()
     pattern = Csr(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
     slots = np.empty(len(rows), np.int32)
-    over(len(rows), _find_slots, *pattern, rows, columns, slots)
+    parallel_for(len(rows), _find_slots, *pattern, rows, columns, slots)
     return EdgeSystem(pattern, quads, slots[: 16 * len(quads)].reshape(-1, 4, 4), slots[16 * len(quads) :])
 
 

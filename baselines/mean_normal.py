@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, over, unit
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[
@@ -37,7 +37,7 @@ def unilateral_normal(
     """Average each face normal with similar ones around it: n_f ← unit Σ_g max(<n_f, n_g> - T, 0)² n_g."""
     rings = mesh.topology.face_rings(1)
     normals = mesh.normals
-    for _ in steps(iterations):
+    for _ in track(iterations):
         normals = unilateral_pass(normals, rings, threshold)
     return recover_vertices(mesh, normals, sweeps=sweeps)
 
@@ -54,7 +54,7 @@ def random_walk_normal(
     """Average each face normal with those that a random walk from it visits; it likes to step to similar normals."""
     rings = mesh.topology.face_rings(1)
     normals = mesh.normals
-    for _ in steps(iterations):
+    for _ in track(iterations):
         normals = unit(walk_means(normals, rings, sigma_r=sigma_r, length=length), otherwise=normals)
     return recover_vertices(mesh, normals, sweeps=sweeps)
 
@@ -62,7 +62,7 @@ def random_walk_normal(
 def unilateral_pass(normals: Vectors, rings: Csr, threshold: float) -> Vectors:
     """One pass of the unilateral filter; the face itself takes part, so that the weights never vanish."""
     out = np.empty_like(normals)
-    over(len(normals), _unilateral_pass, normals, *rings, threshold, out)
+    parallel_for(len(normals), _unilateral_pass, normals, *rings, threshold, out)
     return out
 
 
@@ -74,7 +74,7 @@ def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> 
     means: NDArray[np.float64] = normals
     for _ in range(length):
         following = np.empty_like(normals)
-        over(len(normals), _walk_step, means, normals, *rings, 0.5 / sigma_r**2, following)
+        parallel_for(len(normals), _walk_step, means, normals, *rings, 0.5 / sigma_r**2, following)
         means = following
     return means
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import Passes
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
-from cascadenorm.mesh import Mesh, Vectors, kernel, over
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Median = Annotated[
@@ -20,7 +20,7 @@ Median = Annotated[
 def median_normal(mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10) -> Vectors:
     """Replace each face normal by the weighted median of those around it, then move the vertices to them."""
     normals = mesh.normals
-    for _ in steps(iterations):
+    for _ in track(iterations):
         normals = median_pass(mesh, normals, median=median)
     return recover_vertices(mesh, normals, sweeps=sweeps)
 
@@ -34,7 +34,7 @@ def median_pass(mesh: Mesh, normals: Vectors, *, median: Literal["vector", "angl
     rings = mesh.topology.face_rings(1)
     out = np.empty_like(normals)
     run = _vector_medians if median == "vector" else _angle_medians
-    over(len(normals), run, normals, mesh.areas, *rings, out)
+    parallel_for(len(normals), run, normals, mesh.areas, *rings, out)
     return out
 
 

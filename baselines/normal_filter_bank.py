@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, over
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
 
 
 def filtered_normals(
@@ -27,7 +27,7 @@ def filtered_normals(
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
     spatial = 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2
     spreads = 0.5 / np.array(sigma_r) ** 2
-    over(
+    parallel_for(
         len(mesh.faces), _filter_range, mesh.normals, np.ascontiguousarray(guides), mesh.centroids, mesh.areas,
         neighbors.indptr, neighbors.indices, spatial, spreads, out,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacia
 from cascadenorm.baselines.diffusion import Moving, Step, diffuse
 from cascadenorm.geometry.laplacians import Region, cotangent_laplacian, sums
 from cascadenorm.mesh import Mesh, Vectors, row_sums, unit
-from cascadenorm.progress import steps
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 SMOOTHINGS = 5  # implicit steps that the diffusion of the curvature is made of
@@ -53,7 +53,7 @@ def prescribed_mean_curvature(
     smoother = anisotropic_laplacian(mesh, normals, threshold=threshold)
     curvature = smoother.inverse_mass * (area_gradient(mesh, weights) * normals).sum(axis=1)
     target = diffuse(smoother, curvature[:, None], time=smoothing / SMOOTHINGS * unit_time, iterations=SMOOTHINGS)
-    for _ in steps(iterations):
+    for _ in track(iterations):
         laplacian = cotangent_laplacian(mesh)
         normals = smoothed_normals(mesh, presmoothing)
         velocity = target * normals - laplacian.inverse_mass[:, None] * area_gradient(mesh, weights)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, unit
 
 
 def smoothed_normals(
@@ -31,10 +31,10 @@ def smoothed_normals(
     positions, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
     out = np.empty((len(mesh.faces), len(passes), 3), np.float32)
     for done in range(1, passes[-1] + 1):
-        over(len(positions), _smooth_range, positions, directions, *neighbors, spread, after)
+        parallel_for(len(positions), _smooth_range, positions, directions, *neighbors, spread, after)
         positions, after = after, positions
         if done in passes:
-            over(len(out), _normal_range, positions, mesh.faces, mesh.normals, out[:, passes.index(done)])
+            parallel_for(len(out), _normal_range, positions, mesh.faces, mesh.normals, out[:, passes.index(done)])
     return out
 
 

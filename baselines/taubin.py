@@ -7,7 +7,7 @@ import numpy as np
 from cascadenorm.baselines.diffusion import Moving
 from cascadenorm.geometry.laplacians import uniform_laplacian
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.progress import steps
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
 
 LARGEST_GROWTH = 10.0
@@ -39,7 +39,7 @@ def taubin(
     laplacian = uniform_laplacian(mesh)
     free = laplacian.mass > 0 if region is None else region
     vertices = mesh.vertices.copy()
-    for _ in steps(iterations):
+    for _ in track(iterations):
         for size in (step, mu):
             vertices -= np.where(free[:, None], size * laplacian.apply(vertices), 0.0)
     return vertices

@@ -8,8 +8,8 @@ from scipy import sparse
 
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.geometry.sparse_solvers import solver
-from cascadenorm.mesh import Mesh, Vectors, kernel, over, unit
-from cascadenorm.progress import steps
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA = 1e-6  # squared mean edges; faces without area get a normal from their neighbours
@@ -28,7 +28,7 @@ def tv_normal(
 ) -> Vectors:
     """Find normals that vary little, but may jump, near the given ones, then move the vertices to them."""
     variation, normals = TotalVariation(mesh, fidelity=fidelity), mesh.normals
-    for _ in steps(iterations):
+    for _ in track(iterations):
         normals = unit(variation.least(normals, rounds=rounds).values, otherwise=normals)
     return recover_vertices(mesh, normals, sweeps=sweeps)
 
@@ -71,7 +71,7 @@ class TotalVariation:
         values, duals, splits = given, np.zeros((len(first), 3)), np.zeros((len(first), 3))
         for _ in range(rounds):
             values = self.solve(self.pull[:, None] * given + self.adjoint @ (PENALTY * splits - duals))
-            over(len(first), _shrink, values, self.pairs, weights, PENALTY, splits, duals)
+            parallel_for(len(first), _shrink, values, self.pairs, weights, PENALTY, splits, duals)
         return Minimum(values, duals)
 
 

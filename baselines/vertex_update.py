@@ -5,22 +5,22 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, over
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
 from cascadenorm.registry import Parameter
 
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
-Misfit = Literal["heights", "angles"]
+Weighting = Literal["heights", "angles"]
 """What the vertex update makes small; see `recover_vertices`."""
-LENGTHENED: dict[Misfit, float] = {"heights": 1.0, "angles": 2.3}
+OVER_RELAXATION: dict[Weighting, float] = {"heights": 1.0, "angles": 2.3}
 """Steps of the update, against the published ones."""
 LEAST_HEIGHT = 0.05
 """In mean edge lengths: flatter faces count no more than those of this height."""
 
 
-def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, misfit: Misfit = "heights") -> Vectors:
+def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, weighting: Weighting = "heights") -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
-    With misfit = "angles" it is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, w_f from `misfit_weights`.
+    With weighting = "angles" it is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, w_f from `face_weights`.
     A step that would turn a face against its normal is shortened; the vertices of a face that is turned already are
     pulled toward the middle of their neighbours until it lies right.
 
@@ -30,9 +30,9 @@ def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, misfit: 
     normals : (m, 3), unit; a face with a zero row does not pull
     sweeps : Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of
         the vertices
-    misfit : "heights", as published, makes small how far corners lie off the plane of their face, which for a thin face
-        may be little though its normal is far off; "angles" counts that against the height of the face, and takes
-        longer steps, so that 20 sweeps bring as much as 100
+    weighting : "heights", as published, minimises the distances of corners from the plane of their face, which are small
+        for a thin face even where its normal is far off; "angles" divides them by the height of the face, and
+        over-relaxes, so that 20 sweeps converge as far as 100
 
     Returns
     -------
@@ -40,23 +40,23 @@ def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, misfit: 
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
-    weights = misfit_weights(mesh, misfit)
+    weights, step = face_weights(mesh, weighting), OVER_RELAXATION[weighting]
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
             mine = colors.row(color)
-            over(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, LENGTHENED[misfit], *around)
+            parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, *around)
     return vertices
 
 
-def misfit_weights(mesh: Mesh, misfit: Misfit) -> NDArray[np.float64]:
+def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
     """How much each face pulls at its vertices, (m,): 1, or one over its height in mean edge lengths, 20 at most."""
-    if misfit == "heights" or not mesh.mean_edge_length > 0:
+    if weighting == "heights" or not mesh.mean_edge_length > 0:
         return np.ones(len(mesh.faces))
     return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
 
 
 @kernel
-def _sweep_range(start, stop, movable, vertices, faces, normals, weights, lengthened, indptr, indices):  # type: ignore[no-untyped-def]
+def _sweep_range(start, stop, movable, vertices, faces, normals, weights, relaxation, indptr, indices):  # type: ignore[no-untyped-def]
     """Move vertices that share no face, in place; those moved later see where these went.
 
     The area of a face along its normal is affine in the place of a corner: it is read once, for all lengths of a step.
@@ -88,7 +88,7 @@ def _sweep_range(start, stop, movable, vertices, faces, normals, weights, length
             slopes[k, 1] = nz * (vx - ux) - nx * (vz - uz)
             slopes[k, 2] = nx * (vy - uy) - ny * (vx - ux)
             turned += areas[k] < 0
-        step /= total / lengthened
+        step /= total / relaxation
         if turned > 0:
             _add_tangential_pull(vertices, faces, normals, indices[first:last], i, step)
         for _ in range(4):

@@ -23,8 +23,8 @@ _span: ContextVar[_Span | None] = ContextVar("span", default=None)
 
 
 @contextmanager
-def told_to(listener: Listener | None) -> Iterator[None]:
-    """Let `steps` inside the block tell this listener how far they are; None: nobody."""
+def report_to(listener: Listener | None) -> Iterator[None]:
+    """Let `track` inside the block tell this listener how far they are; None: nobody."""
     token = _span.set(None if listener is None else _Span(listener))
     try:
         yield
@@ -32,7 +32,7 @@ def told_to(listener: Listener | None) -> Iterator[None]:
         _span.reset(token)
 
 
-def steps(count: int) -> Iterator[int]:
+def track(count: int) -> Iterator[int]:
     """Count 0 … count - 1, and tell before each how far it is; steps within a step are a part of it."""
     span = _span.get()
     if span is None:

@@ -54,8 +54,8 @@ def test_each_stage_comes_closer_to_shapes_that_no_training_saw(name):
 def test_the_last_stage_alone_is_fitted_by_angles():
     rough, stages = noisy(icosphere(3), 0.2), shipped("cascade").stages
     mesh, misfits = rough, ("heights", "heights", "angles")
-    for stage, misfit, after in zip(stages, misfits, shipped("cascade").steps(rough), strict=True):
-        mesh = advanced(stage, mesh, rough, misfit=misfit)
+    for stage, weighting, after in zip(stages, misfits, shipped("cascade").steps(rough), strict=True):
+        mesh = advanced(stage, mesh, rough, weighting=weighting)
         assert (mesh.vertices == after.vertices).all()
 
 

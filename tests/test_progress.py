@@ -2,24 +2,24 @@ import pytest
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.progress import steps, told_to
+from cascadenorm.progress import report_to, track
 
 
-def test_steps_count_whether_or_not_anybody_listens():
+def test_track_counts_whether_or_not_anybody_listens():
     heard: list[float] = []
-    assert list(steps(3)) == [0, 1, 2]
-    with told_to(heard.append):
-        assert list(steps(4)) == [0, 1, 2, 3]
+    assert list(track(3)) == [0, 1, 2]
+    with report_to(heard.append):
+        assert list(track(4)) == [0, 1, 2, 3]
     assert heard == [0, 0.25, 0.5, 0.75]
-    assert list(steps(2)) == [0, 1] and len(heard) == 4
+    assert list(track(2)) == [0, 1] and len(heard) == 4
 
 
 def test_steps_within_a_step_are_a_part_of_it():
     heard: list[float] = []
-    with told_to(heard.append):
-        for _ in steps(2):
-            for _ in steps(2):
-                list(steps(2))
+    with report_to(heard.append):
+        for _ in track(2):
+            for _ in track(2):
+                list(track(2))
     assert heard == sorted(heard)
     assert sorted(set(heard)) == [i / 8 for i in range(8)]
 
@@ -28,9 +28,9 @@ def test_after_an_interruption_nobody_listens():
     def stop(share: float) -> None:
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt), told_to(stop):
-        list(steps(2))
-    assert list(steps(2)) == [0, 1]
+    with pytest.raises(KeyboardInterrupt), report_to(stop):
+        list(track(2))
+    assert list(track(2)) == [0, 1]
 
 
 METHODS = ["bilateral-normal", "guided-normal", "l0", "tv-normal", "laplacian", "prescribed-mean-curvature"]

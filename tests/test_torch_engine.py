@@ -48,19 +48,19 @@ def test_regression_equals_that_of_the_processor(card, activation):
     np.testing.assert_allclose(card.regress(stage, smooth, stack), stage.normals(smooth, stack), atol=1e-5)
 
 
-@pytest.mark.parametrize("misfit", ["heights", "angles"])
-def test_vertices_equal_those_of_the_processor(card, misfit):
+@pytest.mark.parametrize("weighting", ["heights", "angles"])
+def test_vertices_equal_those_of_the_processor(card, weighting):
     folded = noisy(cube(6), 1.0)
     for normals in (folded.normals, cube(6).normals):
-        expected = PROCESSOR.recover(folded, normals, sweeps=5, misfit=misfit)
-        np.testing.assert_allclose(card.recover(folded, normals, sweeps=5, misfit=misfit), expected, atol=1e-12)
+        expected = PROCESSOR.recover(folded, normals, sweeps=5, weighting=weighting)
+        np.testing.assert_allclose(card.recover(folded, normals, sweeps=5, weighting=weighting), expected, atol=1e-12)
 
 
 def test_mean_meshes_come_out_as_on_the_processor(card):
     for mesh in MEAN:
-        for misfit in ("heights", "angles"):
-            expected = PROCESSOR.recover(mesh, mesh.normals, sweeps=2, misfit=misfit)
-            found = card.recover(mesh, mesh.normals, sweeps=2, misfit=misfit)
+        for weighting in ("heights", "angles"):
+            expected = PROCESSOR.recover(mesh, mesh.normals, sweeps=2, weighting=weighting)
+            found = card.recover(mesh, mesh.normals, sweeps=2, weighting=weighting)
             np.testing.assert_allclose(found, expected, atol=1e-12)
         if mesh.mean_edge_length > 0:
             reach = PROCESSOR.filters.reaching(mesh, NEAR_PASSES)

@@ -3,7 +3,7 @@ from typing import get_args
 import numpy as np
 from shapes import cube, grid, icosphere, mean_angle, noisy
 
-from cascadenorm.baselines.vertex_update import Misfit, misfit_weights, recover_vertices
+from cascadenorm.baselines.vertex_update import Weighting, face_weights, recover_vertices
 from cascadenorm.mesh import Mesh
 
 
@@ -12,8 +12,8 @@ def test_fitted_by_angles_thin_faces_come_nearer_to_their_normals():
     clean = clean.moved(clean.vertices * (1, 0.1, 1) + np.sin(clean.vertices[:, :1] / 4) * (0, 0, 1))
     rough = noisy(clean, 0.1, seed=1)
     errors = [
-        mean_angle(rough.moved(recover_vertices(rough, clean.normals, misfit=misfit)), clean)
-        for misfit in get_args(Misfit)
+        mean_angle(rough.moved(recover_vertices(rough, clean.normals, weighting=weighting)), clean)
+        for weighting in get_args(Weighting)
     ]
     assert errors[1] < 0.8 * errors[0]
 
@@ -22,10 +22,10 @@ def test_a_face_pulls_by_its_height_but_not_without_end():
     sheet = Mesh([[0, 0, 0], [4, 0, 0], [1, 3, 0], [2, -1e-9, 0]], [[0, 1, 2], [1, 0, 3]])
     np.testing.assert_array_equal(sheet.longest_edges, [np.sqrt(18), 4])
     np.testing.assert_allclose(sheet.heights, [12 / np.sqrt(18), 1e-9])
-    np.testing.assert_allclose(misfit_weights(sheet, "angles"), [sheet.mean_edge_length / sheet.heights[0], 20])
-    np.testing.assert_array_equal(misfit_weights(sheet, "heights"), 1)
+    np.testing.assert_allclose(face_weights(sheet, "angles"), [sheet.mean_edge_length / sheet.heights[0], 20])
+    np.testing.assert_array_equal(face_weights(sheet, "heights"), 1)
     point = Mesh(np.zeros((3, 3)), [[0, 1, 2]])
-    np.testing.assert_array_equal(misfit_weights(point, "angles"), 1)
+    np.testing.assert_array_equal(face_weights(point, "angles"), 1)
 
 
 def test_true_normals_bring_the_error_near_zero_and_turn_no_face():

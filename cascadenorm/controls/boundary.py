@@ -75,7 +75,7 @@ def along_the_rim(mesh: Mesh, rim: Rim, vertices: Vectors) -> Vectors:
     Returns
     -------
     (n, 3); where a rim ends or branches, a vertex moves off the surface alone. Vertices that are not on the rim, and
-    those whose way along it would turn a face over, are where the method moved them
+    those whose way along it would turn a face parallel_for, are where the method moved them
     """
     inside = rim.vertices
     normals = mesh.moved(vertices).vertex_normals[inside]

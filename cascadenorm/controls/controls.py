@@ -16,7 +16,7 @@ from cascadenorm.controls.detail import finer_than
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.volume import with_volume_of
 from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, one_blas_thread, without_lines
-from cascadenorm.progress import steps, told_to
+from cascadenorm.progress import report_to, track
 from cascadenorm.registry import REGION, Method, ParameterError
 
 Boundary = Literal["free", "smooth", "fixed"]
@@ -235,8 +235,8 @@ def _displacement(
     has_lengths = mesh.mean_edge_length**2 > 0  # else all corners of each face are in one place
     times = math.ceil(strengths.max()) if has_lengths else 0
     displacement = np.zeros_like(mesh.vertices)
-    with told_to(progress):
-        for time in steps(times):
+    with report_to(progress):
+        for time in track(times):
             vertices = application(mesh)
             displacement += np.clip(strengths - time, 0.0, 1.0)[:, None] * (vertices - mesh.vertices)
             mesh = mesh.moved(vertices)

@@ -9,7 +9,7 @@ from scipy import sparse
 from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors, first_places
-from cascadenorm.progress import steps
+from cascadenorm.progress import track
 from cascadenorm.registry import ParameterError
 
 
@@ -35,7 +35,7 @@ def fair(mesh: Mesh, region: Region, *, order: Order = 2, weights: Weights = "co
     free = region & (mesh.topology.vertex_faces.counts > 0)
     _refuse_what_nothing_holds(mesh, free)
     inside = np.flatnonzero(free)
-    for _ in steps(iterations if len(inside) else 0):
+    for _ in track(iterations if len(inside) else 0):
         # P d = -P x for the displacement d, so that the vertices around keep their bits
         laplacian = laplacian_of(mesh, weights)
         energy, solve = _energy(mesh, laplacian, inside, order)

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 
 from cascadenorm.geometry.harmonics import Harmonics, check_count, manifold_harmonics
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.mesh import Csr, Mesh, kernel, one_blas_thread, over
+from cascadenorm.mesh import Csr, Mesh, kernel, one_blas_thread, parallel_for
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # how many local functions reach a point, on average
@@ -91,7 +91,7 @@ def farthest_points(
 def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> sparse.csr_array:
     """Return (n, d) the local function of each centre, rows divided by their sum."""
     neighbors, n = mesh.topology.vertex_neighbors, len(mesh.vertices)
-    parts = over(
+    parts = parallel_for(
         len(centers), _local_range, neighbors.indptr, neighbors.indices, mesh.vertices, centers, reach, smallest=16
     )
     counts = np.concatenate([counts for counts, _, _ in parts])

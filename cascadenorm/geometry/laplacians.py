@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, over
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
 
 Weights = Literal["uniform", "cotan"]
 Order = Literal[1, 2, 3]
@@ -87,7 +87,7 @@ def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> 
     """
     lengths = intrinsic_lengths(mesh, mollification=mollification)
     cotangents, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
-    over(len(mesh.faces), _cotangents, lengths, cotangents, areas)
+    parallel_for(len(mesh.faces), _cotangents, lengths, cotangents, areas)
     edge_weights = sums(mesh.topology.face_edges, 0.5 * cotangents, len(mesh.topology.edges))
     return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
 

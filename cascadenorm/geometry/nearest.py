@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, over
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
 
 LEAF = 4  # triangles in a box of the lowest level
 CURVE_BITS = 16  # cells along each axis of the curve that orders the triangles, as a power of two
@@ -53,7 +53,7 @@ class Surface:
         """Find the nearest point of the surface to each of the points, (k, 3); among equals the lowest face."""
         points = np.ascontiguousarray(points, np.float64)
         squared, faces = np.empty(len(points)), np.empty(len(points), np.int64)
-        over(len(points), _search, points, self.corners, self.order, self.boxes, squared, faces)
+        parallel_for(len(points), _search, points, self.corners, self.order, self.boxes, squared, faces)
         return Nearest(np.sqrt(squared), faces)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Vectors, kernel, over
+from cascadenorm.mesh import Csr, Vectors, kernel, parallel_for
 
 
 def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr) -> Csr:
@@ -21,7 +21,7 @@ def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph:
     k rows: the points at most radii[i] from centers[i], in the order in which they are found
     """
     count = len(centers)
-    parts = over(count, _within_range, centers, radii, points, *graph, *seeds)
+    parts = parallel_for(count, _within_range, centers, radii, points, *graph, *seeds)
     indptr = np.zeros(count + 1, np.int64)
     np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
     return Csr(indptr, np.concatenate([found for _, found in parts]))

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.nearest import LEAF, Surface
-from cascadenorm.mesh import Mesh, kernel, over
+from cascadenorm.mesh import Mesh, kernel, parallel_for
 
 MOST_NEAR = 1000  # faces around one face that are looked at before it is given up
 ROUNDING = 1e-14  # a determinant that small, relative to the sides that it is made of, may be zero
@@ -32,7 +32,7 @@ def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
         surface = Surface(Mesh(mesh.vertices, mesh.faces[proper]))
         order = proper[surface.order]
         named, found = np.ascontiguousarray(places[mesh.faces[order]]), np.empty(len(order), bool)
-        over(len(order), _crossing, surface.corners, named, surface.boxes, found)
+        parallel_for(len(order), _crossing, surface.corners, named, surface.boxes, found)
         crossing[order] = found
     return crossing
 

@@ -5,7 +5,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, kernel, over
+from cascadenorm.mesh import Mesh, kernel, parallel_for
 
 SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
 FEWEST = 30  # edges below which nothing is said
@@ -43,7 +43,7 @@ def noise_level(mesh: Mesh) -> float | None:
     edges = edges[np.linspace(0, len(edges) - 1, min(SAMPLES, len(edges))).astype(np.int64)]
     around = mesh.topology.vertex_neighbors
     differences = np.empty(len(edges))
-    over(
+    parallel_for(
         len(edges),
         _differences,
         mesh.vertices,

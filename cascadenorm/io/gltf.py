@@ -25,7 +25,7 @@ from cascadenorm.io.json_text import JsonText
 from cascadenorm.io.json_text import Path as JsonPath
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, strips
-from cascadenorm.mesh import names_twice
+from cascadenorm.mesh import repeats_vertex
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -145,7 +145,7 @@ class GltfContainer(MeshFile):
             return strips(np.array([len(corners)]), corners).corners.reshape(-1, 3)
         if mode == FAN:
             fan = np.stack([np.repeat(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
-            return fan[~names_twice(fan)]
+            return fan[~repeats_vertex(fan)]
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
 
     def _rows(self, primitive: Primitive) -> NDArray[np.int64]:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import names_twice, row_sums
+from cascadenorm.mesh import repeats_vertex, row_sums
 
 MOST_APEXES = 64  # corners tried for a fan without folds
 MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stays
@@ -149,7 +149,7 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
     triangles = np.stack([corners[window], corners[window + 1], corners[window + 2]], axis=1)
     odd = (window - begin[window]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
-    return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1) & ~names_twice(triangles)])
+    return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1) & ~repeats_vertex(triangles)])
 
 
 def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[np.float64]:

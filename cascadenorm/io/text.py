@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.base import ReadError
 from cascadenorm.io.tokenizer import cut, decimals, splice
-from cascadenorm.mesh import over
+from cascadenorm.mesh import parallel_for
 
 Places = NDArray[np.signedinteger[Any]]
 
@@ -102,7 +102,7 @@ class Text:
         """Return the numbers at places; what is no number is nan where lax, else raises ReadError."""
         values, simple = np.empty(starts.size), np.empty(starts.size, bool)
         starts, ends, shape = starts.ravel(), ends.ravel(), starts.shape
-        over(len(values), decimals, self.bytes, starts, ends, values, simple)
+        parallel_for(len(values), decimals, self.bytes, starts, ends, values, simple)
         odd = np.flatnonzero(~simple)
         values[odd] = [
             self._number(*place, lax) for place in zip(starts[odd].tolist(), ends[odd].tolist(), strict=True)

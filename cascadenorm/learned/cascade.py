@@ -12,12 +12,12 @@ from typing import Annotated, Any, Literal
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.baselines.vertex_update import Misfit, Sweeps
+from cascadenorm.baselines.vertex_update import Sweeps, Weighting
 from cascadenorm.learned.descriptors import CONSTANTS, DESCRIPTORS
 from cascadenorm.learned.engine import PROCESSOR, Engine
 from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.progress import steps
+from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
 
 FORMAT = "cascadenorm/4"
@@ -42,9 +42,9 @@ class Cascade:
         Between the stages it is not, though faces would come nearer to their normals: later stages learn less from it.
         """
         noisy, count = mesh, len(self.stages)
-        for number in steps(count):
-            misfit: Misfit = "angles" if number + 1 == count else "heights"
-            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps, misfit=misfit, engine=engine)
+        for number in track(count):
+            weighting: Weighting = "angles" if number + 1 == count else "heights"
+            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps, weighting=weighting, engine=engine)
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Vectors:
@@ -101,12 +101,12 @@ def advanced(
     noisy: Mesh,
     *,
     sweeps: int = 20,
-    misfit: Misfit = "heights",
+    weighting: Weighting = "heights",
     engine: Engine = PROCESSOR,
 ) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from its stack, its vertices moved to them."""
     stack = stage_stack(stage.descriptor, mesh, noisy, engine.filters)
-    return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps, misfit=misfit))
+    return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps, weighting=weighting))
 
 
 @cache

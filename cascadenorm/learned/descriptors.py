@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.iterated_bilateral import NEAR_PASSES, REACH_PASSES, REACH_SIGMA_R, STEADY, reaching_stack
 from cascadenorm.baselines.normal_filter_bank import filtered_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
-from cascadenorm.mesh import Mesh, Vectors, kernel, over, row_sums
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, row_sums
 
 SIGMA_S = (1.0, 2.0)
 """Spatial spreads of the filters, in mean edge lengths."""
@@ -124,7 +124,7 @@ def pose_free(stack: Stack) -> NDArray[np.float32]:
     """
     count = stack.shape[1]
     out = np.empty((len(stack), count * (count - 1) // 2), np.float32)
-    over(len(stack), _pair_range, np.ascontiguousarray(stack), out)
+    parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), out)
     return np.log(out, out=out)
 
 
@@ -140,7 +140,7 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np.flo
     Returns
     -------
     5 of (m, p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
-        then the mean over the connected part of the mesh
+        then the mean parallel_for the connected part of the mesh
     """
     rings, kept, whole = mesh.topology.face_rings(1), [], part_means(values, mesh)
     spare = np.empty_like(values)
@@ -148,7 +148,7 @@ def surroundings(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np.flo
         kept.append(np.empty_like(values))
         for left in range(rounds - 1, -1, -1):
             after = spare if left % 2 else kept[-1]
-            over(len(values), _mean_range, values, rings.indptr, rings.indices, after)
+            parallel_for(len(values), _mean_range, values, rings.indptr, rings.indices, after)
             values = after
     return [*kept, whole]
 

@@ -16,13 +16,13 @@ from torch import Tensor
 
 from cascadenorm.baselines.iterated_bilateral import LANES, STEEPNESS, ring_weights
 from cascadenorm.baselines.smoothed_normals import vertex_directions
-from cascadenorm.baselines.vertex_update import LENGTHENED, Misfit, misfit_weights
+from cascadenorm.baselines.vertex_update import OVER_RELAXATION, Weighting, face_weights
 from cascadenorm.learned.descriptors import CONTEXT_STEPS, Filters, Stack, openness, part_means
 from cascadenorm.learned.engine import Engine
 from cascadenorm.learned.networks import ACTIVATIONS, Numbers
 from cascadenorm.learned.regression import Regression
 from cascadenorm.mesh import Csr, Mesh, Vectors, unit
-from cascadenorm.progress import steps
+from cascadenorm.progress import track
 from cascadenorm.registry import ParameterError
 
 ROWS = 1 << 17
@@ -132,7 +132,7 @@ def _reaching_stack(device: torch.device, mesh: Mesh, passes: tuple[int, ...]) -
     first = torch.tensor(mesh.normals, dtype=torch.float32, device=device)
     normals = first[:, :, None].repeat(1, 1, LANES)
     out, after = [first[:, None]], torch.empty_like(normals)
-    for done in steps(passes[-1]):
+    for done in track(passes[-1]):
         for part in rings:
             near = normals[rings.indices[part.entries]]
             apart = near - part.own(normals)
@@ -247,14 +247,14 @@ def _groups(device: torch.device, mesh: Mesh, normals: Vectors, weights: NDArray
 
 
 def _recovered(
-    device: torch.device, mesh: Mesh, normals: Vectors, *, sweeps: int = 20, misfit: Misfit = "heights"
+    device: torch.device, mesh: Mesh, normals: Vectors, *, sweeps: int = 20, weighting: Weighting = "heights"
 ) -> Vectors:
     """As `recover.recover_vertices`."""
     positions = torch.tensor(mesh.vertices, device=device)
-    groups = list(_groups(device, mesh, normals, misfit_weights(mesh, misfit)))
+    groups = list(_groups(device, mesh, normals, face_weights(mesh, weighting)))
     for _ in range(sweeps):
         for group in groups:
-            positions[group.vertices] += _step(group, positions, LENGTHENED[misfit])
+            positions[group.vertices] += _step(group, positions, OVER_RELAXATION[weighting])
     return positions.cpu().numpy()
 
 

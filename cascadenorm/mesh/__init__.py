@@ -1,10 +1,10 @@
 """Triangle meshes: arrays, topology, geometry, checks, and threads for the kernels that walk over them."""
 
 from cascadenorm.mesh.frame import in_frame, scaled_alike
-from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, names_twice, without_lines
+from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh, MeshError, Vectors, angles_between, first_places, row_sums, unit
-from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, over, thread_count
+from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, parallel_for, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
 
 __all__ = [
@@ -22,9 +22,9 @@ __all__ = [
     "isolated",
     "kernel",
     "limit_threads",
-    "names_twice",
     "one_blas_thread",
-    "over",
+    "parallel_for",
+    "repeats_vertex",
     "row_sums",
     "scaled_alike",
     "thread_count",

@@ -18,10 +18,10 @@ def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
     corners, bad = face_array(faces), bad_vertices(vertices)
     misnamed = (corners < 0) | (corners >= len(bad))
     touching = np.append(bad, True)[np.where(misnamed, len(bad), corners)].any(axis=1)
-    return np.asarray(touching | names_twice(corners))
+    return np.asarray(touching | repeats_vertex(corners))
 
 
-def names_twice(faces: NDArray[Any]) -> NDArray[np.bool_]:
+def repeats_vertex(faces: NDArray[Any]) -> NDArray[np.bool_]:
     """Return which faces, (m, 3), name a vertex twice, (m,)."""
     a, b, c = faces.T
     return np.asarray((a == b) | (b == c) | (c == a))
@@ -29,7 +29,7 @@ def names_twice(faces: NDArray[Any]) -> NDArray[np.bool_]:
 
 def without_lines(mesh: Mesh) -> Mesh:
     """Return the mesh without faces that name a vertex twice, unless it has no others: no surface, but edges."""
-    lines = names_twice(mesh.faces)
+    lines = repeats_vertex(mesh.faces)
     return Mesh(mesh.vertices, mesh.faces[~lines]) if lines.any() and not lines.all() else mesh
 
 

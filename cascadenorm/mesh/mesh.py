@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.mesh.kernels import kernel
-from cascadenorm.mesh.threads import over
+from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology import Topology
 from cascadenorm.messages import counted
 
@@ -60,14 +60,14 @@ class Mesh:
     def centroids(self) -> Vectors:
         """(m, 3) mean of the corners of each face."""
         out = np.empty(self.faces.shape)
-        over(len(out), _centroid_range, self.vertices, self.faces, out)
+        parallel_for(len(out), _centroid_range, self.vertices, self.faces, out)
         return out
 
     @cached_property
     def area_vectors(self) -> Vectors:
         """(m, 3) normal of each face times its area."""
         out = np.empty(self.faces.shape)
-        over(len(out), _area_vector_range, self.vertices, self.faces, out)
+        parallel_for(len(out), _area_vector_range, self.vertices, self.faces, out)
         return out
 
     @cached_property
@@ -79,7 +79,7 @@ class Mesh:
     def longest_edges(self) -> NDArray[np.float64]:
         """(m,) length of the longest edge of each face."""
         out = np.empty(len(self.faces))
-        over(len(out), _longest_range, self.vertices, self.faces, out)
+        parallel_for(len(out), _longest_range, self.vertices, self.faces, out)
         return out
 
     @cached_property
@@ -113,7 +113,7 @@ class Mesh:
         """Mean length of the undirected edges; infinite where it is beyond the largest number."""
         vertices, exponent = _near_one(np.where(self.topology.used_vertices[:, None], self.vertices, 0.0))
         lengths = np.empty(len(self.topology.edges))
-        over(len(lengths), _length_range, vertices, self.topology.edges, lengths)
+        parallel_for(len(lengths), _length_range, vertices, self.topology.edges, lengths)
         return _scaled(lengths.mean(), exponent)
 
     @property

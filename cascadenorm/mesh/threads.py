@@ -96,7 +96,7 @@ def _pools() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def over(count: int, run: Callable[..., Any], *arguments: Any, smallest: int = SMALLEST_CHUNK) -> list[Any]:
+def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest: int = SMALLEST_CHUNK) -> list[Any]:
     """Call run(start, stop, *arguments) on ranges that cover 0 … count, each of at least `smallest` but the last.
 
     Returns

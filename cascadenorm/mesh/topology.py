@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cascadenorm.mesh.kernels import kernel
-from cascadenorm.mesh.threads import over
+from cascadenorm.mesh.threads import parallel_for
 
 
 class Csr(NamedTuple):
@@ -63,17 +63,17 @@ class Topology:
         if ring < 1:
             raise ValueError(f"ring is {ring}; it must be at least 1")
         if ring not in self._face_rings:
-            parts = over(len(self.faces), _face_ring_range, self.faces, *self.vertex_faces, ring)
+            parts = parallel_for(len(self.faces), _face_ring_range, self.faces, *self.vertex_faces, ring)
             self._face_rings[ring] = _joined(len(self.faces), parts)
         return self._face_rings[ring]
 
     @cached_property
     def _edges(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Unique undirected edges, and the edge of each face side; side k joins corners k and k + 1."""
-        parts = over(self.vertex_count, _edges_up_range, self.faces, *self.vertex_faces)
+        parts = parallel_for(self.vertex_count, _edges_up_range, self.faces, *self.vertex_faces)
         up = _joined(self.vertex_count, parts)
         of_sides = np.empty(self.faces.shape, np.int32)
-        over(self.vertex_count, _sides_up_range, self.faces, *self.vertex_faces, *up, of_sides)
+        parallel_for(self.vertex_count, _sides_up_range, self.faces, *self.vertex_faces, *up, of_sides)
         return np.stack([up.rows, up.indices], axis=1), of_sides
 
     @property

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import kernel, over
+from cascadenorm.mesh import kernel, parallel_for
 
 SMALLEST_BAND = 16
 
@@ -16,7 +16,7 @@ def rasterize(
     Parameters
     ----------
     screen : (m, 3, 3) corners: x to the right and y downward in pixels from the upper left, z toward the viewer; z
-        has to be linear over the screen
+        has to be linear parallel_for the screen
     colors : (m, 3) one linear colour a triangle
     samples : each pixel is the mean of samples × samples points
 
@@ -26,7 +26,9 @@ def rasterize(
     with the smaller number is seen
     """
     picture = np.zeros((height, width, 4))
-    over(height, _paint_rows, np.ascontiguousarray(screen), colors, width, samples, picture, smallest=SMALLEST_BAND)
+    parallel_for(
+        height, _paint_rows, np.ascontiguousarray(screen), colors, width, samples, picture, smallest=SMALLEST_BAND
+    )
     return picture
 
 
