@@ -30,8 +30,8 @@ def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, weightin
     normals : (m, 3), unit; a face with a zero row does not pull
     sweeps : Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of
         the vertices
-    weighting : "heights", as published, minimises the distances of corners from the plane of their face, which are small
-        for a thin face even where its normal is far off; "angles" divides them by the height of the face, and
+    weighting : "heights", as published, minimises the distances of corners from the plane of their face, which are
+        small for a thin face even where its normal is far off; "angles" divides them by the height of the face, and
         over-relaxes, so that 20 sweeps converge as far as 100
 
     Returns

@@ -266,7 +266,7 @@ def beside(source: Path, what: str) -> Path:
     """Return `<stem>_<what><suffix>` in the folder of a mesh file; raises ReadError where that is a folder itself."""
     if source.is_dir():
         raise io.ReadError(f"{source} is a folder: give the name of a mesh file in it")
-    return source.withsource_name(f"{source.stem}_{what}{source.suffix}")
+    return source.with_name(f"{source.stem}_{what}{source.suffix}")
 
 
 def _isolates(on_bad: str) -> bool:
