@@ -10,16 +10,17 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from cascadenorm.data_gen.families import FAMILIES
-from cascadenorm.data_gen.fusion import Scan
+from cascadenorm.data_gen.families import FAMILIES, Family
+from cascadenorm.data_gen.measured import Measured
 from cascadenorm.data_gen.noise import NoiseKind, displacements
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.surface import UnfitShapeError
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.workers import side_by_side
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
 LEAST_FACES = 1200  # of fewer, the details of some families would be finer than their triangles
+CLEAN_LOW_POLY = 0.8  # share of the low-poly meshes that have no noise: so they leave the program that made them
 ATTEMPTS = 60  # shapes drawn for one index before giving up
 
 OWN = "own"  # in place of a family, where the mesh was not generated
@@ -84,10 +85,14 @@ class DatasetConfig:
 
 
 class Pair(NamedTuple):
-    """The same faces over noisy and over clean vertices."""
+    """The same faces over noisy and over clean vertices.
+
+    normals : (m, 3), the true normal of each face; zero where it is not known
+    """
 
     noisy: Mesh
     clean: Mesh
+    normals: Vectors
     family: str
     noise_kind: NoiseKind
     level: float  # in mean edge lengths of the clean mesh; out of a volume: see `fused`
@@ -105,8 +110,8 @@ def clean_mesh(config: DatasetConfig, index: int) -> Mesh:
     return _drawn(config, index, level=0.0).clean
 
 
-def _drawn(config: DatasetConfig, index: int, *, level: float) -> Scan:
-    """Make the mesh of an index, with the noise of cameras if that decides where its triangles are."""
+def _drawn(config: DatasetConfig, index: int, *, level: float) -> Measured:
+    """Make the mesh of an index, with the error of its measurement if that decides where its triangles are."""
     family = FAMILIES[family_of(config, index)]
     for attempt in range(ATTEMPTS):
         rng = _stream(config, index, _SHAPE, attempt + 1)
@@ -116,9 +121,9 @@ def _drawn(config: DatasetConfig, index: int, *, level: float) -> Scan:
         except UnfitShapeError:
             continue
         if 0.6 * faces <= len(made.clean.faces) <= 1.6 * faces:
-            if not family.seen and rng.random() < PULLED:
+            if not (family.seen or family.measured) and rng.random() < PULLED:
                 pulled = _pulled(made.clean, rng=rng)
-                return Scan(pulled, pulled)
+                return Measured.on_surface(pulled, pulled)
             return made
     raise RuntimeError(f"no fit shape for index {index} of seed {config.seed} in {ATTEMPTS} attempts")
 
@@ -129,10 +134,14 @@ def _pulled(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
     return mesh.moved(mesh.vertices @ (axes * np.exp(rng.uniform(-0.55, 0.55, 3))) @ axes.T)
 
 
-def _noise(config: DatasetConfig, *, seen: bool, rng: np.random.Generator) -> tuple[NoiseKind, float]:
-    """Draw kind and level of noise, that of depth cameras only for what they see."""
+def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Generator) -> tuple[NoiseKind, float]:
+    """Draw kind and level of noise: that of depth cameras only for what they see, and mostly none for few faces."""
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
-    sensed = not kinds or (seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
+    if family is not None and family.measured:  # whose level is that of its own error
+        kinds = [kind for kind in kinds if kind != "none"] or ["normal"]
+    if family is not None and family.part == "low-poly" and rng.random() < CLEAN_LOW_POLY:
+        kinds = ["none"]
+    sensed = not kinds or (family is not None and family.seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
     level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))
     return kind, 0.0 if kind == "none" else level
@@ -142,22 +151,23 @@ def pair(config: DatasetConfig, index: int) -> Pair:
     """Make one noisy/clean pair; it depends on the config and the index alone."""
     name = family_of(config, index)
     rng = _stream(config, index, _NOISE)
-    kind, level = _noise(config, seen=FAMILIES[name].seen, rng=rng)
-    if FAMILIES[name].part == "fused" and kind == "sensor":
-        scan = _drawn(config, index, level=level)
-        return Pair(scan.noisy, scan.clean, name, kind, level)
+    kind, level = _noise(config, family=FAMILIES[name], rng=rng)
+    family = FAMILIES[name]
+    if family.measured or (family.part == "fused" and kind == "sensor"):
+        made = _drawn(config, index, level=level)
+        return Pair(*made, name, "none" if family.measured else kind, level)
     return _disturbed(clean_mesh(config, index), name, kind, level, rng=rng)
 
 
 def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:
     """Put noise of the config on a clean mesh of one's own; another draw for each index."""
     rng = _stream(config, index, _OWN)
-    return _disturbed(clean, OWN, *_noise(config, seen=False, rng=rng), rng=rng)
+    return _disturbed(clean, OWN, *_noise(config, family=None, rng=rng), rng=rng)
 
 
 def _disturbed(clean: Mesh, family: str, kind: NoiseKind, level: float, *, rng: np.random.Generator) -> Pair:
     noisy = clean.moved(clean.vertices + displacements(clean, kind, level=level, rng=rng))
-    return Pair(noisy, clean, family, kind, level)
+    return Pair(noisy, clean, clean.normals, family, kind, level)
 
 
 def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, workers: int = 1) -> Iterator[Pair]:

@@ -10,10 +10,26 @@ from cascadenorm.data_gen.corners import (
     area_vector,
     collapse,
     collapse_keeps_manifold,
+    corners_of,
     distance,
+    is_manifold,
+    mesh_of,
 )
 from cascadenorm.data_gen.remesh import faces_survive
-from cascadenorm.mesh import kernel
+from cascadenorm.data_gen.surface import UnfitShapeError, fit
+from cascadenorm.mesh import Mesh, kernel
+
+
+def thinned(mesh: Mesh, *, faces: int, evenness: float) -> Mesh:
+    """Return a mesh decimated to about so many faces, see `decimate`; UnfitShapeError if it came out bad."""
+    if not is_manifold(mesh):
+        raise UnfitShapeError("the mesh is not manifold")
+    corners = corners_of(mesh)
+    corners.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / faces)
+    decimate(corners, faces=faces, evenness=evenness)
+    thin = mesh_of(corners)
+    fit(thin)
+    return thin
 
 
 def decimate(corners: Corners, *, faces: int, evenness: float) -> None:

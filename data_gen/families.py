@@ -7,13 +7,20 @@ from typing import Literal
 import numpy as np
 
 from cascadenorm.data_gen import cad, organic
+from cascadenorm.data_gen.decimate import thinned
 from cascadenorm.data_gen.fields import Field
-from cascadenorm.data_gen.fusion import Scan, fused
+from cascadenorm.data_gen.fusion import fused
 from cascadenorm.data_gen.manners import tessellate
-from cascadenorm.data_gen.surface import cut_out, extent_of
+from cascadenorm.data_gen.measured import Measured
+from cascadenorm.data_gen.points import reconstruction
+from cascadenorm.data_gen.surface import cut_out, extent_of, polygonised
 from cascadenorm.data_gen.views import view
+from cascadenorm.data_gen.volumes import segmentation, tomogram
 
 USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
+
+
+Part = Literal["whole", "piece", "low-poly", "view", "fused", "mask", "slices", "tomogram", "points"]
 
 
 @dataclass(frozen=True)
@@ -25,46 +32,62 @@ class Family:
     shape : draws a field, given the edge length to expect: detail finer than that would be lost
     weight : how often the family is drawn, relative to the others
     sharp : edges of the shape become edges of the mesh
-    part : the whole shape, which is closed; a piece cut out by a box; what a depth camera sees from one side; or what
-        several do, fused in a volume
+    part : the whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces; what a depth
+        camera sees from one side; what several do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
+        level of a tomogram; or the surface reconstructed from noisy points
     """
 
     shape: Callable[[float, np.random.Generator], Field]
     weight: float
     sharp: bool
-    part: Literal["whole", "piece", "view", "fused"] = "whole"
+    part: Part = "whole"
 
     @property
     def closed(self) -> bool:
         """Whether meshes are watertight."""
-        return self.part == "whole"
+        return self.part not in ("piece", "view", "fused")
+
+    @property
+    def measured(self) -> bool:
+        """Whether the error comes with the mesh, and there is no other."""
+        return self.part in ("mask", "slices", "tomogram", "points")
 
     @property
     def seen(self) -> bool:
         """Whether meshes are what cameras see."""
         return self.part in ("view", "fused")
 
-    def make(self, *, faces: int, rng: np.random.Generator, level: float = 0.0) -> Scan:
+    def make(self, *, faces: int, rng: np.random.Generator, level: float = 0.0) -> Measured:
         """Draw a shape and make a mesh of about so many faces; UnfitShapeError if it came out bad.
 
         Parameters
         ----------
-        level : of the noise of the cameras behind a fused mesh, see `fused`; other meshes are without noise, whatever
-            it is, and both of the pair are the same
+        level : of the error of the cameras behind a fused mesh, the grain of a tomogram, or the points of a
+            reconstruction; meshes of other families are without noise, whatever it is, and both of the pair are the
+            same
         """
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         field = self.shape(float(np.sqrt(2.3 * area / faces)), rng)
         extent = extent_of(field, rng=rng)
         if self.part == "fused":
             return fused(field, extent, faces=faces, level=level, rng=rng)
+        if self.part in ("mask", "slices"):
+            return segmentation(field, extent, faces=faces, slices=self.part == "slices", rng=rng)
+        if self.part == "tomogram":
+            return tomogram(field, extent, faces=faces, level=level, rng=rng)
+        if self.part == "points":
+            return reconstruction(field, extent, faces=faces, level=level, rng=rng)
         if self.part == "view":
             mesh = view(field, extent, faces=faces, rng=rng)
         elif self.part == "piece":
             extent, window = cut_out(extent, share=float(rng.uniform(0.08, 0.4)), rng=rng)
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
+        elif self.part == "low-poly":
+            fine = polygonised(field, extent, faces=round(faces * rng.uniform(2.5, 6)), sharp=self.sharp, rng=rng)
+            mesh = thinned(fine, faces=faces, evenness=float(10 ** rng.uniform(-7, -2)))
         else:
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
-        return Scan(mesh, mesh)
+        return Measured.on_surface(mesh, mesh)
 
 
 Shape = Callable[[float, np.random.Generator], Field]
@@ -100,4 +123,9 @@ FAMILIES: dict[str, Family] = {
     "grown_piece": Family(GROWN, 2.2, sharp=False, part="piece"),
     "view": Family(SCENES, 0.9, sharp=True, part="view"),
     "fused": Family(OBJECTS, 0.9, sharp=True, part="fused"),
+    "low_poly": Family(OBJECTS, 0.9, sharp=True, part="low-poly"),
+    "segmentation": Family(OBJECTS, 0.9, sharp=True, part="mask"),
+    "slices": Family(OBJECTS, 0.9, sharp=True, part="slices"),
+    "tomogram": Family(OBJECTS, 0.9, sharp=True, part="tomogram"),
+    "points": Family(OBJECTS, 0.9, sharp=True, part="points"),
 }

@@ -1,7 +1,5 @@
 """Scans as out of a volume into which depth images were fused: stairs, slivers, and the error in the triangles too."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
@@ -9,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from cascadenorm.data_gen.fields import Field, Values
 from cascadenorm.data_gen.lattice import grid
+from cascadenorm.data_gen.measured import Measured
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.polygonise import gradients, off_nodes, projected
 from cascadenorm.data_gen.sensor import camera_errors
@@ -22,14 +21,7 @@ TURNED = np.pi / 3  # angle between the cameras on one side and the middle one o
 FOLDED = np.radians(5)  # mean angle between the clean mesh and the surface under it, at most
 
 
-class Scan(NamedTuple):
-    """The same faces over vertices as they were measured, and over the points of the surface beneath them."""
-
-    noisy: Mesh
-    clean: Mesh
-
-
-def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Scan:
+def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
     """Fuse what cameras on one side or all around measure of a field (Curless, Levoy 1996; Newcombe et al. 2011).
 
     Unlike noise on the vertices of a mesh, the error decides where triangles are: vertices stay on the edges of the
@@ -69,7 +61,7 @@ def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.ran
     true = unit(gradients(field, clean.centroids, step=1e-3 * spacing))
     if angles_between(clean.normals, true).mean() > FOLDED:
         raise UnfitShapeError("the clean mesh is not that of the shape")
-    return Scan(noisy, clean)
+    return Measured(noisy, clean, clean.normals)
 
 
 def _tilt(spread: float, *, rng: np.random.Generator) -> Vectors:

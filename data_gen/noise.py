@@ -7,15 +7,18 @@ import numpy as np
 
 from cascadenorm.data_gen.fields import Values
 from cascadenorm.data_gen.patterns import noise as drift
-from cascadenorm.data_gen.sensor import sensor_displacements
+from cascadenorm.data_gen.sensor import blurred, neighbor_means, sensor_displacements
 from cascadenorm.mesh import Mesh, Vectors
 
-NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "sensor", "none"]
+WIDEST = 60  # averages over neighbours of correlated noise, which reaches over some ten edges then
+
+NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "correlated", "sensor", "none"]
 """What noise is like.
 
 `normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat.
 `impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
-`mixed`: two. `sensor`: the error of a depth camera, for sheets seen from one side. `none`: none.
+`mixed`: two. `correlated`: alike over several edges, along normals or in each coordinate, some with white noise on top.
+`sensor`: the error of a depth camera, for sheets seen from one side. `none`: none.
 """
 
 
@@ -77,6 +80,18 @@ def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     return np.asarray(total)
 
 
+def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    """White noise averaged over neighbours up to WIDEST times, scaled back to its deviation."""
+    along = bool(rng.random() < 0.6)
+    white = rng.normal(size=(len(mesh.vertices), 1 if along else 3))
+    spread = blurred(white, neighbor_means(mesh), round(float(WIDEST ** rng.random())))
+    spread *= deviation / np.sqrt(np.mean(spread**2))
+    error = spread * mesh.vertex_normals if along else spread
+    if rng.random() < 0.4:
+        error = error + _normal(mesh, float(rng.uniform(0.1, 0.6)) * deviation, rng)
+    return np.asarray(error)
+
+
 def _sensor(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     return sensor_displacements(mesh, deviation, rng=rng)
 
@@ -92,6 +107,7 @@ _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] =
     "impulsive": _impulsive,
     "varying": _varying,
     "mixed": _mixed,
+    "correlated": _correlated,
     "sensor": _sensor,
     "none": _none,
 }

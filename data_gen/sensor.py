@@ -41,25 +41,26 @@ def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.r
     """Errors toward the camera, (n,), of the distances that the n pixels see, which are the vertices of a sheet."""
     if deviation == 0:
         return np.zeros(len(distance))
-    blur = _neighbour_means(pixels)
+    blur = neighbor_means(pixels)
     white, spread, rounding = deviation * np.sqrt(rng.dirichlet((1, 1, 1)))
-    wide = _blurred(rng.normal(size=len(distance)), blur, round(WIDEST ** rng.uniform()))
+    wide = blurred(rng.normal(size=len(distance)), blur, round(WIDEST ** rng.uniform()))
     ends = wide[pixels.topology.edges]
     wide /= np.sqrt(0.5 * np.mean((ends[:, 0] - ends[:, 1]) ** 2))
-    seen = _blurred(distance, blur, int(rng.integers(0, 3))) + white * rng.normal(size=len(distance)) + spread * wide
+    seen = blurred(distance, blur, int(rng.integers(0, 3))) + white * rng.normal(size=len(distance)) + spread * wide
     step = np.sqrt(12) * rounding * LONGEST ** rng.uniform() / np.mean(distance) ** 2  # of the disparity 1 / distance
     phase = float(rng.random())
     rounded = 1 / (step * np.maximum(np.round(1 / (seen * step) + phase) - phase, 0.5))
-    return distance - _blurred(rounded, blur, int(rng.integers(0, 3)))
+    return distance - blurred(rounded, blur, int(rng.integers(0, 3)))
 
 
-def _blurred(values: Values, means: sparse.csr_matrix, passes: int) -> Values:
+def blurred(values: Values, means: sparse.csr_matrix, passes: int) -> Values:
+    """Average values, one row a vertex, over neighbours so many times."""
     for _ in range(passes):
         values = means @ values
     return values
 
 
-def _neighbour_means(mesh: Mesh) -> sparse.csr_matrix:
+def neighbor_means(mesh: Mesh) -> sparse.csr_matrix:
     """Matrix that averages each vertex with its neighbours."""
     neighbors = mesh.topology.vertex_neighbors
     count = len(mesh.vertices)

@@ -7,14 +7,15 @@ import pytest
 
 from cascadenorm.data_gen import FAMILIES, DatasetConfig, fields, pair
 from cascadenorm.data_gen.corners import is_manifold
-from cascadenorm.data_gen.fusion import Scan, fused
+from cascadenorm.data_gen.fusion import fused
+from cascadenorm.data_gen.measured import Measured
 from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.views import largest_sheets
 
 BALL = fields.sphere(radius=1)
 
 
-def scan_of(field, *, level: float, seed: int) -> Scan:
+def scan_of(field, *, level: float, seed: int) -> Measured:
     """Draw again where triangles fold, as data sets do."""
     for attempt in range(20):
         rng = np.random.default_rng([seed, attempt])
@@ -26,7 +27,7 @@ def scan_of(field, *, level: float, seed: int) -> Scan:
 def test_the_clean_mesh_is_the_surface_beneath_the_noisy_one():
     sizes, seen = [], []
     for seed in range(10):
-        noisy, clean = scan_of(BALL, level=0.2, seed=seed)
+        noisy, clean, _ = scan_of(BALL, level=0.2, seed=seed)
         assert is_manifold(noisy)
         np.testing.assert_array_equal(noisy.faces, clean.faces)
         np.testing.assert_allclose(np.linalg.norm(clean.vertices, axis=1), 1, atol=1e-6)
@@ -51,7 +52,7 @@ def test_vertices_of_a_sliver_err_alike():
     """Unlike noise drawn for each vertex, that of a volume hardly differs along its short edges."""
     jumps = []
     for seed in range(10):
-        noisy, clean = scan_of(BALL, level=0.2, seed=seed)
+        noisy, clean, _ = scan_of(BALL, level=0.2, seed=seed)
         error = np.linalg.norm(noisy.vertices, axis=1) - 1
         ends = clean.topology.edges
         lengths = np.linalg.norm(clean.vertices[ends[:, 0]] - clean.vertices[ends[:, 1]], axis=1)

@@ -78,7 +78,8 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
         true = oriented(true)
         first = Mesh(first.vertices, true.faces)
         for chosen in pieces(true, faces=config.max_faces):
-            made.append(data_gen.Pair(piece(first, chosen), piece(true, chosen), data_gen.OWN, "none", 0.0))
+            clean = piece(true, chosen)
+            made.append(data_gen.Pair(piece(first, chosen), clean, clean.normals, data_gen.OWN, "none", 0.0))
     return made
 
 

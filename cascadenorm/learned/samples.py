@@ -27,11 +27,13 @@ class Sample:
     """Behind the stages so far, if there was one."""
 
     @classmethod
-    def drawn(cls, noisy: Vectors, clean: Mesh, count: int, seed: Sequence[int]) -> "Sample":
-        """Draw at most so many faces of a pair, none without area."""
-        whole = np.flatnonzero(clean.areas > 0)
+    def drawn(
+        cls, noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, count: int, seed: Sequence[int]
+    ) -> "Sample":
+        """Draw at most so many faces of those whose true normal is known, which is not zero."""
+        whole = np.flatnonzero(normals.any(axis=1))
         rows = np.sort(np.random.default_rng(seed).choice(whole, min(count, len(whole)), replace=False))
-        return cls(clean.faces, noisy, clean.normals[rows].astype(np.float32), rows)
+        return cls(faces, noisy, normals[rows].astype(np.float32), rows)
 
     def meshes(self) -> tuple[Mesh, Mesh]:
         """Return the mesh before the coming stage, and as it came; the same one before the first."""

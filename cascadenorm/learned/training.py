@@ -28,7 +28,7 @@ from cascadenorm.learned.launch import Progress, leads, silent, tells
 from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.regression import Array, Regression, Standard, nearest
 from cascadenorm.learned.samples import Sample
-from cascadenorm.mesh import Mesh, Vectors, in_blocks, thread_count
+from cascadenorm.mesh import Vectors, in_blocks, thread_count
 from cascadenorm.workers import Map, side_by_side
 
 KMEANS_FACES = 50_000
@@ -224,18 +224,21 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     missing = [i for i in generated if not files[i].exists()]
     made = zip(missing, pairs(config.data, missing, workers=distributed.cores()), strict=True)
     for done, (i, new) in enumerate(made, len(generated) - len(missing) + 1):
-        positions = {"noisy": new.noisy.vertices, "clean": new.clean.vertices}
-        _write(files[i], {**positions, "faces": new.clean.faces})
+        arrays = {"noisy": new.noisy.vertices, "normals": new.normals, "faces": new.clean.faces}
+        _write(files[i], arrays)
         progress("noisy/clean pairs", done, len(generated))
 
-    def drawn(noisy: Vectors, clean: Mesh, index: int) -> Sample:
-        return Sample.drawn(noisy, clean, config.faces_per_mesh, (config.seed, index))
+    def drawn(noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, index: int) -> Sample:
+        return Sample.drawn(noisy, faces, normals, config.faces_per_mesh, (config.seed, index))
 
     samples = []
     for i, file in files.items():
         arrays = load_file(file)
-        samples.append(drawn(arrays["noisy"], Mesh(arrays["clean"], arrays["faces"]), i))
-    return samples + [drawn(own[i - count].noisy.vertices, own[i - count].clean, i) for i in others]
+        samples.append(drawn(arrays["noisy"], arrays["faces"], arrays["normals"], i))
+    own_pairs = [own[i - count] for i in others]
+    return samples + [
+        drawn(pair.noisy.vertices, pair.clean.faces, pair.normals, i) for pair, i in zip(own_pairs, others, strict=True)
+    ]
 
 
 def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:

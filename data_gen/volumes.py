@@ -1,0 +1,145 @@
+"""Surfaces out of volumes of voxels: segmentations, whose error is their steps, and blurred, grainy tomograms."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from cascadenorm.data_gen.fields import Field
+from cascadenorm.data_gen.lattice import grid
+from cascadenorm.data_gen.measured import Measured, beneath
+from cascadenorm.data_gen.placement import random_rotation
+from cascadenorm.data_gen.surface import Extent, UnfitShapeError, largest_components
+from cascadenorm.data_gen.untangle import untangled
+from cascadenorm.mesh import Mesh, Vectors
+
+Volume = NDArray[np.float64]
+"""(p, q, r), one value a voxel, above 0.5 inside."""
+
+MARGIN = 3  # voxels around the shape
+SMALLEST = 0.05  # share of the faces of the largest component that others have at least: grain makes islands
+STEPPED = 3.2  # faces of marching cubes on a mask, for a surface whose area is that of a voxel's side
+GREY = 2.3  # the same on grey values
+
+
+def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator) -> Measured:
+    """Mesh a binary mask of the shape: its steps are as high as a voxel.
+
+    Parameters
+    ----------
+    faces : about so many, which give the edge of a voxel
+    slices : voxels are 1.5 to 4 times as long along one axis of the lattice as along the others
+
+    Raises
+    ------
+    UnfitShapeError
+        The mask is empty.
+    """
+    stretch = float(rng.uniform(1.5, 4)) if slices else 1.0
+    voxel = float(np.sqrt(STEPPED * extent.area / faces / stretch**0.6))
+    steps = voxel * np.array([1.0, 1.0, stretch])
+    nodes, axes = _lattice(extent, steps, rng=rng)
+    volume = (_sampled(field, nodes) < 0).astype(np.float64)
+    if rng.random() < 0.25:  # an antialiased or smoothed mask
+        volume = gaussian_filter(volume, rng.uniform(0.3, 0.8, 3))
+    blocky = rng.random() < 0.2
+    mesh = surface_nets(volume) if blocky else marching_cubes(volume)
+    return _measured(field, mesh, nodes, axes, cell=voxel * stretch)
+
+
+def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
+    """Mesh a level of a grey volume, in which a point is spread over voxels and the grain is alike in neighbours.
+
+    Parameters
+    ----------
+    level : strength of the grain, in tenths of the contrast
+    """
+    stretch = float(rng.uniform(1, 2)) if rng.random() < 0.3 else 1.0
+    voxel = float(np.sqrt(GREY * extent.area / faces / stretch**0.6))
+    steps = voxel * np.array([1.0, 1.0, stretch])
+    nodes, axes = _lattice(extent, steps, rng=rng)
+    share = np.clip(0.5 - _sampled(field, nodes) / voxel, 0, 1)  # of a voxel that the shape fills, nearly
+    spread = float(rng.uniform(0.4, 1.4))
+    blurred = gaussian_filter(share, spread / np.array([1.0, 1.0, stretch]))
+    grain = gaussian_filter(rng.normal(size=blurred.shape), float(rng.uniform(0.3, 1.3)))
+    volume = blurred + 0.1 * level * grain / grain.std()
+    threshold = 0.5 + float(rng.uniform(-0.08, 0.08))
+    return _measured(field, marching_cubes(volume - (threshold - 0.5)), nodes, axes, cell=voxel * stretch)
+
+
+def marching_cubes(volume: Volume) -> Mesh:
+    """Mesh where the values pass 0.5, in units of voxels; normals point to lower values."""
+    from skimage.measure import marching_cubes
+
+    if not volume.min() < 0.5 < volume.max():
+        raise UnfitShapeError("the volume has no surface")
+    vertices, faces, _, _ = marching_cubes(0.5 - volume, 0.0)  # type: ignore[no-untyped-call]
+    return Mesh(vertices.astype(np.float64), faces)
+
+
+def surface_nets(volume: Volume) -> Mesh:
+    """Mesh where the values pass 0.5 by a vertex in each cell and a quadrangle around each crossing (Gibson 1998).
+
+    Returns
+    -------
+    in units of voxels; a vertex is the mean of the crossings of its cell's edges
+    """
+    inside = volume > 0.5
+    number = np.full(np.array(volume.shape) - 1, -1, np.int64)  # of the vertex of a cell
+    total, count = np.zeros((*number.shape, 3)), np.zeros(number.shape)
+    crossings = []
+    for axis in range(3):
+        low, high = (np.moveaxis(volume, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
+        crossed = np.moveaxis(np.diff(np.moveaxis(inside, axis, 0).astype(np.int8), axis=0) != 0, 0, axis)
+        node = np.argwhere(crossed)
+        low, high = (np.moveaxis(values, 0, axis)[crossed] for values in (low, high))
+        place = node.astype(np.float64)
+        place[:, axis] += (0.5 - low) / (high - low)
+        others = [k for k in range(3) if k != axis]
+        for shift in np.ndindex(2, 2):  # the four cells around a crossing
+            cell = node.copy()
+            cell[:, others] -= shift
+            if cell.min(initial=0) < 0 or (cell >= number.shape).any():
+                raise UnfitShapeError("the shape reaches the border of the volume")
+            np.add.at(total, tuple(cell.T), place)
+            np.add.at(count, tuple(cell.T), 1)
+        crossings.append((axis, others, node, low > high))
+    used = count > 0
+    number[used] = np.arange(used.sum())
+    vertices = total[used] / count[used][:, None]
+    triangles = []
+    for axis, others, node, falling in crossings:
+        around = []
+        for shift in ((0, 0), (1, 0), (1, 1), (0, 1)):
+            cell = node.copy()
+            cell[:, others] -= shift
+            around.append(number[tuple(cell.T)])
+        quads = np.stack(around, axis=1)
+        flipped = falling ^ (axis == 1)  # (x, z) about y is a left-handed pair
+        quads[~flipped] = quads[~flipped][:, ::-1]
+        corners = vertices[quads]
+        shorter = np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) <= np.linalg.norm(
+            corners[:, 1] - corners[:, 3], axis=1
+        )
+        quads = np.where(shorter[:, None], quads, np.roll(quads, -1, axis=1))
+        triangles += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
+    if not len(vertices):
+        raise UnfitShapeError("the volume has no surface")
+    return Mesh(vertices, np.concatenate(triangles).astype(np.int32))
+
+
+def _lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random.Generator) -> tuple[Volume, Vectors]:
+    """Nodes (p, q, r, 3) of a lattice turned and shifted at random, and its three edges as rows."""
+    turn = random_rotation(rng=rng) if rng.random() < 0.7 else np.eye(3)
+    half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + MARGIN * steps
+    middle = extent.middle + turn @ (rng.uniform(-0.5, 0.5, 3) * steps)
+    return grid(half, steps) @ turn.T + middle, (turn * steps).T
+
+
+def _sampled(field: Field, nodes: NDArray[np.float64]) -> Volume:
+    return field(nodes.reshape(-1, 3)).reshape(nodes.shape[:3])
+
+
+def _measured(field: Field, mesh: Mesh, nodes: NDArray[np.float64], axes: Vectors, *, cell: float) -> Measured:
+    placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
+    placed = largest_components(untangled(largest_components(placed, share=SMALLEST)), share=SMALLEST)
+    return beneath(field, placed, cell=cell)
