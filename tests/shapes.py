@@ -55,3 +55,8 @@ def noisy(mesh: Mesh, level: float, *, seed: int = 0) -> Mesh:
 def mean_angle(mesh: Mesh, true: Mesh) -> float:
     """Mean angle between the normals of the same faces of two meshes, in degrees."""
     return float(np.degrees(np.arccos(np.clip((mesh.normals * true.normals).sum(axis=1), -1, 1))).mean())
+
+
+def signed_volume(mesh: Mesh) -> float:
+    """What a closed mesh encloses, positive where its normals point outward (divergence theorem)."""
+    return float(np.einsum("ij,ij->", mesh.centroids, mesh.area_vectors) / 3)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cascadenorm.data_gen import fields, patterns, placement, profiles
+from cascadenorm.data_gen import FAMILIES, fields, patterns, placement, profiles
+from cascadenorm.data_gen.cad import _regular
 from cascadenorm.data_gen.polygonise import gradients
 
 
@@ -109,3 +110,16 @@ def test_cells_know_the_nearest_two_of_the_scattered_points():
     )
     np.testing.assert_allclose(bumps, 1 - 2 * np.minimum(first, 1) ** 2, atol=1e-12)
     np.testing.assert_allclose(cracks, 2 * np.minimum((second - first) / 0.35, 1) - 1, atol=1e-12)
+
+
+def test_no_drawn_polyhedron_is_regular():
+    """All angles between the faces differ; in a regular solid few do, and regular solids serve as test models."""
+    for seed in range(12):
+        normals = _regular(np.random.default_rng(seed))
+        angles = np.degrees(np.arccos((normals @ normals.T)[np.triu_indices(len(normals), 1)]))
+        assert len(np.unique(angles.round(4))) > 0.95 * len(angles)
+
+
+def test_low_poly_meshes_are_closed_and_keep_the_edges_of_a_box():
+    made = FAMILIES["low_poly"].make(faces=2000, rng=np.random.default_rng(3))
+    assert made.noisy is made.clean and made.clean.topology.edge_faces.counts.max() == 2

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import grid
+from shapes import grid, icosphere
 
 from cascadenorm.data_gen import displacements
 from cascadenorm.data_gen.fields import sphere
@@ -115,3 +115,15 @@ def test_a_closed_surface_is_seen_from_a_direction_that_is_drawn(ball):
     other = displacements(ball, "sensor", level=0.2, rng=np.random.default_rng(4))
     towards = [moves[np.abs(moves).sum(axis=1).argmax()] for moves in (one, other)]
     assert abs(np.dot(*(v / np.linalg.norm(v) for v in towards))) < 0.99
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_correlated_noise_has_its_deviation_and_is_alike_in_neighbours(seed):
+    mesh = icosphere(5)
+    rng = np.random.default_rng(seed)
+    moves = displacements(mesh, "correlated", level=0.3, rng=rng) / mesh.mean_edge_length
+    along = np.einsum("ij,ij->i", moves, mesh.vertex_normals)
+    size = np.sqrt(np.mean(np.sum(moves**2, axis=1)))
+    assert 0.25 < size < 0.3 * np.sqrt(3) * 1.25
+    a, b = mesh.topology.edges.T
+    assert np.corrcoef(along[a], along[b])[0, 1] > 0.2

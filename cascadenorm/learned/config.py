@@ -59,6 +59,10 @@ class Fit:
 
 DATA = DatasetConfig(
     count=600,
+    families=(
+        "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue",
+        "mounted", "bust", "bumpy", "smooth", "rock", "machined_piece", "grown_piece", "view", "fused",
+    ),
     min_faces=2000,
     max_faces=20000,
     noise_kinds=(
