@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
+from cascadenorm.geometry.noise_level import noise_level
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.inspection.defects import pinched_vertices, repeats, rim_count, thin_faces, turned_edges
 from cascadenorm.inspection.enclosed import enclosed
-from cascadenorm.inspection.noise_level import noise_level
 from cascadenorm.interop import adapter
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated
 from cascadenorm.mesh.mesh import face_array, vertex_array

@@ -1,0 +1,127 @@
+"""Surfaces that were computed, not measured: most triangles lie in one plane with a neighbour, as CAD leaves them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Mesh, kernel, parallel_for, row_sums
+
+COPLANAR = 3e-6
+"""Height of a vertex over the plane of the triangle across an edge, in diagonals, up to which the two are one plane.
+
+Coordinates in single precision come within a tenth of it; measured ones hardly ever do.
+"""
+SMALL = 1e-3  # of the median edge length: the height is less than that too, where a far vertex makes the diagonal long
+FACES, AREA = 0.2, 0.5
+"""Shares of the triangles, and of the area, of a component that have a coplanar neighbour, from which it is exact."""
+UNEVEN = 0.5
+"""Coefficient of variation of the edge lengths, above which triangles are as a CAD kernel makes them."""
+EVEN_AREA = 0.8
+"""In place of AREA where triangles are even: those of a depth image with coarse disparities are coplanar, too."""
+DIRECTIONS = 64
+"""Edge vectors of a mesh on a lattice: binary marching cubes have some fifty."""
+LATTICE = 0.95
+"""Share of the edges that the most frequent DIRECTIONS vectors hold, from which a mesh lies on a lattice."""
+FEWEST = 1000  # edges of a mesh that can be told to lie on a lattice
+STEPS = 0.2
+"""Share of the concave or of the convex among the edges that are not flat, whichever is less: steps have both."""
+RESOLUTION = 0.02  # of the median edge length, within which two edge vectors are the same
+
+
+def exact_vertices(mesh: Mesh) -> NDArray[np.bool_]:
+    """Tell which vertices belong to components that were computed and carry no error.
+
+    Noise, however small, leaves no two triangles coplanar; CAD kernels triangulate planar and ruled faces, so that most
+    triangles have a coplanar neighbour. Segmentations have too, but their vertices lie on a lattice, and so their edges
+    are few vectors repeated: such a mesh is not exact unless it has no steps, as a box with a grid on its sides.
+
+    Returns
+    -------
+    (n,) bool; vertices without a face are not exact
+    """
+    exact = np.zeros(len(mesh.vertices), bool)
+    counts = coplanar_neighbors(mesh)
+    clean, part = counts > 0, mesh.topology.face_components
+    count = int(part.max()) + 1
+    faces = np.bincount(part[clean], minlength=count) / np.maximum(np.bincount(part, minlength=count), 1)
+    areas = np.maximum(np.bincount(part, mesh.areas, minlength=count), np.finfo(float).tiny)
+    covered = np.bincount(part[clean], mesh.areas[clean], minlength=count) / areas
+    likely = (faces >= FACES) & (covered >= AREA)
+    if not likely.any() or (lattice_share(mesh) >= LATTICE and _has_steps(mesh)):
+        return exact
+    even = _unevenness(mesh, part, count) <= UNEVEN
+    exact[mesh.faces[(likely & ~(even & (covered < EVEN_AREA)))[part]]] = True
+    return exact
+
+
+def coplanar_neighbors(mesh: Mesh) -> NDArray[np.int8]:
+    """Count the neighbours across its edges with which each face lies in one plane, (m,)."""
+    out = np.empty(len(mesh.faces), np.int8)
+    limit = _rounding(mesh)
+    across = mesh.topology.faces_across
+    parallel_for(len(out), _coplanar_range, mesh.vertices, mesh.faces, mesh.normals, across, limit, out)
+    return out
+
+
+def _rounding(mesh: Mesh) -> float:
+    """Largest height of a vertex over a plane that rounding explains."""
+    ends = mesh.vertices[mesh.topology.edges]
+    return min(COPLANAR * mesh.diagonal, SMALL * float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))))
+
+
+def lattice_share(mesh: Mesh) -> float:
+    """Share of the edges that the most frequent vectors hold; near 1 where vertices lie on a lattice, else near 0."""
+    edges = mesh.topology.edges
+    if len(edges) < FEWEST:
+        return 0.0
+    vectors = mesh.vertices[edges[:, 1]] - mesh.vertices[edges[:, 0]]
+    size = RESOLUTION * float(np.median(np.linalg.norm(vectors, axis=1)))
+    if size == 0:
+        return 0.0
+    steps = np.round(np.clip(vectors / size, -1e6, 1e6)).astype(np.int64)
+    rows = np.arange(len(steps))
+    steps *= np.sign(steps[rows, np.abs(steps).argmax(axis=1)])[:, None]  # an edge has no direction
+    _, counts = np.unique(steps @ np.array([1, 1 << 21, 1 << 42]), return_counts=True)
+    return float(np.sort(counts)[-DIRECTIONS:].sum() / len(edges))
+
+
+def _has_steps(mesh: Mesh) -> bool:
+    """Whether edges bend to either side, as those of stairs do."""
+    first, second = mesh.topology.face_pairs.T
+    across = mesh.centroids[second] - mesh.centroids[first]
+    bend = np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second])
+    size = _rounding(mesh)
+    concave, convex = (bend > size).sum(), (bend < -size).sum()
+    return bool(min(concave, convex) > STEPS * (concave + convex))
+
+
+def _unevenness(mesh: Mesh, part: NDArray[np.intp], count: int) -> NDArray[np.float64]:
+    """Coefficient of variation of the edge lengths of each component, (count,)."""
+    corners = mesh.vertices[mesh.faces]
+    lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    moments = row_sums(part, np.stack([lengths.sum(axis=1), np.square(lengths).sum(axis=1)], axis=1))
+    mean, square = (moments / np.maximum(3 * np.bincount(part, minlength=count), 1)[:, None]).T
+    return np.asarray(np.sqrt(np.maximum(square - mean**2, 0)) / np.maximum(mean, np.finfo(float).tiny))
+
+
+@kernel
+def _coplanar_range(start, stop, vertices, faces, normals, across, limit, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        out[f] = 0
+        for side in range(3):
+            g = across[f, side]
+            if g < 0:
+                continue
+            if min(_highest(vertices, faces, normals, f, g), _highest(vertices, faces, normals, g, f)) <= limit:
+                out[f] += 1
+
+
+@kernel
+def _highest(vertices, faces, normals, f, g):  # type: ignore[no-untyped-def]
+    """Largest distance of a vertex of face g from the plane of face f."""
+    most = 0.0
+    for k in range(3):
+        height = 0.0
+        for d in range(3):
+            height += (vertices[faces[g, k], d] - vertices[faces[f, 0], d]) * normals[f, d]
+        most = max(most, abs(height))
+    return most

@@ -1,0 +1,61 @@
+"""What `auto` guarantees: exact components keep their vertices, and no face flips that was not nearly a foldover."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.geometry.exactness import exact_vertices
+from cascadenorm.mesh import Mesh, Vectors
+
+HALVINGS = 8
+"""Of the displacement of a vertex whose face would flip, before it returns to where it was."""
+STEEPEST = math.sqrt(0.5)
+"""Cosine of the angle to the mean normal around it, 45°, up to which no face may flip, however noisy the mesh."""
+
+
+def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
+    """Take back of a displacement what would do harm.
+
+    Vertices of exact components (see `exact_vertices`) stay. Where a face would end with its normal 90° or more from
+    that of the input, the displacements of its three vertices are halved until it does not, and dropped in the end;
+    only faces that were foldovers, or may have been for all that the noise says, may flip (see `foldovers`).
+
+    Parameters
+    ----------
+    mesh : the input, n vertices
+    vertices : (n, 3), where a method wants them
+
+    Returns
+    -------
+    (n, 3)
+    """
+    displacement = np.where(exact_vertices(mesh)[:, None], 0.0, vertices - mesh.vertices)
+    held = ~foldovers(mesh) & (mesh.areas > 0)
+    share = np.ones(len(displacement))
+    halvings = np.zeros(len(displacement), np.int64)
+    moved = np.where(displacement != 0, vertices, mesh.vertices)
+    while True:
+        flipped = held & (np.einsum("ij,ij->i", mesh.moved(moved).area_vectors, mesh.normals) <= 0)
+        if not flipped.any():
+            return moved
+        back = np.unique(mesh.faces[flipped])
+        halvings[back] += 1
+        share[back] = np.where(halvings[back] > HALVINGS, 0.0, 0.5 * share[back])
+        moved[back] = mesh.vertices[back] + share[back, None] * displacement[back]
+
+
+def foldovers(mesh: Mesh) -> NDArray[np.bool_]:
+    """Tell which faces are flipped, or may be for all that the scatter of the normals around them says, (m,).
+
+    With n̄ the mean normal, by area, of the faces within two rings, and R its length, which is 1 where they all agree,
+    these are the faces with <n, n̄ / R> < min(√(1 - R²), cos 45°): on a smooth surface those more than 90° from it, in
+    strong noise those more than 45°.
+    """
+    sums = np.concatenate([mesh.area_vectors, mesh.areas[:, None]], axis=1)
+    for _ in range(2):
+        sums = mesh.sums_around(sums)[mesh.faces].sum(axis=1)
+    length, total = np.linalg.norm(sums[:, :3], axis=1), np.maximum(sums[:, 3], np.finfo(float).tiny)
+    scatter = np.sqrt(np.maximum(1 - (length / total) ** 2, 0))
+    along = np.einsum("ij,ij->i", sums[:, :3], mesh.normals)
+    return np.asarray(along < np.minimum(scatter, STEEPEST) * length)
