@@ -44,7 +44,7 @@ def anisotropic_diffusion(
 ) -> Vectors:
     """Diffuse the vertices with a tensor whose weight falls where, and across which, the normal turns.
 
-    A rim moves off the surface only (see `flowed`).
+    A boundary moves off the surface only (see `flowed`).
     """
     time = step * mesh.mean_edge_length**2
     for _ in track(iterations):

@@ -49,7 +49,7 @@ def bilateral_normals(
 
     Parameters
     ----------
-    mesh : m faces; a face without area weighs nothing, at a rim there are fewer neighbours
+    mesh : m faces; a face without area weighs nothing, at a boundary there are fewer neighbours
     sigma_s : spatial spread, in mean edge lengths
     sigma_r : spread of the chord between unit normals; 0.35 is about 20 degrees; inf leaves the spatial weight alone
     iterations : passes; 0 returns the mesh's own normals

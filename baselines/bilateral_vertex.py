@@ -30,7 +30,7 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
     """Move each vertex along its normal by the mean height of near vertices over its tangent plane, like heights first.
 
     Neighbours are the vertices within 2 σ_c, joined by such ones, and the vertex itself. Unless given, σ_s is the
-    standard deviation of their unsigned heights. A rim has no special treatment.
+    standard deviation of their unsigned heights. A boundary has no special treatment.
     """
     count, edge = len(mesh.vertices), mesh.mean_edge_length
     graph, alone = mesh.topology.vertex_neighbors, each_alone(count)

@@ -20,8 +20,8 @@ def mean_curvature_flow(
 ) -> Vectors:
     """Move the vertices by λΔx = -2λHn, with the cotangent Laplacian rebuilt before every step.
 
-    A sphere of radius r0 has r(t)² = r0² - 4λt. Explicit steps that are too long are cut as in `diffuse`. A rim moves
-    off the surface only (see `flowed`). Vertices outside the region, and those without a face, stay.
+    A sphere of radius r0 has r(t)² = r0² - 4λt. Explicit steps that are too long are cut as in `diffuse`. A boundary
+    moves off the surface only (see `flowed`). Vertices outside the region, and those without a face, stay.
     """
     edge = mesh.mean_edge_length
     for _ in track(iterations):

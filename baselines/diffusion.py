@@ -46,8 +46,8 @@ def laplacian(
     """Diffuse the vertices with a fixed Laplacian, of order 1, 2 or 3: x_t = -λ(-Δ)^order x.
 
     Cotangent weights smooth more for the same step and move vertices along the normal only, uniform weights also even
-    out the edges. The rim of an open mesh shrinks like everything else. Stability of explicit steps, and what a region
-    does: see `diffuse`.
+    out the edges. The boundary of an open mesh shrinks like everything else. Stability of explicit steps, and what a
+    region does: see `diffuse`.
     """
     operator = laplacian_of(mesh, weights)
     unit = mesh.mean_edge_length if weights == "cotan" else 1.0  # uniform weights know no length
@@ -115,21 +115,21 @@ def diffuse(
 def flowed(
     mesh: Mesh, laplacian: Laplacian, *, time: float, scheme: Scheme = "implicit", region: Region | None = None
 ) -> Vectors:
-    """Take one step of x_t = Δx, in which vertices on a rim go off the surface only: along it nothing holds a rim.
+    """Take one step of x_t = Δx, in which boundary vertices move off the surface only: along it nothing holds them.
 
-    Without a rim it is a step of `diffuse`, whose parameters these are.
+    Without a boundary it is a step of `diffuse`, whose parameters these are.
 
     Returns
     -------
     (n, 3); vertices outside the region, and those without a face, stay
     """
     held = laplacian.mass == 0 if region is None else ~region | (laplacian.mass == 0)
-    rim = np.flatnonzero(mesh.topology.boundary_vertices)
-    normals = mesh.vertex_normals[rim]
+    boundary = np.flatnonzero(mesh.topology.boundary_vertices)
+    normals = mesh.vertex_normals[boundary]
 
     def velocity(vertices: Vectors) -> Vectors:
         towards = -laplacian.apply(vertices)
-        towards[rim] = np.einsum("ij,ij->i", towards[rim], normals)[:, None] * normals
+        towards[boundary] = np.einsum("ij,ij->i", towards[boundary], normals)[:, None] * normals
         towards[held] = 0
         return towards
 

@@ -22,7 +22,7 @@ def fairing(
     """Replace the vertices of a region by the solution of Δ^order x = 0 that the vertices around it hold.
 
     The solution continues the surface around the region (order 1), and its tangents (2), and its curvature (3). Where
-    the region reaches a rim of the mesh, the surface is free there.
+    the region reaches a boundary of the mesh, the surface is free there.
 
     Raises
     ------

@@ -40,8 +40,8 @@ def prescribed_mean_curvature(
 ) -> Vectors:
     """Move the vertices until the mean curvature is the smoothed one of the input: a cylinder keeps its radius.
 
-    The flow is M x_t = M f n - A: A is the gradient of the area, in which the input's creases weigh less and a rim does
-    not pull inward; f is the input's own A along the normals, smoothed by `anisotropic_laplacian`. Steps are
+    The flow is M x_t = M f n - A: A is the gradient of the area, in which the input's creases weigh less and a boundary
+    does not pull inward; f is the input's own A along the normals, smoothed by `anisotropic_laplacian`. Steps are
     preconditioned by (M + tS)⁻¹, none is longer than a mean edge, and no part drifts as a whole. Vertices outside the
     region, and those without a face, stay.
     """

@@ -1,4 +1,4 @@
-"""Vertices that fit given face normals (Sun et al. 2007; Zheng et al. 2011), without folding a face over."""
+"""Vertices that fit given face normals (Sun et al. 2007; Zheng et al. 2011), without flipping a face."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""What rims and creases gain: python benchmarks/controls.py writes benchmarks/controls.md."""
+"""What boundaries and creases gain: python benchmarks/controls.py writes benchmarks/controls.md."""
 
 import sys
 from pathlib import Path
@@ -19,7 +19,7 @@ LEVELS = (0.1, 0.2)  # of the noise, in mean edge lengths, in all directions
 
 
 def rim_error(mesh: Mesh) -> float:
-    """Mean distance of the rim of a denoised grid of unit squares from its outline, along the grid."""
+    """Mean distance of the boundary of a denoised grid of unit squares from its outline, along the grid."""
     x, y = mesh.vertices[mesh.topology.boundary_vertices, :2].T
     return float(np.mean(np.min(np.abs([x, y, x - STEPS, y - STEPS]), axis=0)))
 
@@ -34,24 +34,24 @@ def main() -> None:
     """Measure, and write the tables."""
     flat, box = grid(STEPS, STEPS), cube(STEPS)
     edges = sharp_edges(box)
-    rims, creases = [], []
+    boundaries, creases = [], []
     for level in LEVELS:
         rough, rough_box = noisy(flat, level), noisy(box, level)
         for name in METHODS:
             by_rim = [cn.denoise(rough, method=name, boundary=kind) for kind in ("free", "smooth")]
             cells = [f"{rim_error(mesh):.2f}" for mesh in by_rim]
-            rims.append(f"| `{name}` | {level} | {' | '.join(cells)} |")
+            boundaries.append(f"| `{name}` | {level} | {' | '.join(cells)} |")
             by_crease = [cn.denoise(rough_box, method=name, creases=given) for given in (None, edges, 40)]
             cells = [f"{measure(mesh, box).normal_error_deg:.2f}" for mesh in by_crease]
             creases.append(f"| `{name}` | {level} | {' | '.join(cells)} |")
     text = [
         "Made by `python benchmarks/controls.py`; noise in mean edge lengths, in all directions.",
         "",
-        f"A flat square of {STEPS} × {STEPS} cells: mean distance of its rim from the outline, in sides of a cell.",
+        f"A flat square of {STEPS} × {STEPS} cells: mean distance of its boundary from the outline, in cell sides.",
         "",
         '| method | noise | `boundary="free"` | `boundary="smooth"` |',
         "| --- | ---: | ---: | ---: |",
-        *rims,
+        *boundaries,
         "",
         "A cube of six such squares: mean angle between the normals of faces and the true ones, in degrees.",
         "",

@@ -1,4 +1,4 @@
-"""Denoise a few hundred mean files of all formats from the command line: python benchmarks/corpus.py [FOLDER...]
+"""Denoise a few hundred malformed files of all formats from the command line: python benchmarks/corpus.py [FOLDER...]
 
 The files are made here: kinds of dirty meshes, in every format, of several sizes, with colours and other values; the
 mesh files in the folders that are given are taken as well. Each is denoised within two minutes, without a traceback,

@@ -7,7 +7,7 @@ PAIRS holds a folder a pair, with `noisy.*` and `clean.*`. RESULTS.json is pair 
 comes with Zhang et al. 2015. Prints a Markdown table of mean normal errors in degrees:
 
 - theirs: what that program got
-- ours: our method, its own vertex update and treatment of rims included
+- ours: our method, its own vertex update and treatment of boundaries included
 - same update: our filter of normals with their vertex update, where that is another one
 """
 
@@ -127,7 +127,7 @@ PROGRAMS = {
 
 
 def simultaneous_update(mesh: Mesh, normals: Vectors, sweeps: int, *, hold_rim: bool = False) -> Vectors:
-    """Fit vertices to normals as those programs do: all vertices at once, folds ignored, the rim still if so asked."""
+    """Fit vertices to normals as those programs do: all at once, folds ignored, the boundary fixed if so asked."""
     vertices = mesh.vertices.copy()
     count = np.maximum(mesh.topology.vertex_faces.counts, 1)[:, None]
     free = ~(mesh.topology.boundary_vertices & hold_rim)

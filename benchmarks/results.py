@@ -57,7 +57,7 @@ def results_table(done: Evaluation, methods: Sequence[str]) -> str:
         *((pair, *_best_in_bold(values, 2)) for pair, values in zip(pairs, angles, strict=True)),
         ("**mean angle of normals, degrees**", *_best_in_bold(mean_angles, 2)),
         ("mean distance of vertices, edge lengths", *_best_in_bold(vertices, 3)),
-        ("faces turned over, %", *_best_in_bold(turned, 3)),
+        ("flipped faces, %", *_best_in_bold(turned, 3)),
         (f"mean time, {methods[0]} = 1", "", *(f"{value / seconds[1]:.2f}" for value in seconds[1:])),
     ]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)

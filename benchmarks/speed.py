@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Time the start and each method on meshes of two sizes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--method", action="append", help="may be given several times")
-    parser.add_argument("--device", default="cpu", help="cuda, where there is a graphics card: of auto and cascade")
+    parser.add_argument("--device", default="cpu", help="cuda, where there is a GPU: of auto and cascade")
     parser.add_argument("--output", type=Path, default=Path(__file__).with_name("speed.md"))
     chosen = parser.parse_args(arguments)
     methods = chosen.method or ["auto", "cascade", *(["bilateral-normal"] if chosen.device == "cpu" else [])]

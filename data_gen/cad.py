@@ -184,7 +184,7 @@ def turned(edge: float, rng: np.random.Generator) -> Field:
 
 
 def plate(edge: float, rng: np.random.Generator) -> Field:
-    """A random outline pulled to a height, with pockets, holes and worked rims; sometimes bent or tapered."""
+    """A random outline pulled to a height, with pockets, holes and worked boundaries; sometimes bent or tapered."""
     kind = rng.integers(4)
     if kind == 0:
         count = int(rng.integers(5, 14))

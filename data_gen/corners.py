@@ -13,13 +13,13 @@ from cascadenorm.data_gen.pieces import compact
 from cascadenorm.mesh import Mesh, kernel
 
 SMOOTH, CREASE, CORNER = 0, 1, 2
-"""Kinds of vertices: free, held on a line of marked edges, held in place (as all vertices of a rim are)."""
+"""Kinds of vertices: free, held on a line of marked edges, held in place (as all vertices of a boundary are)."""
 
 RING = 48  # vertices with more neighbours than this are left alone
 
 
 class Corners(NamedTuple):
-    """Half edges (k): origin, twin (-1 at a rim), marked. Vertices (n): points, kind, target edge length, start."""
+    """Half-edges (k): origin, twin (-1 at a boundary), marked. Vertices (n): points, kind, target length, start."""
 
     origin: NDArray[np.int32]
     twin: NDArray[np.int32]
@@ -44,7 +44,7 @@ def is_manifold(mesh: Mesh) -> bool:
 def corners_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> Corners:
     """Lay out a mesh for editing, with room for `capacity` times its faces.
 
-    Edges where `creases`, one a topological edge, is true are marked, and those of the rim always; a vertex on two
+    Edges where `creases`, one a topological edge, is true are marked, and those of the boundary always; a vertex on two
     marked edges that go nearly straight on is on a crease, one with any other number of them is a corner.
     """
     n, m = len(mesh.vertices), len(mesh.faces)
@@ -185,7 +185,7 @@ def tie(c, h, g, mark):  # type: ignore[no-untyped-def]
 
 @kernel
 def collapse_keeps_manifold(c, h, ring, other):  # type: ignore[no-untyped-def]
-    """Whether the end points of h share two neighbours only, and the vertex to vanish is off the rim."""
+    """Whether the end points of h share two neighbours only, and the vertex to vanish is off the boundary."""
     a, b = c.origin[h], c.origin[after(h)]
     g = c.twin[h]
     if g == -1:

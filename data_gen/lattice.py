@@ -21,34 +21,34 @@ class Lattice(NamedTuple):
 
 
 def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, jitter: float = 0.0,
-           stretch: ArrayLike = (1.0, 1.0, 1.0), turn: Vectors | None = None, open_rim: bool = False,
+           stretch: ArrayLike = (1.0, 1.0, 1.0), turn: Vectors | None = None, open_boundary: bool = False,
            rng: np.random.Generator) -> Lattice:  # fmt: skip
     """Evaluate a field on a lattice over a box.
 
     Parameters
     ----------
-    lower, upper : corners of the box that has to be covered; with an open rim the lattice is that box, turned
+    lower, upper : corners of the box that has to be covered; with an open boundary the lattice is that box, turned
     spacing : mean length of the lattice's edges
     jitter : nodes are moved by up to this share of the spacing, at random
     stretch : relative edge lengths along the lattice's axes
     turn : rotation of the lattice's axes about the middle of the box
-    open_rim : let the surface end at the border of the lattice, instead of closing it there
+    open_boundary : let the surface end at the border of the lattice, instead of closing it there
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
     steps = np.asarray(stretch, np.float64)
     steps = spacing * steps / steps.prod() ** (1 / 3)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    if turn is not None and not open_rim:
+    if turn is not None and not open_boundary:
         half = np.abs(turn.T) @ half
     nodes = grid(half, steps, cells=BLOCK)
     if jitter > 0:
         nodes += rng.uniform(-jitter, jitter, nodes.shape) * steps
     nodes = (nodes if turn is None else nodes @ turn.T) + middle
     values = _values(field, nodes, reach=0.5 * STEEPEST * BLOCK * float(np.linalg.norm(steps)) * (1 + jitter))
-    if not open_rim:
-        rim = np.ones(values.shape, bool)
-        rim[1:-1, 1:-1, 1:-1] = False
-        values[rim] = np.maximum(values[rim], 0.3 * spacing)
+    if not open_boundary:
+        boundary = np.ones(values.shape, bool)
+        boundary[1:-1, 1:-1, 1:-1] = False
+        values[boundary] = np.maximum(values[boundary], 0.3 * spacing)
     return Lattice(nodes, values, spacing)
 
 

@@ -71,9 +71,9 @@ def settle(field: Field, corners: Corners) -> None:
 
     faces = corners.origin[: 3 * corners.used[1]].reshape(-1, 3)
     faces = faces[faces[:, 0] >= 0]
-    rim = np.zeros(n, bool)
-    rim[corners.origin[(corners.twin == -1) & (corners.origin >= 0)]] = True
-    held = alive & (corners.kind[:n] != SMOOTH) & ~rim
+    boundary = np.zeros(n, bool)
+    boundary[corners.origin[(corners.twin == -1) & (corners.origin >= 0)]] = True
+    held = alive & (corners.kind[:n] != SMOOTH) & ~boundary
     face, corner = np.nonzero(held[faces])
     if len(face) == 0:
         return

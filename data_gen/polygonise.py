@@ -166,7 +166,7 @@ def _interpolated(lattice: Lattice, at: Vectors) -> Vectors:
 
 
 def _sheets(crossings: Crossings) -> tuple[NDArray[np.int32], int]:
-    """Number the pieces of surface: triangles of one cell that hang together."""
+    """Number the pieces of surface: triangles of one cell that are connected."""
     triangles, cells = crossings.triangles, crossings.cells
     sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     keys = sides[:, 0].astype(np.int64) * len(crossings.points) + sides[:, 1]

@@ -68,7 +68,7 @@ def lobed(*, radii: Values) -> Profile:
 
 
 def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", radius: float = 0.0) -> Field:
-    """Pull a profile along z; the two rims are left sharp, rounded or chamfered."""
+    """Pull a profile along z; the two boundaries are left sharp, rounded or chamfered."""
 
     def side(points: Vectors) -> Values:
         return profile(points[:, :2])

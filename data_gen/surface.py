@@ -84,7 +84,7 @@ def polygonised(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: n
         spacing=spacing,
         jitter=relative_jitter,
         turn=random_rotation(rng=rng),
-        open_rim=window is not None,
+        open_boundary=window is not None,
         rng=rng,
     )
     try:

@@ -69,7 +69,7 @@ def _pieces(face: NDArray[np.int32], marks: dict[int, int]) -> list[tuple[int, i
 
 
 def _with_single_fans(mesh: Mesh) -> Mesh:
-    """Give each fan of faces at a vertex a vertex of its own; they hang together across edges of two faces."""
+    """Give each fan of faces at a vertex a vertex of its own; they are connected across edges of two faces."""
     fan = mesh.topology.fans(mesh.topology.edge_faces.counts == 2)
     vertices = np.empty((fan.max() + 1, 3))
     vertices[fan] = mesh.vertices[mesh.faces.ravel()]

@@ -259,7 +259,7 @@ def read_damaged(format: str, data: bytes, rng: Generator, others: Sequence[byte
 
 
 def denoised(rng: Generator) -> str:
-    """Denoise a mean mesh by a random method under random controls; what came of it: 'done' or our own error.
+    """Denoise a malformed mesh by a random method under random controls; what came of it: 'done' or our own error.
 
     Raises
     ------

@@ -25,7 +25,7 @@ EDGE = cn.Mesh(*SOUND[:2]).mean_edge_length
 REFUSED = {
     "a vertex is not a number": r"1 of \d+ vertices are not finite \(vertices 7",
     "a vertex is infinite": r"1 of \d+ vertices are not finite \(vertices 7",
-    "a face names a vertex past the last": r"1 face uses vertices that do not exist \(faces 576",
+    "a face references a vertex past the last": r"1 face uses vertices that do not exist \(faces 576",
     "a face names vertex 1,000,000,000": r"1 face uses vertices that do not exist \(faces 576",
     "a face names vertex -1": r"1 face uses vertices that do not exist \(faces 576",
     "no vertices, no faces": "no faces",
@@ -75,7 +75,7 @@ def test_what_does_not_matter_changes_nothing(name, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_faces_that_are_turned_change_no_bit(method):
-    for name in ("every third face turned over", "inside out"):
+    for name in ("every third face flipped", "inside out"):
         assert denoised(name, method).tobytes() == denoised("sound", method).tobytes()
 
 
@@ -154,14 +154,14 @@ def test_a_file_joins_the_corners_of_soup_and_denoises_it_as_a_surface(tmp_path)
 FOUND = {
     "sound": set(),
     "a vertex is not a number": {"not_finite"},
-    "a face names a vertex past the last": {"bad_indices"},
-    "a face names a vertex twice": {"repeated_corners"},
+    "a face references a vertex past the last": {"bad_indices"},
+    "a face repeats a vertex": {"repeated_corners"},
     "slivers": {"slivers", "non_manifold_edges"},
     "every face twice": {"duplicate_faces", "non_manifold_edges"},
     "vertices without a face": {"unreferenced"},
     "edges with three faces": {"non_manifold_edges"},
     "parts joined at a vertex": {"non_manifold_vertices"},
-    "every third face turned over": {"turned_edges"},
+    "every third face flipped": {"turned_edges"},
     "inside out": {"inside_out"},
     "passes through itself": {"crossing_faces"},
     "soup: no vertex is shared": {"duplicate_vertices"},

@@ -1,4 +1,4 @@
-"""Damaged files and mean meshes by the thousand: a result that holds what is promised, or an error of ours.
+"""Damaged files and malformed meshes by the thousand: a result that holds what is promised, or an error of ours.
 
 `-m slow` takes ten times as many; `benchmarks/fuzz.py` goes on for hours.
 """

@@ -27,13 +27,13 @@ def test_spectrum_of_the_sphere():
     assert values[16] > 19
 
 
-@pytest.mark.parametrize("rim, first", [("free", 0), ("fixed", 1)])
-def test_spectrum_of_a_rectangle(rim, first):
+@pytest.mark.parametrize("boundary, first", [("free", 0), ("fixed", 1)])
+def test_spectrum_of_a_rectangle(boundary, first):
     modes = np.array([(i, j) for i in range(first, 9) for j in range(first, 9)])
     expected = np.sort(np.pi**2 * ((modes[:, 0] / 2) ** 2 + modes[:, 1] ** 2))[:12]
-    found = manifold_harmonics(rectangle(40, 80, 2.0, 1.0), 12, rim=rim)
+    found = manifold_harmonics(rectangle(40, 80, 2.0, 1.0), 12, boundary=boundary)
     np.testing.assert_allclose(found.values, expected, rtol=0.015, atol=1e-9)
-    if rim == "fixed":
+    if boundary == "fixed":
         assert (found.vectors[grid(40, 80).topology.boundary_vertices] == 0).all()
 
 

@@ -68,7 +68,7 @@ def test_flat_hole_is_filled_flat_and_its_area_is_what_was_missing():
     middle = (abs(plane.centroids[:, :2] - 6) < 3).all(axis=1)
     pierced = without(plane, middle)
     for order in (1, 2, 3):
-        filled = fill_holes(pierced, order=order, max_edges=30)  # the outer rim has 48
+        filled = fill_holes(pierced, order=order, max_edges=30)  # the outer boundary has 48
         assert abs(filled.vertices[:, 2]).max() < 1e-12
         assert filled.area == pytest.approx(144, rel=1e-9)
         assert (filled.normals[:, 2] > 0.999).all()

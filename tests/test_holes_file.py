@@ -126,10 +126,10 @@ def test_values_are_blended_where_they_are_finite_and_else_the_nearest(odd):
     for vertex in range(COUNT, len(FILLED.vertices)):
         around = FILLED.topology.vertex_neighbors.row(vertex)
         assert known[vertex] == pytest.approx(known[around].mean(), rel=1e-12)
-    rim = HOLED.topology.boundary_vertices
-    spoiled = np.where(rim, HEIGHT, odd)
+    boundary = HOLED.topology.boundary_vertices
+    spoiled = np.where(boundary, HEIGHT, odd)
     np.testing.assert_array_equal(patches.blended(spoiled), patches.nearest(HEIGHT))
-    assert set(patches.nearest(np.arange(COUNT))) <= set(np.flatnonzero(rim))
+    assert set(patches.nearest(np.arange(COUNT))) <= set(np.flatnonzero(boundary))
 
 
 def test_a_hole_of_one_face_needs_no_vertex(tmp_path):
@@ -238,7 +238,7 @@ def soup() -> bytes:
 
 
 def test_numbers_too_large_for_a_file_are_refused(tmp_path):
-    """Faces name vertices by a byte, the file has 255 vertices, and the patch needs more than one."""
+    """Faces reference vertices by a byte, the file has 255 vertices, and the patch needs more than one."""
     ball = icosphere(2)
     vertices = np.concatenate([ball.vertices, np.full((255 - len(ball.vertices), 3), 9.0)])
     faces = ball.faces[ball.centroids[:, 2] < 0.3]
@@ -246,7 +246,7 @@ def test_numbers_too_large_for_a_file_are_refused(tmp_path):
     header += [f"element face {len(faces)}", "property list uchar uchar vertex_indices", "end_header"]
     rows = [" ".join(map(str, row)) for row in [*vertices.tolist(), *([3, *face] for face in faces.tolist())]]
     (tmp_path / "small.ply").write_text("\n".join([*header, *rows]) + "\n")
-    with pytest.raises(cn.OutputError, match="names vertices by uchar, which has no number"):
+    with pytest.raises(cn.OutputError, match="references vertices by uchar, which has no number"):
         fill_holes_file(tmp_path / "small.ply", tmp_path / "out.ply")
     assert not (tmp_path / "out.ply").exists()
 

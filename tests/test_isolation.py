@@ -244,7 +244,7 @@ def test_conversion_leaves_out_faces_that_name_nothing_and_says_so(tmp_path, cap
         assert run(["denoise", str(source), "-o", str(output), "--method", "laplacian", "--on-bad", "isolate"]) == 0
         err = capsys.readouterr().err
         assert f"left alone as bad: 2 vertices that are not finite, {touched.sum()} faces" in err
-        assert "2 faces that name vertices that do not exist" in err
+        assert "2 faces that reference vertices that do not exist" in err
         assert len(cn.read(output).polygons) == len(faces) - 2
 
 
@@ -256,10 +256,10 @@ def test_the_command_names_the_choice(tmp_path, capsys):
 
 def test_the_way_out_is_spelled_as_where_it_is_asked_for(tmp_path, capsys):
     vertices, faces, _ = spoiled()
-    not_finite, misnamed = tmp_path / "bad.ply", tmp_path / "named.ply"
+    not_finite, out_of_range = tmp_path / "bad.ply", tmp_path / "named.ply"
     not_finite.write_bytes(ply("ascii", vertices, BALL.faces))
-    misnamed.write_bytes(ply("ascii", BALL.vertices, faces))
-    for source in (not_finite, misnamed):
+    out_of_range.write_bytes(ply("ascii", BALL.vertices, faces))
+    for source in (not_finite, out_of_range):
         with pytest.raises(cn.MeshError, match="or denoise with on_bad='isolate'"):
             cn.denoise(source)
         for command in (["denoise", str(source)], ["compare", str(source), str(source)]):

@@ -103,7 +103,7 @@ DEGENERATE = {
     "a vertex on the opposite side": ([(0, 0, 0), (2, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 1, 2), (0, 1, 3)]),
     "two vertices in one place": ([(0, 0, 0), (1, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2), (0, 2, 3)]),
     "all vertices in one place": ([(0, 0, 0)] * 3, [(0, 1, 2)]),
-    "a face that names a vertex twice": ([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2), (0, 0, 1)]),
+    "a face that repeats a vertex": ([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2), (0, 0, 1)]),
 }
 
 

@@ -1,4 +1,4 @@
-"""What computes on a graphics card, tried on each device that torch finds; without a card that is the processor."""
+"""What computes on a GPU, tried on each device that torch finds; without a card that is the processor."""
 
 import subprocess
 import sys
@@ -77,16 +77,16 @@ def test_shipped_models_agree_to_a_thousandth_of_a_degree(card, name):
     assert shipped(name).vertices(mesh, engine=card).tobytes() == there.vertices.tobytes()
 
 
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no graphics card")
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU")
 def test_methods_run_on_a_graphics_card():
     for method in ("auto", "cascade"):
         here, there = (cn.denoise(MESH, method=method, device=device) for device in ("cpu", "cuda"))
         assert np.degrees(angles_between(here.normals, there.normals)).mean() < 1e-3
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a graphics card")
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_no_graphics_card_is_said_in_words():
-    with pytest.raises(ParameterError, match=r"finds no graphics card .* leave the device out"):
+    with pytest.raises(ParameterError, match=r"finds no GPU .* leave the device out"):
         cn.denoise(MESH, device="cuda")
 
 

@@ -54,7 +54,7 @@ def find_pairs(folders: Places) -> list[Pair]:
 
 
 def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[data_gen.Pair]:
-    """Read meshes of one's own to train on, wound alike, of about unit size, in pieces of at most config.max_faces.
+    """Read meshes of one's own to train on: oriented, of about unit size, in patches of at most config.max_faces.
 
     Parameters
     ----------

@@ -74,12 +74,12 @@ def grown(mesh: Mesh, region: Region, *, rings: int) -> Region:
 def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: Order) -> tuple[Any, Any]:
     """Return the matrix S (W S)^(order - 1), and what solves with its rows and columns inside the region.
 
-    W is M⁻¹, but 0 at the vertices of a rim that stay: they have no neighbours on one side, and the Laplacian there
-    would not vanish on a plane.
+    W is M⁻¹, but 0 at the vertices of a boundary that stay: they have no neighbours on one side, and the Laplacian
+    there would not vanish on a plane.
     """
-    fixed_rim = mesh.topology.boundary_vertices.copy()
-    fixed_rim[inside] = False
-    held = Laplacian(laplacian.stiffness, np.where(fixed_rim, 0, laplacian.mass), laplacian.positions)
+    fixed_boundary = mesh.topology.boundary_vertices.copy()
+    fixed_boundary[inside] = False
+    held = Laplacian(laplacian.stiffness, np.where(fixed_boundary, 0, laplacian.mass), laplacian.positions)
     energy = held.power(order)
     matrix, positions = sparse.csr_array(energy[inside][:, inside]), mesh.vertices[inside]
     if order == 1:

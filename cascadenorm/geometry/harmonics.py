@@ -19,7 +19,7 @@ RESTARTS = 60  # of Lanczos in one band; 2 to 5 are usual
 DENSE = 1200  # vertices up to which all eigenpairs at once are faster
 
 Pairs = tuple[NDArray[np.float64], NDArray[np.float64]]
-Rim = Literal["free", "fixed"]
+BoundaryCondition = Literal["free", "fixed"]
 
 
 class Harmonics(NamedTuple):
@@ -40,7 +40,7 @@ class Harmonics(NamedTuple):
             return np.asarray(self.vectors @ coefficients)
 
 
-def manifold_harmonics(mesh: Mesh, count: int, *, rim: Rim = "free") -> Harmonics:
+def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = "free") -> Harmonics:
     """Return the lowest eigenpairs of the cotangent Laplacian.
 
     Shift-invert Lanczos finds 60 pairs around a shift; the shift then moves up. Between the bands the signs of the
@@ -50,7 +50,7 @@ def manifold_harmonics(mesh: Mesh, count: int, *, rim: Rim = "free") -> Harmonic
     ----------
     mesh : n vertices
     count : k, from 1 to the number of vertices that have a face (and are not held)
-    rim : "free" is Neumann's condition, "fixed" Dirichlet's: zero at the rim of an open mesh
+    boundary : "free" is Neumann's condition, "fixed" Dirichlet's: zero at the boundary of an open mesh
 
     Returns
     -------
@@ -62,7 +62,7 @@ def manifold_harmonics(mesh: Mesh, count: int, *, rim: Rim = "free") -> Harmonic
     """
     laplacian = cotangent_laplacian(mesh)
     free = laplacian.mass > 0
-    if rim == "fixed":
+    if boundary == "fixed":
         free &= ~mesh.topology.boundary_vertices
     check_count(count, int(free.sum()))
     # connected parts one by one: together, equal ones would have each eigenvalue many times

@@ -19,7 +19,7 @@ def refine(
     Parameters
     ----------
     vertices : (n, 3), those of the whole mesh
-    faces : (k, 3) of the patch; edges of its rim stay
+    faces : (k, 3) of the patch; edges of its boundary stay
     scale : (n,) length that edges should have around each vertex; centres get the mean of the corners
     taken : (e, 2) edges of the rest of the mesh, which must not appear a second time
 

@@ -20,8 +20,8 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None) ->
 
     Parameters
     ----------
-    mesh : an edge with a single face belongs to a hole; so the outer rim of an open surface counts as one too. A chain
-        of such edges that does not close, as between faces of opposite orientation, is left open
+    mesh : an edge with a single face belongs to a hole; so the outer boundary of an open surface counts as one too. A
+        chain of such edges that does not close, as between faces of opposite orientation, is left open
     order : 1 membrane, 2 thin plate, which continues the tangents, 3 minimum variation, which continues the curvature
     max_edges : longest hole that is filled; None fills all
 
@@ -35,7 +35,7 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None) ->
         raise ParameterError(f"max_edges is {max_edges}; it must be at least 3, or None for all holes")
     given, (mesh, exponent) = mesh, in_frame(without_lines(mesh))
     vertices, faces, scale = mesh.vertices, mesh.faces, _edge_length_around(mesh)
-    beside = _faces_at_rims(mesh)
+    beside = _faces_at_boundary(mesh)
     chords = np.empty((0, 2), np.int64)  # edges of patches between vertices that were there before
     for loop in boundary_loops(mesh):
         if max_edges is not None and len(loop) > max_edges:
@@ -59,7 +59,7 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None) ->
 
 
 def boundary_loops(mesh: Mesh) -> list[NDArray[np.int32]]:
-    """Return the vertices of each hole, once each, in the order in which faces that close it run along its rim.
+    """Return the vertices of each hole, once each, in the order in which faces that close it run along its boundary.
 
     A vertex at which holes touch is in each of their loops. Loops come in the order of their smallest edges.
     """
@@ -86,7 +86,7 @@ def boundary_loops(mesh: Mesh) -> list[NDArray[np.int32]]:
     return [loop for loop in loops if len(loop) > 2]
 
 
-def _faces_at_rims(mesh: Mesh) -> dict[tuple[int, int], int]:
+def _faces_at_boundary(mesh: Mesh) -> dict[tuple[int, int], int]:
     """Face of each edge that has only one, by the edge's vertices in the order of the face."""
     single = mesh.topology.edge_faces.counts[mesh.topology.face_edges] == 1
     face, side = np.nonzero(single)

@@ -1,7 +1,7 @@
 """Laplacians of a triangle mesh: cotangent with intrinsic mollification, and uniform.
 
 Both are a symmetric stiffness S and a diagonal mass M, so that the Laplacian is Δ = -M⁻¹S, with negative diagonal.
-At a rim nothing special is done: the cotangent stiffness then has the natural (Neumann) condition, the uniform one
+At a boundary nothing special is done: the cotangent stiffness then has the natural (Neumann) condition, the uniform one
 the neighbours that there are. Nothing needs a manifold: an edge collects a weight from each of its faces.
 """
 

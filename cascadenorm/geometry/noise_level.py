@@ -35,7 +35,7 @@ def noise_level(mesh: Mesh) -> float | None:
 
     Returns
     -------
-    In mean edge lengths; None where there are too few edges away from the rim
+    In mean edge lengths; None where there are too few edges away from the boundary
     """
     edges = _inner_edges(mesh)
     if len(edges) < FEWEST:

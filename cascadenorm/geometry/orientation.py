@@ -1,4 +1,4 @@
-"""Faces wound alike, whatever way round they came: what normals, and so most methods, need."""
+"""Faces oriented consistently, whatever orientation they came with: what normals, and so most methods, need."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,10 +7,10 @@ from cascadenorm.mesh import Mesh, kernel
 
 
 def oriented(mesh: Mesh) -> Mesh:
-    """Return the mesh with the faces of each patch wound alike, and closed patches so that their volume is positive.
+    """Return the mesh with the faces of each patch consistently oriented, those of closed patches outward.
 
-    A patch is what hangs together across edges of two faces; faces on the same three vertices count as one there. It
-    ends where more faces meet, since which of them continues which is open there. A face that names a vertex twice is a
+    A patch is what is connected across edges of two faces; faces on the same three vertices count as one there. It
+    ends where more faces meet, since which of them continues which is open there. A face that repeats a vertex is a
     patch of its own.
 
     Which way round an open patch lies is up to the majority of its faces, and to the first if there is none; a patch
@@ -51,7 +51,7 @@ def _volumes(mesh: Mesh, patch: NDArray[np.int32]) -> NDArray[np.float64]:
 
 @kernel
 def _join(faces, edges, indptr, indices, patch, against, at_border):  # type: ignore[no-untyped-def]
-    """Number each face by the first of its patch, and tell whether it is wound against that one.
+    """Number each face by the first of its patch, and tell whether it is oriented against that one.
 
     Until the end, `patch` leads to an earlier face of the same patch, and `against` is meant against that one.
     """
@@ -86,7 +86,7 @@ def _unite(patch, against, f, g, opposed):  # type: ignore[no-untyped-def]
 
 @kernel
 def _find(patch, against, f):  # type: ignore[no-untyped-def]
-    """Return the first face of a patch, and whether f is wound against it; halves the way there for the next time."""
+    """Return the first face of a patch, and whether f is oriented against it; shortens the way there."""
     turned = False
     while patch[f] != f:
         against[f] ^= against[patch[f]]

@@ -11,7 +11,7 @@ ROUNDING = 1e-14  # a determinant that small, relative to the sides that it is m
 
 
 def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which faces pass through another: a side of one goes through the inside or the rim of the other.
+    """Return which faces pass through another: a side of one goes through the inside or the boundary of the other.
 
     Faces that only touch do not count, nor do those that overlap in one plane, share two corners, or have two in one
     place. Where a thousand faces lie around one, no more are looked at.

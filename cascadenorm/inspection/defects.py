@@ -1,4 +1,4 @@
-"""Places where a mesh is no clean surface: rims, edges and vertices that are not manifold, copies, slivers."""
+"""Places where a mesh is no clean surface: boundaries, edges and vertices that are not manifold, copies, slivers."""
 
 from typing import Any
 
@@ -22,18 +22,18 @@ def turned_edges(topology: Topology) -> Mask:
 
 
 def pinched_vertices(topology: Topology) -> Mask:
-    """Return the vertices whose faces do not hang together across edges at that vertex, (n,): two fans or more."""
+    """Return the vertices whose faces do not are connected across edges at that vertex, (n,): two fans or more."""
     fans = topology.fans()
     vertex_of_fan = np.zeros(fans.max(initial=-1) + 1, np.int64)
     vertex_of_fan[fans] = topology.faces.ravel()
     return np.asarray(np.bincount(vertex_of_fan, minlength=topology.vertex_count) > 1)
 
 
-def rim_count(topology: Topology) -> int:
+def boundary_loop_count(topology: Topology) -> int:
     """Return the number of connected chains of edges that have a single face."""
-    rim = topology.edges[topology.edge_faces.counts == 1]
-    part = _parts(topology.vertex_count, rim[:, 0], rim[:, 1])
-    return len(np.unique(part[rim]))
+    boundary = topology.edges[topology.edge_faces.counts == 1]
+    part = _parts(topology.vertex_count, boundary[:, 0], boundary[:, 1])
+    return len(np.unique(part[boundary]))
 
 
 def thin_faces(mesh: Mesh) -> tuple[Mask, Mask]:

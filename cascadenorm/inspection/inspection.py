@@ -12,7 +12,7 @@ from cascadenorm import io
 from cascadenorm.geometry.noise_level import noise_level
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.inspection.crossings import crossing_faces
-from cascadenorm.inspection.defects import pinched_vertices, repeats, rim_count, thin_faces, turned_edges
+from cascadenorm.inspection.defects import boundary_loop_count, pinched_vertices, repeats, thin_faces, turned_edges
 from cascadenorm.inspection.enclosed import enclosed
 from cascadenorm.interop import adapter
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated
@@ -51,15 +51,15 @@ class Inspection:
     number_type : of the coordinates, float32 or float64
     counts_from : number of the first vertex and face in the places named
     vertices, file_vertices, faces : their numbers; the file's vertices include copies at seams
-    bad_indices : faces that name a vertex that does not exist
+    bad_indices : faces that reference a vertex that does not exist
     not_finite : vertices with a coordinate that is not finite
-    repeated_corners : faces that name a vertex twice
+    repeated_corners : faces that repeat a vertex
     parts : connected components that have a face
     closed : whether every edge has two faces or more
     rims, boundary_edges : chains of edges with a single face, and those edges
     non_manifold_edges : with more than two faces
-    non_manifold_vertices : where faces meet that do not hang together there
-    turned_edges : whose two faces run along them the same way, so that one of them is turned over
+    non_manifold_vertices : where faces meet that do not are connected there
+    turned_edges : whose two faces run along them the same way, so that one of them is flipped
     inside_out : closed parts with a negative volume, by a face of each; cavities are such parts as well
     zero_area, slivers : faces without height, and those with one below 1 % of their longest side
     duplicate_faces : faces on the same three vertices as an earlier one
@@ -166,7 +166,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     given = _given(mesh, faces)
     corners, count = given.faces, len(given.vertices)
     outside = np.asarray((corners < 0) | (corners >= count))
-    misnamed, not_finite = np.asarray(outside.any(axis=1)), bad_vertices(given.vertices)
+    out_of_range, not_finite = np.asarray(outside.any(axis=1)), bad_vertices(given.vertices)
     a, b, c = corners.T
     bad = bad_faces(given.vertices, corners)
     used = np.zeros(count + 1, bool)
@@ -179,9 +179,9 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
         vertices=count,
         file_vertices=given.file_vertices,
         faces=len(corners),
-        bad_indices=given.at_faces(misnamed),
+        bad_indices=given.at_faces(out_of_range),
         not_finite=given.at_vertices(not_finite),
-        repeated_corners=given.at_faces(~misnamed & np.asarray((a == b) | (b == c) | (c == a))),
+        repeated_corners=given.at_faces(~out_of_range & np.asarray((a == b) | (b == c) | (c == a))),
         unreferenced=given.at_vertices(~used[:-1]),
         duplicate_vertices=given.at_vertices(repeats(given.vertices)[0] & ~not_finite),
         **report,
@@ -206,7 +206,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
     return {
         "parts": len(np.unique(topology.face_components)),
         "closed": bool((around > 1).all()),
-        "rims": rim_count(topology),
+        "rims": boundary_loop_count(topology),
         "boundary_edges": int((around == 1).sum()),
         "non_manifold_edges": numbered.at_edges(topology.edges[around > 2]),
         "non_manifold_vertices": numbered.at_vertices(pinched_vertices(topology)),

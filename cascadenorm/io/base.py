@@ -55,7 +55,7 @@ class Content:
     def without_misnamed(self) -> "Content":
         """Leave out polygons that name positions that do not exist; elsewhere their numbers may mean some that do."""
         bad = np.zeros(len(self.polygons), bool)
-        bad[self.polygons.owners[self.polygons.misnamed(len(self.positions))]] = True
+        bad[self.polygons.owners[self.polygons.out_of_range(len(self.positions))]] = True
         if not bad.any():
             return self
         return replace(
@@ -64,7 +64,7 @@ class Content:
                 self.polygons.counts[~bad], self.polygons.corners[~bad[self.polygons.owners]]
             ),
             face_values={name: values[~bad] for name, values in self.face_values.items()},
-            left_out=(*self.left_out, f"{bad.sum()} faces that name vertices that do not exist"),
+            left_out=(*self.left_out, f"{bad.sum()} faces that reference vertices that do not exist"),
         )
 
     def single_positions(self) -> NDArray[np.float32]:
@@ -203,7 +203,7 @@ class MeshFile(ABC):
 
     @cached_property
     def _cut(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        bad = self.polygons.misnamed(len(self.positions))
+        bad = self.polygons.out_of_range(len(self.positions))
         if not bad.any():
             return triangulate(self._read_positions, self.polygons)
         if not self._isolates:

@@ -71,7 +71,7 @@ def _nearest(own: int, count: int, pairs: NDArray[np.integer]) -> NDArray[np.int
     ends = np.concatenate([pairs, pairs[:, ::-1]])
     while (nearest < 0).any():
         told, asking = ends[(nearest[ends[:, 0]] >= 0) & (nearest[ends[:, 1]] < 0)].T
-        assert len(asking), "a patch hangs together with what is around it"
+        assert len(asking), "a patch is connected with what is around it"
         nearest[asking] = nearest[told]
     return nearest[own:]
 

@@ -152,7 +152,7 @@ class PlyFile(MeshFile):
 
         Raises
         ------
-        OutputError : the type in which faces name vertices has no number for the last ones
+        OutputError : the type in which faces reference vertices has no number for the last ones
         """
         if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
             return PlyFile(self._widened(), self.folder).with_patches(patches)
@@ -211,7 +211,7 @@ class PlyFile(MeshFile):
                 values = patches.triangles
                 if p.kind[0] != "f" and patches.triangles.max(initial=0) > np.iinfo(p.kind).max:
                     raise OutputError(
-                        f"the file names vertices by {NAMES[p.kind]}, which has no number for the last of them: "
+                        f"the file references vertices by {NAMES[p.kind]}, which has no number for the last of them: "
                         "write another format, or convert the file first"
                     )
             elif p.count_kind is None and element.name == "face":

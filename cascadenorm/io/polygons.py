@@ -46,7 +46,7 @@ class Polygons(NamedTuple):
         """Polygon of each corner."""
         return np.repeat(np.arange(len(self)), self.counts)
 
-    def misnamed(self, count: int) -> NDArray[np.bool_]:
+    def out_of_range(self, count: int) -> NDArray[np.bool_]:
         """Return which corners are not in 0 … count - 1."""
         return np.asarray((self.corners < 0) | (self.corners >= count))
 
@@ -138,7 +138,7 @@ def _turned(positions: NDArray[Any], triangles: NDArray[np.int64], owners: NDArr
 def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
     """Cut triangle strips, which -1 ends and every other triangle of which is turned, into triangles.
 
-    Those that name a vertex twice stitch one strip to another, and are left out.
+    Those that repeat a vertex stitch one strip to another, and are left out.
     """
     ends = np.zeros(len(corners) + 1, bool)
     ends[np.cumsum(counts)] = True

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 def weld(
     positions: NDArray[Any], triangles: NDArray[np.int64], parts: NDArray[np.int64] | None = None
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Join vertices that lie at the same place on the rim of the mesh: there a file has cut it.
+    """Join vertices that lie at the same place on the boundary of the mesh: there a file has cut it.
 
     Copies inside a surface are left apart: there two surfaces touch that the file keeps apart.
 
@@ -28,12 +28,12 @@ def weld(
         return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
     copied = np.bincount(same, minlength=len(same))[same] > 1
     uses = np.bincount(triangles.ravel(), minlength=len(same))
-    on_rim = _on_rim(triangles, copied & (uses > 1)) | (copied & (uses == 1))
+    on_boundary = _on_rim(triangles, copied & (uses > 1)) | (copied & (uses == 1))
     target = np.arange(len(positions))
-    first_on_rim = np.full(len(positions), -1)
-    rim = np.flatnonzero(on_rim)
-    first_on_rim[same[rim[::-1]]] = rim[::-1]
-    target[rim] = first_on_rim[same[rim]]
+    first_there = np.full(len(positions), -1)
+    boundary = np.flatnonzero(on_boundary)
+    first_there[same[boundary[::-1]]] = boundary[::-1]
+    target[boundary] = first_there[same[boundary]]
     first = np.flatnonzero(target == np.arange(len(target)))
     number = np.zeros(len(target), np.int32)
     number[first] = np.arange(len(first), dtype=np.int32)
@@ -71,6 +71,6 @@ def _on_rim(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDAr
     sides = np.sort(np.stack([near, np.roll(near, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     keys = sides[:, 0] * len(candidates) + sides[:, 1]
     _, first, counts = np.unique(keys, return_index=True, return_counts=True)
-    on_rim = np.zeros(len(candidates), bool)
-    on_rim[sides[first[counts == 1]]] = True
-    return on_rim & candidates
+    on_boundary = np.zeros(len(candidates), bool)
+    on_boundary[sides[first[counts == 1]]] = True
+    return on_boundary & candidates

@@ -118,7 +118,7 @@ def shipped(name: str) -> Cascade:
 
 
 Model = Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm train` made; none: ours")]
-Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the processor, or a graphics card through torch")]
+Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the processor, or a GPU through torch")]
 
 
 @method("auto", source="after Wang, Liu, Tong 2016")

@@ -78,7 +78,7 @@ def guided_stack(mesh: Mesh) -> Stack:
 
 
 class Filters(NamedTuple):
-    """What goes over a mesh many times: `reaching_stack` and `smoothed_normals`, or the same on a graphics card."""
+    """What goes over a mesh many times: `reaching_stack` and `smoothed_normals`, or the same on a GPU."""
 
     reaching: Callable[..., Stack]
     smoothed: Callable[..., Stack]

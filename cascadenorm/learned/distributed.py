@@ -31,7 +31,7 @@ def together() -> Iterator[None]:
 
 
 def device() -> torch.device:
-    """Return where this process does its matrix products: a graphics card of its own, where there is one for each."""
+    """Return where this process does its matrix products: a GPU of its own, where there is one for each."""
     if torch.cuda.device_count() < _beside():
         return torch.device("cpu")
     return torch.device("cuda", 0 if alone() else int(os.environ["LOCAL_RANK"]))

@@ -10,7 +10,7 @@ from cascadenorm.mesh import Mesh, Vectors
 
 
 class Engine(NamedTuple):
-    """What computes a stage: the processor, or a graphics card by the same formulas."""
+    """What computes a stage: the processor, or a GPU by the same formulas."""
 
     filters: Filters
     regress: Callable[[Regression, Mesh, Stack], Vectors]

@@ -1,4 +1,4 @@
-"""Networks in torch: the training of one cluster's; at run time they serve on a graphics card alone."""
+"""Networks in torch: the training of one cluster's; at run time they serve on a GPU alone."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -17,7 +17,7 @@ from cascadenorm.learned.regression import Array, Standard
 from cascadenorm.mesh import limit_threads
 
 SHARE_OF_CARD = 0.8
-"""Of the free memory of a graphics card that faces to learn from may take."""
+"""Of the free memory of a GPU that faces to learn from may take."""
 
 
 class Faces(NamedTuple):

@@ -1,4 +1,4 @@
-"""The stages of a cascade on a graphics card: what `reach`, `smoothed`, `regression`, `recover` do, written for torch.
+"""The stages of a cascade on a GPU: what `reach`, `smoothed`, `regression`, `recover` do, written for torch.
 
 Sums over neighbours have one writer and go in the order of the neighbours, so that the card, too, gives the same bytes
 each time. Only what takes the time is here: topology and geometry come from the processor.
@@ -34,11 +34,11 @@ def engine(device: str) -> Engine:
 
     Raises
     ------
-    ParameterError : it is a graphics card, and torch finds none
+    ParameterError : it is a GPU, and torch finds none
     """
     if device == "cuda" and not torch.cuda.is_available():
         raise ParameterError(
-            f"device is 'cuda', but torch {torch.__version__} finds no graphics card that it can use: "
+            f"device is 'cuda', but torch {torch.__version__} finds no GPU that it can use: "
             "leave the device out to compute on the processor"
         )
     reaching, smoothed, regressed, recovered = (

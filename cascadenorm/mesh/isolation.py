@@ -14,21 +14,21 @@ def bad_vertices(vertices: ArrayLike) -> NDArray[np.bool_]:
 
 
 def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
-    """Return which faces name a vertex that does not exist or is not finite, or one vertex twice, (m,)."""
+    """Return which faces reference a vertex that does not exist or is not finite, or one vertex twice, (m,)."""
     corners, bad = face_array(faces), bad_vertices(vertices)
-    misnamed = (corners < 0) | (corners >= len(bad))
-    touching = np.append(bad, True)[np.where(misnamed, len(bad), corners)].any(axis=1)
+    out_of_range = (corners < 0) | (corners >= len(bad))
+    touching = np.append(bad, True)[np.where(out_of_range, len(bad), corners)].any(axis=1)
     return np.asarray(touching | repeats_vertex(corners))
 
 
 def repeats_vertex(faces: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return which faces, (m, 3), name a vertex twice, (m,)."""
+    """Return which faces, (m, 3), repeat a vertex, (m,)."""
     a, b, c = faces.T
     return np.asarray((a == b) | (b == c) | (c == a))
 
 
 def without_lines(mesh: Mesh) -> Mesh:
-    """Return the mesh without faces that name a vertex twice, unless it has no others: no surface, but edges."""
+    """Return the mesh without faces that repeat a vertex, unless it has no others: no surface, but edges."""
     lines = repeats_vertex(mesh.faces)
     return Mesh(mesh.vertices, mesh.faces[~lines]) if lines.any() and not lines.all() else mesh
 
@@ -53,7 +53,7 @@ def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
     left = corners[~bad_faces(positions, corners)]
     if len(corners) and not len(left):
         raise MeshError(
-            f"none of {len(corners)} faces can be worked on: each names a vertex that does not exist or is "
+            f"none of {len(corners)} faces can be worked on: each references a vertex that does not exist or is "
             "not finite, or one vertex twice; write the mesh again where it came from"
         )
     return Mesh(np.where(bad_vertices(positions)[:, None], 0.0, positions), left)

@@ -29,7 +29,7 @@ class Mesh:
 
     Raises
     ------
-    MeshError : wrong shape or type, a vertex that is not finite, a face that names a vertex that does not exist
+    MeshError : wrong shape or type, a vertex that is not finite, a face that references a vertex that does not exist
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:

@@ -51,7 +51,7 @@ class Topology:
 
     @cached_property
     def vertex_faces(self) -> Csr:
-        """Faces around each vertex, ascending; a face that names a vertex twice is listed twice."""
+        """Faces around each vertex, ascending; a face that repeats a vertex is listed twice."""
         indptr = np.zeros(self.vertex_count + 1, np.int64)
         np.cumsum(np.bincount(self.faces.ravel(), minlength=self.vertex_count), out=indptr[1:])
         indices = np.empty(self.faces.size, np.int32)
@@ -88,7 +88,7 @@ class Topology:
 
     @cached_property
     def edge_faces(self) -> Csr:
-        """Faces at each edge, ascending: one at a rim, two inside a manifold, more at a non-manifold edge."""
+        """Faces at each edge, ascending: one at a boundary, two inside a manifold, more at a non-manifold edge."""
         order = np.argsort(self.face_edges, axis=None, kind="stable")
         indptr = np.zeros(len(self.edges) + 1, np.int64)
         np.cumsum(np.bincount(self.face_edges.ravel(), minlength=len(self.edges)), out=indptr[1:])
@@ -119,11 +119,11 @@ class Topology:
         return np.asarray(np.bincount(self.face_edges.ravel(), rising.ravel(), len(self.edges)), np.float64)
 
     def fans(self, across: NDArray[np.bool_] | None = None) -> NDArray[np.int32]:
-        """(3m,) fan of each corner of the faces: those at a vertex whose faces hang together there have one number.
+        """(3m,) fan of each corner of the faces: those at a vertex whose faces are connected there have one number.
 
         Parameters
         ----------
-        across : (e,) the edges across which faces hang together; None: all
+        across : (e,) the edges across which faces are connected; None: all
         """
         order = np.argsort(self.face_edges, axis=None, kind="stable")
         of_edge = self.face_edges.ravel()[order]
@@ -139,7 +139,7 @@ class Topology:
 
     @cached_property
     def used_vertices(self) -> NDArray[np.bool_]:
-        """(n,) whether a face names a vertex."""
+        """(n,) whether a face references a vertex."""
         mask = np.zeros(self.vertex_count, bool)
         mask[self.faces] = True
         return mask

@@ -1,4 +1,4 @@
-"""Pictures of meshes without a graphics card or a window: camera, shading, captions, PNG."""
+"""Pictures of meshes without a GPU or a window: camera, shading, captions, PNG."""
 
 from cascadenorm.render.camera import Camera
 from cascadenorm.render.color import Image, error_colors
