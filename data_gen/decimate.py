@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from cascadenorm.data_gen.corners import (
+from cascadenorm.data_gen.half_edges import (
     CORNER,
     RING,
-    Corners,
+    HalfEdges,
     after,
     area_vector,
     collapse,
     collapse_keeps_manifold,
-    corners_of,
     distance,
+    half_edges_of,
     is_manifold,
     mesh_of,
 )
@@ -24,29 +24,29 @@ def thinned(mesh: Mesh, *, faces: int, evenness: float) -> Mesh:
     """Return a mesh decimated to about so many faces, see `decimate`; UnfitShapeError if it came out bad."""
     if not is_manifold(mesh):
         raise UnfitShapeError("the mesh is not manifold")
-    corners = corners_of(mesh)
-    corners.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / faces)
-    decimate(corners, faces=faces, evenness=evenness)
-    thin = mesh_of(corners)
+    half_edges = half_edges_of(mesh)
+    half_edges.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / faces)
+    decimate(half_edges, faces=faces, evenness=evenness)
+    thin = mesh_of(half_edges)
     fit(thin)
     return thin
 
 
-def decimate(corners: Corners, *, faces: int, evenness: float) -> None:
+def decimate(half_edges: HalfEdges, *, faces: int, evenness: float) -> None:
     """Collapse edges until about so many faces are left, the cheapest first.
 
     The cost of a collapse is the squared distance to the planes that a vertex stands for (Garland and Heckbert 1997),
     plus `evenness` times the squared length of the edge and the area around it, so that flat regions keep triangles.
     """
-    quadrics = _quadrics(corners)
+    quadrics = _quadrics(half_edges)
     share = 0.1
     for _ in range(40):
-        left = int((corners.origin[: 3 * corners.used[1] : 3] >= 0).sum())
+        left = int((half_edges.origin[: 3 * half_edges.used[1] : 3] >= 0).sum())
         if left <= 1.02 * faces:
             return
-        costs = _costs(corners, quadrics, evenness)
+        costs = _costs(half_edges, quadrics, evenness)
         bound = np.quantile(costs[costs < np.inf], min(share, 0.5 * (left - faces) / left + 0.01))
-        if _collapse_cheap(corners, quadrics, evenness, bound, left - faces) == 0:
+        if _collapse_cheap(half_edges, quadrics, evenness, bound, left - faces) == 0:
             share = min(2 * share, 1.0)
 
 

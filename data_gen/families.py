@@ -10,10 +10,10 @@ from cascadenorm.data_gen import cad, organic
 from cascadenorm.data_gen.decimate import thinned
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.fusion import fused
-from cascadenorm.data_gen.manners import tessellate
 from cascadenorm.data_gen.measured import Measured
 from cascadenorm.data_gen.points import reconstruction
 from cascadenorm.data_gen.surface import cut_out, extent_of, polygonised
+from cascadenorm.data_gen.tessellation import tessellate
 from cascadenorm.data_gen.views import view
 from cascadenorm.data_gen.volumes import segmentation, tomogram
 

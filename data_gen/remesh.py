@@ -4,12 +4,12 @@ from typing import Literal
 
 import numpy as np
 
-from cascadenorm.data_gen.corners import (
+from cascadenorm.data_gen.half_edges import (
     CORNER,
     CREASE,
     RING,
     SMOOTH,
-    Corners,
+    HalfEdges,
     after,
     area_vector,
     before,
@@ -29,31 +29,31 @@ THIN = 0.06  # triangles of less quality than this are mended
 TINY = 0.12  # edges shorter than this share of the target are noise of the polygoniser, even along creases
 
 
-def split_long(corners: Corners, *, bound: float = LONG) -> None:
+def split_long(half_edges: HalfEdges, *, bound: float = LONG) -> None:
     """Halve edges longer than `bound` target lengths, as long as there is room."""
-    _split_long(corners, bound)
+    _split_long(half_edges, bound)
 
 
-def collapse_short(corners: Corners, *, bound: float = SHORT) -> None:
+def collapse_short(half_edges: HalfEdges, *, bound: float = SHORT) -> None:
     """Remove edges shorter than `bound` target lengths where neither creases nor the surface suffer."""
-    _collapse_short(corners, bound)
+    _collapse_short(half_edges, bound)
 
 
-def flip_edges(corners: Corners, *, rule: Literal["valence", "delaunay"]) -> None:
+def flip_edges(half_edges: HalfEdges, *, rule: Literal["valence", "delaunay"]) -> None:
     """Flip unmarked, nearly flat edges: towards six neighbours a vertex, or towards larger angles."""
-    _flip_edges(corners, rule == "valence")
+    _flip_edges(half_edges, rule == "valence")
 
 
-def mend(corners: Corners) -> None:
+def mend(half_edges: HalfEdges) -> None:
     """Remove triangles of nearly no area: needles by a collapse, flat ones by a flip of their long side."""
     for _ in range(4):
-        if not _mend(corners):
+        if not _mend(half_edges):
             return
 
 
-def slide(corners: Corners, *, share: float) -> None:
+def slide(half_edges: HalfEdges, *, share: float) -> None:
     """Move smooth vertices in their tangent plane, crease ones along the crease, towards their neighbours' middle."""
-    corners.points[:] = _slide(corners, share)
+    half_edges.points[:] = _slide(half_edges, share)
 
 
 @kernel

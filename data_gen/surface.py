@@ -1,13 +1,13 @@
-"""From a field to a triangle mesh of a wanted size, in one of the manners in which real meshes are tessellated."""
+"""From a field to a triangle mesh of a wanted size, tessellated as real meshes are."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.data_gen.corners import is_manifold
 from cascadenorm.data_gen.fields import Field
+from cascadenorm.data_gen.half_edges import is_manifold
 from cascadenorm.data_gen.lattice import sample
-from cascadenorm.data_gen.pieces import compact
+from cascadenorm.data_gen.patches import compact
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.polygonise import NoSurfaceError, dual_contouring, marching_cubes
 from cascadenorm.data_gen.untangle import untangled

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cascadenorm.data_gen import FAMILIES, DatasetConfig, clean_mesh, own_pair, pair, write_dataset
-from cascadenorm.data_gen.corners import is_manifold
+from cascadenorm.data_gen.half_edges import is_manifold
 
 SMALL = {"min_faces": 1200, "max_faces": 1800}
 QUICK = {**SMALL, "families": ("smooth", "bumpy", "polyhedron")}

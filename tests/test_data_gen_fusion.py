@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cascadenorm.data_gen import FAMILIES, DatasetConfig, fields, pair
-from cascadenorm.data_gen.corners import is_manifold
 from cascadenorm.data_gen.fusion import fused
+from cascadenorm.data_gen.half_edges import is_manifold
 from cascadenorm.data_gen.measured import Measured
 from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.views import largest_sheets

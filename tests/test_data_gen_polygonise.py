@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from cascadenorm.data_gen import fields, placement
-from cascadenorm.data_gen.corners import corners_of, is_manifold, mesh_of
 from cascadenorm.data_gen.decimate import decimate
+from cascadenorm.data_gen.half_edges import half_edges_of, is_manifold, mesh_of
 from cascadenorm.data_gen.lattice import sample
-from cascadenorm.data_gen.manners import Manner, creases_of, tessellate
 from cascadenorm.data_gen.polygonise import dual_contouring, marching_cubes
 from cascadenorm.data_gen.remesh import collapse_short, flip_edges, slide, split_long
 from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.tessellation import Tessellation, creases_of, tessellate
 from cascadenorm.data_gen.untangle import untangled
 from cascadenorm.data_gen.views import view
 from cascadenorm.mesh import Mesh, unit
@@ -59,7 +59,7 @@ def test_dual_contouring_of_a_cube_has_six_flat_sides_and_straight_edges(jitter)
 
 def test_creases_of_a_tessellated_cube_are_its_twelve_edges():
     rng = np.random.default_rng(2)
-    mesh = tessellate(CUBE, extent_of(CUBE, rng=rng), faces=3000, sharp=True, manner="even", rng=rng)
+    mesh = tessellate(CUBE, extent_of(CUBE, rng=rng), faces=3000, sharp=True, tessellation="even", rng=rng)
     ends = mesh.vertices[mesh.topology.edges[creases_of(CUBE, mesh)]]
     assert (np.isclose(np.abs(ends @ TURN), HALF, atol=1e-4).sum(axis=2) >= 2).mean() > 0.99
     assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(8 * HALF.sum(), rel=0.03)
@@ -100,7 +100,7 @@ def _mirrored(faces, names):
 @pytest.mark.parametrize("rule", ["valence", "delaunay"])
 def test_remeshing_keeps_a_closed_manifold_and_its_volume(rule):
     sphere = fields.sphere(radius=1)
-    corners = corners_of(marching_cubes(sphere, lattice_of(sphere, 0.1)))
+    corners = half_edges_of(marching_cubes(sphere, lattice_of(sphere, 0.1)))
     target = 0.12
     corners.length[:] = target
     for _ in range(5):
@@ -120,7 +120,7 @@ def test_remeshing_keeps_a_closed_manifold_and_its_volume(rule):
 
 def test_decimating_a_cube_loses_nothing_of_it():
     mesh = untangled(dual_contouring(CUBE, lattice_of(CUBE, 0.1)))
-    corners = corners_of(mesh)
+    corners = half_edges_of(mesh)
     corners.length[:] = 1.0
     decimate(corners, faces=len(mesh.faces) // 4, evenness=1e-6)
     thinned = mesh_of(corners)
@@ -129,13 +129,13 @@ def test_decimating_a_cube_loses_nothing_of_it():
     assert thinned.volume == pytest.approx(mesh.volume, rel=1e-3)
 
 
-@pytest.mark.parametrize("manner", Manner.__args__)
+@pytest.mark.parametrize("tessellation", Tessellation.__args__)
 @pytest.mark.parametrize("sharp", [True, False])
-def test_every_manner_makes_closed_meshes_of_about_the_wanted_size(manner, sharp):
+def test_every_tessellation_makes_closed_meshes_of_about_the_wanted_size(tessellation, sharp):
     field = fields.difference(CUBE, placement.moved(fields.cylinder(radius=0.3, half_height=2.0), rotation=TURN))
     rng = np.random.default_rng(3)
     extent = extent_of(field, rng=rng)
-    mesh = tessellate(field, extent, faces=6000, sharp=sharp, manner=manner, rng=rng)
+    mesh = tessellate(field, extent, faces=6000, sharp=sharp, tessellation=tessellation, rng=rng)
     assert is_manifold(mesh)
     assert (mesh.topology.edge_faces.counts == 2).all()
     assert 4000 < len(mesh.faces) < 9000

@@ -1,9 +1,12 @@
 import os
+import pickle
 import subprocess
 import sys
 from threading import Barrier, Thread
 
+import numba
 import numpy as np
+import pytest
 
 from cascadenorm.mesh import kernel
 from cascadenorm.mesh.kernels import KernelFiles
@@ -70,3 +73,15 @@ def test_of_two_that_write_at_once_none_reads_what_the_other_wrote(tmp_path):
         kept = [both[0].load(key) for key in range(2)]
         assert any(kept)
         assert all(found in (None, f"compiled for {key}") for key, found in enumerate(kept))
+
+
+@pytest.mark.parametrize("left", [b"", b"not a pickle", pickle.dumps("another")], ids=["empty", "other", "type"])
+def test_an_index_that_cannot_be_read_is_written_anew(tmp_path, left):
+    """As after an update in which a type that a signature refers to has moved to another module."""
+    run_twice(tmp_path)
+    (index,) = (tmp_path / "kept").rglob("*.nbi")
+    version = pickle.dumps(numba.__version__)
+    index.write_bytes(version + left)
+    out = "[0.0, 2.0, 4.0, 3.0] "
+    assert run_twice(tmp_path).split("\n") == [out + "0", out + "0", ""]
+    assert run_twice(tmp_path).split("\n") == [out + "1", out + "2", ""]

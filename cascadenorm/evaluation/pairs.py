@@ -12,7 +12,7 @@ import numpy as np
 from cascadenorm import data_gen
 from cascadenorm.controls import DenoiseError
 from cascadenorm.data_gen import DatasetConfig, write_dataset
-from cascadenorm.data_gen.pieces import piece, pieces
+from cascadenorm.data_gen.patches import patch, patches
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.interop import as_mesh, save_mesh
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
@@ -67,7 +67,7 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
     ------
     ReadError, MeshError : a file that is missing or no mesh, a folder without one, a pair of different faces
     """
-    clean = [part for path in _mesh_files(shapes) for part in _pieces(oriented(in_frame(as_mesh(path))[0]), config)]
+    clean = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
     rounds = max(1, min(20, config.count // (4 * len(clean)))) if clean else 0
     made = [data_gen.own_pair(config, i, part) for i, part in enumerate(clean * rounds)]
     for files in find_pairs(noisy):
@@ -77,14 +77,14 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
         first, true = scaled_alike(first, true)
         true = oriented(true)
         first = Mesh(first.vertices, true.faces)
-        for chosen in pieces(true, faces=config.max_faces):
-            clean = piece(true, chosen)
-            made.append(data_gen.Pair(piece(first, chosen), clean, clean.normals, data_gen.OWN, "none", 0.0))
+        for chosen in patches(true, faces=config.max_faces):
+            clean = patch(true, chosen)
+            made.append(data_gen.Pair(patch(first, chosen), clean, clean.normals, data_gen.OWN, "none", 0.0))
     return made
 
 
-def _pieces(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
-    return [piece(mesh, chosen) for chosen in pieces(mesh, faces=config.max_faces)]
+def _patches(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
+    return [patch(mesh, chosen) for chosen in patches(mesh, faces=config.max_faces)]
 
 
 def _mesh_files(places: Places) -> list[Path]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
+from pickle import UnpicklingError
 from typing import Any
 
 import numba
@@ -57,3 +58,10 @@ class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
         name = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
         self._save_data(name, data)
         self._save_index({**self._load_index(), key: name})
+
+    def _load_index(self) -> dict[Any, str]:
+        """Read the index; one that another version has left, and this one cannot read, counts as empty."""
+        try:
+            return super()._load_index()
+        except (ImportError, AttributeError, ValueError, TypeError, EOFError, UnpicklingError):
+            return {}

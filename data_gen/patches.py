@@ -9,7 +9,7 @@ Faces = NDArray[np.intp]
 """(k,) numbers of faces, ascending."""
 
 
-def pieces(mesh: Mesh, *, faces: int) -> list[Faces]:
+def patches(mesh: Mesh, *, faces: int) -> list[Faces]:
     """Halve a mesh across its longest side, and its halves, until none has more than so many faces."""
     done, waiting = [], [np.arange(len(mesh.faces))]
     while waiting:
@@ -24,7 +24,7 @@ def pieces(mesh: Mesh, *, faces: int) -> list[Faces]:
     return done
 
 
-def piece(mesh: Mesh, chosen: Faces) -> Mesh:
+def patch(mesh: Mesh, chosen: Faces) -> Mesh:
     """Return some of the faces of a mesh, over the vertices that they use."""
     return compact(mesh.vertices, mesh.faces[chosen])
 

@@ -1,4 +1,4 @@
-"""The manners in which meshes are tessellated: as polygonised, evenly or unevenly remeshed, stretched, subdivided."""
+"""How meshes are tessellated: as polygonised, evenly or unevenly remeshed, stretched, subdivided."""
 
 from collections.abc import Callable
 from typing import Literal, get_args
@@ -6,9 +6,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.data_gen.corners import CORNER, SMOOTH, Corners, corners_of, is_manifold, mesh_of
 from cascadenorm.data_gen.decimate import decimate
 from cascadenorm.data_gen.fields import Field
+from cascadenorm.data_gen.half_edges import CORNER, SMOOTH, HalfEdges, half_edges_of, is_manifold, mesh_of
 from cascadenorm.data_gen.patterns import noise
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.polygonise import gradients, meeting_points, projected
@@ -16,7 +16,7 @@ from cascadenorm.data_gen.remesh import collapse_short, flip_edges, mend, slide,
 from cascadenorm.data_gen.surface import Extent, UnfitShapeError, fit, polygonised
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-Manner = Literal["lattice", "even", "graded", "stretched", "subdivided", "jittered", "decimated"]
+Tessellation = Literal["lattice", "even", "graded", "stretched", "subdivided", "jittered", "decimated"]
 
 
 JUMP = 0.3  # radians by which the normal jumps at an edge of a shape, at least
@@ -24,36 +24,37 @@ ASTRAY = 0.006  # share of the faces that may turn away from the surface's norma
 
 
 def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
-               manner: Manner | None = None, window: tuple[Vectors, Vectors] | None = None) -> Mesh:  # fmt: skip
+               tessellation: Tessellation | None = None,
+               window: tuple[Vectors, Vectors] | None = None) -> Mesh:  # fmt: skip
     """Make a mesh of about `faces` triangles of a field.
 
     Parameters
     ----------
     sharp : keep edges of the shape as edges of the mesh
-    manner : how; None draws one
+    tessellation : how; None draws one
     window : box at which the surface is cut open
     """
-    if manner is None:
-        manner = rng.choice(get_args(Manner), p=[0.15, 0.22, 0.17, 0.08, 0.08, 0.12, 0.18])
-    coarse = faces // 4 if manner == "subdivided" else faces
-    oversampling = {"lattice": 1.0, "decimated": float(rng.uniform(2, 3))}.get(manner, 2.5 if sharp else 1.3)
-    if manner == "subdivided" and sharp:
+    if tessellation is None:
+        tessellation = rng.choice(get_args(Tessellation), p=[0.15, 0.22, 0.17, 0.08, 0.08, 0.12, 0.18])
+    coarse = faces // 4 if tessellation == "subdivided" else faces
+    oversampling = {"lattice": 1.0, "decimated": float(rng.uniform(2, 3))}.get(tessellation, 2.5 if sharp else 1.3)
+    if tessellation == "subdivided" and sharp:
         oversampling = 5.0
     lattice_faces = int(oversampling * coarse)
     mesh = polygonised(field, extent, faces=lattice_faces, sharp=sharp or rng.random() < 0.5, window=window, rng=rng)
     if not is_manifold(mesh):
         raise UnfitShapeError("the polygonised surface is not manifold")
-    corners = corners_of(mesh, creases=creases_of(field, mesh) if sharp else None)
-    corners.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / coarse)
-    mend(corners)
-    _MANNERS[manner](field, corners, rng)
-    mend(corners)
-    mesh = mesh_of(corners)
-    if manner == "subdivided":
-        corners = _halved(field, mesh, sharp=sharp)
-        settle(field, corners)
-        mend(corners)
-        mesh = mesh_of(corners)
+    half_edges = half_edges_of(mesh, creases=creases_of(field, mesh) if sharp else None)
+    half_edges.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / coarse)
+    mend(half_edges)
+    _TESSELLATIONS[tessellation](field, half_edges, rng)
+    mend(half_edges)
+    mesh = mesh_of(half_edges)
+    if tessellation == "subdivided":
+        half_edges = _halved(field, mesh, sharp=sharp)
+        settle(field, half_edges)
+        mend(half_edges)
+        mesh = mesh_of(half_edges)
     fit(mesh)
     agreement = np.einsum("ij,ij->i", field_normals(field, mesh), mesh.normals)
     if np.mean(agreement < (0.5 if sharp else -0.2)) > ASTRAY:
@@ -61,29 +62,29 @@ def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np
     return mesh
 
 
-def settle(field: Field, corners: Corners) -> None:
+def settle(field: Field, half_edges: HalfEdges) -> None:
     """Move vertices onto the surface, and those of creases and corners onto the surface's own."""
-    n = corners.used[0]
-    alive = corners.start[:n] >= 0
-    free = alive & (corners.kind[:n] == SMOOTH)
-    spacing = float(corners.length[0])
-    corners.points[:n][free] = projected(field, corners.points[:n][free], size=0.3 * spacing)
+    n = half_edges.used[0]
+    alive = half_edges.start[:n] >= 0
+    free = alive & (half_edges.kind[:n] == SMOOTH)
+    spacing = float(half_edges.length[0])
+    half_edges.points[:n][free] = projected(field, half_edges.points[:n][free], size=0.3 * spacing)
 
-    faces = corners.origin[: 3 * corners.used[1]].reshape(-1, 3)
+    faces = half_edges.origin[: 3 * half_edges.used[1]].reshape(-1, 3)
     faces = faces[faces[:, 0] >= 0]
     boundary = np.zeros(n, bool)
-    boundary[corners.origin[(corners.twin == -1) & (corners.origin >= 0)]] = True
-    held = alive & (corners.kind[:n] != SMOOTH) & ~boundary
+    boundary[half_edges.origin[(half_edges.twin == -1) & (half_edges.origin >= 0)]] = True
+    held = alive & (half_edges.kind[:n] != SMOOTH) & ~boundary
     face, corner = np.nonzero(held[faces])
     if len(face) == 0:
         return
     vertex = faces[face, corner]
-    middle = corners.points[faces[face]].mean(axis=1)
-    samples = projected(field, 0.6 * corners.points[vertex] + 0.4 * middle, size=0.3 * spacing)
+    middle = half_edges.points[faces[face]].mean(axis=1)
+    samples = projected(field, 0.6 * half_edges.points[vertex] + 0.4 * middle, size=0.3 * spacing)
     normals = unit(gradients(field, samples, step=1e-4 * spacing))
     places, rank = meeting_points(samples, normals, vertex.astype(np.int64), n, reach=0.5 * spacing)
-    moved = held & ((corners.kind[:n] != CORNER) | (rank == 3)) & (rank > 1)
-    corners.points[:n][moved] = places[moved]
+    moved = held & ((half_edges.kind[:n] != CORNER) | (rank == 3)) & (rank > 1)
+    half_edges.points[:n][moved] = places[moved]
 
 
 def creases_of(field: Field, mesh: Mesh) -> NDArray[np.bool_]:
@@ -110,84 +111,84 @@ def field_normals(field: Field, mesh: Mesh) -> Vectors:
     return unit(gradients(field, projected(field, mesh.centroids, size=0.3 * spacing), step=1e-3 * spacing))
 
 
-def _lattice(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+def _lattice(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Keep the lattice's stairs and stripes; only slivers go."""
-    collapse_short(corners, bound=float(rng.uniform(0.25, 0.45)))
-    flip_edges(corners, rule="delaunay")
+    collapse_short(half_edges, bound=float(rng.uniform(0.25, 0.45)))
+    flip_edges(half_edges, rule="delaunay")
     for _ in range(rng.integers(0, 3)):
-        slide(corners, share=float(rng.uniform(0.2, 0.6)))
-    settle(field, corners)
+        slide(half_edges, share=float(rng.uniform(0.2, 0.6)))
+    settle(field, half_edges)
 
 
-def _relaxed(field: Field, corners: Corners, rng: np.random.Generator, rounds: int) -> None:
+def _relaxed(field: Field, half_edges: HalfEdges, rng: np.random.Generator, rounds: int) -> None:
     rule: Literal["valence", "delaunay"] = "valence" if rng.random() < 0.6 else "delaunay"
     for round_ in range(rounds):
-        split_long(corners)
-        collapse_short(corners)
-        flip_edges(corners, rule=rule)
-        slide(corners, share=0.6)
+        split_long(half_edges)
+        collapse_short(half_edges)
+        flip_edges(half_edges, rule=rule)
+        slide(half_edges, share=0.6)
         if round_ >= rounds - 2:
-            settle(field, corners)
-            slide(corners, share=0.4)
-    collapse_short(corners, bound=0.3)
-    flip_edges(corners, rule="delaunay")
-    settle(field, corners)
+            settle(field, half_edges)
+            slide(half_edges, share=0.4)
+    collapse_short(half_edges, bound=0.3)
+    flip_edges(half_edges, rule="delaunay")
+    settle(field, half_edges)
 
 
-def _even(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+def _even(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Nearly equilateral triangles of one size; the fewer rounds, the less regular."""
-    _relaxed(field, corners, rng, int(rng.integers(2, 6)))
+    _relaxed(field, half_edges, rng, int(rng.integers(2, 6)))
 
 
-def _graded(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+def _graded(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Triangles whose size drifts by factors over the shape."""
-    base = corners.length[0]
+    base = half_edges.length[0]
     drift = noise(wavelength=float(rng.uniform(0.2, 1.0)), rng=rng)
     strength = float(rng.uniform(0.3, 0.9))
     for _ in range(2):
-        corners.length[:] = base * np.exp(strength * drift(corners.points))
-        _relaxed(field, corners, rng, 2)
+        half_edges.length[:] = base * np.exp(strength * drift(half_edges.points))
+        _relaxed(field, half_edges, rng, 2)
 
 
-def _stretched(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+def _stretched(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Triangles longer in one direction of space than across it."""
     turn = random_rotation(rng=rng)
     factors = np.exp(rng.uniform(-0.6, 0.6, 3))
     metric = turn @ np.diag(factors / factors.prod() ** (1 / 3)) @ turn.T
     inverse = np.linalg.inv(metric)
-    corners.points[:] = corners.points @ metric
-    _relaxed(lambda points: field(points @ inverse), corners, rng, int(rng.integers(2, 5)))
-    corners.points[:] = corners.points @ inverse
+    half_edges.points[:] = half_edges.points @ metric
+    _relaxed(lambda points: field(points @ inverse), half_edges, rng, int(rng.integers(2, 5)))
+    half_edges.points[:] = half_edges.points @ inverse
 
 
-def _jittered(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+def _jittered(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Even triangles, then vertices pushed about within the surface."""
-    _relaxed(field, corners, rng, 3)
-    free = np.flatnonzero(corners.kind == SMOOTH)
-    amount = float(rng.uniform(0.08, 0.25)) * corners.length[0]
-    corners.points[free] += amount * rng.normal(size=(len(free), 3))
-    settle(field, corners)
-    flip_edges(corners, rule="delaunay")
-    collapse_short(corners, bound=0.35)
+    _relaxed(field, half_edges, rng, 3)
+    free = np.flatnonzero(half_edges.kind == SMOOTH)
+    amount = float(rng.uniform(0.08, 0.25)) * half_edges.length[0]
+    half_edges.points[free] += amount * rng.normal(size=(len(free), 3))
+    settle(field, half_edges)
+    flip_edges(half_edges, rule="delaunay")
+    collapse_short(half_edges, bound=0.35)
 
 
-def _decimated(field: Field, corners: Corners, rng: np.random.Generator) -> None:
+def _decimated(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Thin out a finer mesh: triangles of all shapes, larger where the surface is flat."""
-    wanted = 4 / np.sqrt(3) * corners.length[0] ** -2 * _area(corners)
-    collapse_short(corners, bound=0.2)
-    flip_edges(corners, rule="delaunay")
-    slide(corners, share=0.5)
-    settle(field, corners)
-    decimate(corners, faces=int(wanted), evenness=float(10 ** rng.uniform(-4, -1)))
+    wanted = 4 / np.sqrt(3) * half_edges.length[0] ** -2 * _area(half_edges)
+    collapse_short(half_edges, bound=0.2)
+    flip_edges(half_edges, rule="delaunay")
+    slide(half_edges, share=0.5)
+    settle(field, half_edges)
+    decimate(half_edges, faces=int(wanted), evenness=float(10 ** rng.uniform(-4, -1)))
     if rng.random() < 0.7:
-        flip_edges(corners, rule="delaunay")
+        flip_edges(half_edges, rule="delaunay")
 
 
-def _area(corners: Corners) -> float:
-    return mesh_of(corners).area
+def _area(half_edges: HalfEdges) -> float:
+    return mesh_of(half_edges).area
 
 
-def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> Corners:
+def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> HalfEdges:
     """Put a vertex on each edge and make four triangles of one."""
     edges, sides = mesh.topology.edges, mesh.topology.face_edges + len(mesh.vertices)
     vertices = np.concatenate([mesh.vertices, mesh.vertices[edges].mean(axis=1)])
@@ -199,12 +200,12 @@ def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> Corners:
         marked = np.flatnonzero(creases_of(field, mesh))
         halves = edges[marked].astype(np.int64) * len(vertices) + (len(mesh.vertices) + marked)[:, None]
         creases = np.isin(fine.topology.edges.astype(np.int64) @ [len(vertices), 1], halves)
-    corners = corners_of(fine, creases=creases, capacity=1.0)
-    corners.length[:] = fine.mean_edge_length
-    return corners
+    half_edges = half_edges_of(fine, creases=creases, capacity=1.0)
+    half_edges.length[:] = fine.mean_edge_length
+    return half_edges
 
 
-_MANNERS: dict[Manner, Callable[[Field, Corners, np.random.Generator], None]] = {
+_TESSELLATIONS: dict[Tessellation, Callable[[Field, HalfEdges, np.random.Generator], None]] = {
     "lattice": _lattice,
     "even": _even,
     "graded": _graded,

@@ -1,26 +1,26 @@
 import numpy as np
 from shapes import grid, icosphere
 
-from cascadenorm.data_gen.pieces import piece, pieces
+from cascadenorm.data_gen.patches import patch, patches
 
 
-def test_pieces_have_every_face_once_and_at_most_so_many():
+def test_patches_have_every_face_once_and_at_most_so_many():
     mesh = icosphere(4)
-    found = pieces(mesh, faces=700)
+    found = patches(mesh, faces=700)
     assert max(map(len, found)) <= 700 < 2 * min(map(len, found))
     np.testing.assert_array_equal(np.sort(np.concatenate(found)), np.arange(len(mesh.faces)))
 
 
-def test_a_small_mesh_is_one_piece():
+def test_a_small_mesh_is_one_patch():
     mesh = grid(3, 3)
-    (only,) = pieces(mesh, faces=len(mesh.faces))
-    np.testing.assert_array_equal(piece(mesh, only).corners, mesh.corners)
+    (only,) = patches(mesh, faces=len(mesh.faces))
+    np.testing.assert_array_equal(patch(mesh, only).corners, mesh.corners)
 
 
 def test_a_piece_has_the_faces_where_they_were_and_no_other_vertices():
     mesh = icosphere(3)
-    for chosen in pieces(mesh, faces=100):
-        part = piece(mesh, chosen)
+    for chosen in patches(mesh, faces=100):
+        part = patch(mesh, chosen)
         np.testing.assert_array_equal(part.corners, mesh.corners[chosen])
         assert len(np.unique(part.faces)) == len(part.vertices) < len(mesh.vertices)
 
@@ -28,5 +28,5 @@ def test_a_piece_has_the_faces_where_they_were_and_no_other_vertices():
 def test_a_strip_is_cut_across_its_length():
     mesh = grid(40, 2)
     longest = np.argmax(np.ptp(mesh.vertices, axis=0))
-    (first, second) = pieces(mesh, faces=len(mesh.faces) // 2)
+    (first, second) = patches(mesh, faces=len(mesh.faces) // 2)
     assert mesh.centroids[first, longest].max() <= mesh.centroids[second, longest].min()

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.data_gen.pieces import compact
+from cascadenorm.data_gen.patches import compact
 from cascadenorm.mesh import Mesh, kernel
 
 SMOOTH, CREASE, CORNER = 0, 1, 2
@@ -18,7 +18,7 @@ SMOOTH, CREASE, CORNER = 0, 1, 2
 RING = 48  # vertices with more neighbours than this are left alone
 
 
-class Corners(NamedTuple):
+class HalfEdges(NamedTuple):
     """Half-edges (k): origin, twin (-1 at a boundary), marked. Vertices (n): points, kind, target length, start."""
 
     origin: NDArray[np.int32]
@@ -38,10 +38,10 @@ def is_manifold(mesh: Mesh) -> bool:
     directed = mesh.faces.astype(np.int64) * count + ahead
     if len(np.unique(directed)) < directed.size or (mesh.faces == ahead).any():
         return False
-    return bool(_fans_are_single(corners_of(mesh, capacity=1.0), count))
+    return bool(_fans_are_single(half_edges_of(mesh, capacity=1.0), count))
 
 
-def corners_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> Corners:
+def half_edges_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> HalfEdges:
     """Lay out a mesh for editing, with room for `capacity` times its faces.
 
     Edges where `creases`, one a topological edge, is true are marked, and those of the boundary always; a vertex on two
@@ -70,13 +70,13 @@ def corners_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity
     start[mesh.faces.ravel()[::-1]] = np.arange(3 * m, dtype=np.int32)[::-1]
     kind = np.zeros(len(points), np.int8)
     kind[:n] = _kinds(mesh, marked_edge)
-    return Corners(origin, twin, marked, points, kind, np.zeros(len(points)), start, np.array([n, m], np.int64))
+    return HalfEdges(origin, twin, marked, points, kind, np.zeros(len(points)), start, np.array([n, m], np.int64))
 
 
-def mesh_of(corners: Corners) -> Mesh:
+def mesh_of(half_edges: HalfEdges) -> Mesh:
     """Pack the faces and vertices that are left."""
-    faces = corners.origin[: 3 * corners.used[1]].reshape(-1, 3)
-    return compact(corners.points, faces[faces[:, 0] >= 0])
+    faces = half_edges.origin[: 3 * half_edges.used[1]].reshape(-1, 3)
+    return compact(half_edges.points, faces[faces[:, 0] >= 0])
 
 
 def _kinds(mesh: Mesh, marked_edge: NDArray[np.bool_]) -> NDArray[np.int8]:
