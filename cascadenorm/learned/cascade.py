@@ -14,6 +14,7 @@ from safetensors.numpy import save
 
 from cascadenorm.baselines.vertex_update import Sweeps, Weighting
 from cascadenorm.learned.descriptors import CONSTANTS, DESCRIPTORS
+from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.engine import PROCESSOR, Engine
 from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
 from cascadenorm.learned.safeguard import safeguarded
@@ -124,7 +125,8 @@ Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the process
 @method("auto", source="after Wang, Liu, Tong 2016")
 def auto(mesh: Mesh, *, model: Model = None, device: Device = "cpu") -> Vectors:
     """Regress true normals from filters of near and far reach, in three stages, for any mesh and any noise."""
-    return safeguarded(mesh, _loaded(model, "auto").vertices(mesh, engine=_engine(device)))
+    vertices = _loaded(model, "auto").vertices(mesh, engine=_engine(device))
+    return safeguarded(mesh, without_drift(mesh, vertices))
 
 
 @method("cascade", source="Wang, Liu, Tong 2016")
