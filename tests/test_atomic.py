@@ -47,8 +47,10 @@ def ball(tmp_path, monkeypatch) -> Path:
     return tmp_path / "ball.ply"
 
 
-@pytest.mark.parametrize("stage", ["writing", "fsync", "chmod", "replace"])
-@pytest.mark.parametrize("old", [None, b"precious"])
+@pytest.mark.parametrize(
+    ("stage", "old"),
+    [(stage, old) for stage in ("writing", "fsync", "replace") for old in (None, b"old")] + [("chmod", b"old")],
+)
 def test_a_killed_process_leaves_what_was_there(tmp_path, stage, old):
     target = tmp_path / "out.ply"
     if old is not None:
@@ -59,6 +61,23 @@ def test_a_killed_process_leaves_what_was_there(tmp_path, stage, old):
     assert (target.read_bytes() if target.exists() else None) == old
     rest = [path.name for path in tmp_path.iterdir() if path != target]
     assert all(name.startswith(".") and name.endswith(".part") for name in rest)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+def test_new_files_have_the_permissions_of_new_files_and_others_keep_theirs(tmp_path, monkeypatch):
+    before = os.umask(0o027)
+    monkeypatch.setattr(os, "umask", None)  # which is the process's, not ours
+    try:
+        write_atomically(tmp_path / "new.ply", [b"new"])
+        (tmp_path / "old.ply").touch()
+        for mode in (0o600, 0o666):
+            (tmp_path / "old.ply").chmod(mode)
+            write_atomically(tmp_path / "old.ply", [b"new"], force=True)
+            assert (tmp_path / "old.ply").stat().st_mode & 0o777 == mode
+    finally:
+        monkeypatch.undo()
+        os.umask(before)
+    assert (tmp_path / "new.ply").stat().st_mode & 0o777 == 0o640
 
 
 def test_a_terminated_command_removes_its_temporary_file(ball):

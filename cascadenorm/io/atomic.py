@@ -1,10 +1,11 @@
 """Write a file whole or not at all."""
 
 import os
+import secrets
 import stat
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from cascadenorm.io.base import OutputError, Piece
@@ -26,7 +27,7 @@ def check_output(path: Path, *, force: bool) -> None:
     if not target.parent.is_dir():
         raise OutputError(f"the folder {folder} does not exist: create it first")
     if stat.S_ISREG(mode) and not force:
-        raise OutputError(f"{path} exists already: choose another name, or overwrite it with force (--force)")
+        raise OutputError(f"{path} exists already", hint="choose another name", remedy=("force", True))
     if (stat.S_ISREG(mode) or not mode) and not os.access(target.parent, os.W_OK | os.X_OK):
         raise OutputError(f"nothing can be written in the folder {folder}: choose another one, or ask for access")
 
@@ -103,14 +104,19 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]]) -> None:
-    """Write a complete temporary file beside its target, and note both."""
-    handle, name = tempfile.mkstemp(prefix=f".{target.name[:40]}.", suffix=".part", dir=target.parent)
-    staged.append((target, name))
-    with os.fdopen(handle, "wb") as stream:
+    """Write a complete temporary file beside its target, and note both.
+
+    It has the permissions of the file that it replaces, or those that the process gives to new files.
+    """
+    name = str(target.parent / f".{target.name[:40]}.{secrets.token_hex(6)}.part")
+    mode = target.stat().st_mode & 0o777 if target.exists() else None
+    with open(name, "xb", opener=None if mode is None else partial(os.open, mode=mode)) as stream:
+        staged.append((target, name))
         stream.writelines(pieces)
         stream.flush()
         os.fsync(stream.fileno())
-    os.chmod(name, _mode(target))
+    if mode is not None:
+        os.chmod(name, mode)  # bits that the umask took away
 
 
 def _rename_to_new(name: str, target: Path) -> None:
@@ -122,12 +128,3 @@ def _rename_to_new(name: str, target: Path) -> None:
     except OSError:  # a file system without hard links
         check_output(target, force=False)
         os.replace(name, target)
-
-
-def _mode(target: Path) -> int:
-    """Return the permissions of the file to be replaced, or those that a new file gets."""
-    if target.exists():
-        return target.stat().st_mode & 0o777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
