@@ -9,34 +9,48 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cascadenorm.api import Report, compare, denoise, denoise_file, methods
-    from cascadenorm.controls import DenoiseError
+    from cascadenorm.controls import Controls
+    from cascadenorm.errors import (
+        CascadenormError,
+        ConfigError,
+        DenoiseError,
+        MeshError,
+        MissingDependencyError,
+        OutputError,
+        ParameterError,
+        ReadError,
+        WorkerError,
+    )
     from cascadenorm.evaluation.harness import evaluate
     from cascadenorm.evaluation.metrics import Measures
     from cascadenorm.geometry.fast_harmonics import fast_harmonics
     from cascadenorm.geometry.harmonics import manifold_harmonics, shape_dna
     from cascadenorm.geometry.holes import fill_holes
     from cascadenorm.inspection import Inspection, inspect
-    from cascadenorm.io import OutputError, ReadError, from_arrays, read, write
-    from cascadenorm.learned.config import ConfigError, TrainConfig, read_config
-    from cascadenorm.mesh import Mesh, MeshError
+    from cascadenorm.io import from_arrays, read, write
+    from cascadenorm.learned.config import TrainConfig, read_config
+    from cascadenorm.mesh import Mesh
     from cascadenorm.models import Denoiser, train
-    from cascadenorm.registry import ParameterError
 
 __version__ = "0.1.0"
 
 _HOMES = {  # loaded when first used: the command line starts without numpy and numba
-    "ConfigError": "learned.config",
-    "DenoiseError": "controls",
+    "CascadenormError": "errors",
+    "ConfigError": "errors",
+    "Controls": "controls",
+    "DenoiseError": "errors",
     "Denoiser": "models",
     "Inspection": "inspection",
     "Measures": "evaluation.metrics",
     "Mesh": "mesh",
-    "MeshError": "mesh",
-    "OutputError": "io",
-    "ParameterError": "registry",
-    "ReadError": "io",
+    "MeshError": "errors",
+    "MissingDependencyError": "errors",
+    "OutputError": "errors",
+    "ParameterError": "errors",
+    "ReadError": "errors",
     "Report": "api",
     "TrainConfig": "learned.config",
+    "WorkerError": "errors",
     "compare": "api",
     "denoise": "api",
     "denoise_file": "api",
@@ -55,18 +69,22 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
 }
 
 __all__ = [
+    "CascadenormError",
     "ConfigError",
+    "Controls",
     "DenoiseError",
     "Denoiser",
     "Inspection",
     "Measures",
     "Mesh",
     "MeshError",
+    "MissingDependencyError",
     "OutputError",
     "ParameterError",
     "ReadError",
     "Report",
     "TrainConfig",
+    "WorkerError",
     "compare",
     "denoise",
     "denoise_file",

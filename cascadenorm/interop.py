@@ -65,7 +65,7 @@ def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
     except io.ReadError:
         raise
     except MeshError as error:
-        raise MeshError(f"{name}: {error}") from None
+        raise error.within(name) from None
 
 
 def source_name(source: str | PathLike[str] | BinaryIO) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cascadenorm.api import denoise
-from cascadenorm.controls import DenoiseError
+from cascadenorm.errors import MissingDependencyError
 from cascadenorm.evaluation.pairs import Places, training_pairs
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
@@ -95,7 +95,7 @@ def train(
     OutputError : the file exists and force is not given, or it cannot be written
     ReadError, MeshError : one of the meshes that are handed in cannot be read or worked on
     ConfigError : an interrupted training of other settings lies beside the output
-    DenoiseError : torch, scikit-learn or scikit-image are not installed
+    MissingDependencyError : torch, scikit-learn or scikit-image are not installed
     WorkerError : one of the processes that share the work ended early
     """
     output = Path(output)
@@ -103,7 +103,7 @@ def train(
         import_module("skimage")  # which makes the shapes
         from cascadenorm.learned import training
     except ImportError as error:
-        raise DenoiseError(f"training needs {error.name}: pip install 'cascadenorm[train]'") from None
+        raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None
     check_output(output, force=force)
     checkpoint = output.with_name(output.name + ".training")
     with limit_threads(threads):

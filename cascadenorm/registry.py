@@ -1,7 +1,7 @@
-"""Every denoising method, registered once: what the command line, the evaluation, the docs and the tests go by.
+"""Every denoising method, registered once: command line, evaluation, documentation and tests read the registry.
 
-A method is a function from a mesh and keyword parameters to the new vertices. Its parameters say what they are in
-their annotation, so that ranges are checked and texts are written in one place:
+A method is a function from a mesh and keyword parameters to the new vertices. The annotation of a parameter declares
+what it means and which values it takes; checks, messages and tables are made from it:
 
     @method("laplacian", source="Desbrun et al. 1999")
     def laplacian(mesh: Mesh, *, steps: Annotated[int, Parameter("steps taken", minimum=0)] = 10) -> Vectors:
@@ -12,21 +12,20 @@ import math
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.errors import ParameterError as ParameterError
+
+if TYPE_CHECKING:  # the command line reads declarations before numpy is loaded
+    from cascadenorm.mesh import Mesh, Vectors
 
 REGION = "region"
-"""A method with a parameter of this name is told which vertices may move, (n,) bool; callers say it by a mask."""
-
-
-class ParameterError(ValueError):
-    """A method that does not exist, a parameter that it does not have, or a value out of range."""
+"""A method with a parameter of this name is given the vertices that may move, (n,) bool, derived from the controls."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """What an annotation says of a parameter: its meaning, its unit, the values it may take."""
+    """The annotation of a parameter: its meaning, its unit, the values that it takes."""
 
     help: str
     unit: str = ""
@@ -38,11 +37,14 @@ class Parameter:
     @property
     def allowed(self) -> str:
         """The range in words: 'at least 0, below 1'; empty if there is none."""
-        limits = {"at least": self.minimum, "at most": self.maximum, "above": self.above, "below": self.below}
-        return ", ".join(f"{word} {limit:g}" for word, limit in limits.items() if limit is not None)
+        limits = {"at least": self.minimum, "at most": self.maximum, "above": self.above}
+        words = [f"{word} {limit:g}" for word, limit in limits.items() if limit is not None]
+        if self.below is not None:
+            words.append("finite" if self.below == math.inf else f"below {self.below:g}")
+        return ", ".join(words)
 
     def admits(self, value: float) -> bool:
-        """Tell whether a number is in range; NaN never is."""
+        """Whether a number is in range; NaN never is."""
         return not (
             math.isnan(value)
             or (self.minimum is not None and value < self.minimum)
@@ -54,7 +56,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Setting:
-    """One keyword parameter of a method: its name, type and default beside its `Parameter`."""
+    """A keyword parameter of a method, or a control: name, type and default beside its `Parameter`."""
 
     name: str
     kind: Any
@@ -62,22 +64,43 @@ class Setting:
     about: Parameter
 
     @property
+    def kinds(self) -> tuple[Any, ...]:
+        """The types of a union besides None, else the type."""
+        united = get_origin(self.kind) in (Union, types.UnionType)
+        return tuple(kind for kind in get_args(self.kind) if kind is not types.NoneType) if united else (self.kind,)
+
+    @property
+    def optional(self) -> bool:
+        """Whether None is a value."""
+        return types.NoneType in get_args(self.kind)
+
+    @property
     def choices(self) -> tuple[Any, ...]:
         """The values of a `Literal`, else empty."""
-        return get_args(self.kind) if get_origin(self.kind) is Literal else ()
+        (kind, *others) = self.kinds
+        return get_args(kind) if not others and get_origin(kind) is Literal else ()
 
     def checked(self, value: Any) -> Any:
-        """Return the value as this setting's type; text, as it comes from a command line, is read."""
-        if self.choices:
-            for choice in self.choices:
-                if value == choice or (isinstance(value, str) and value == str(choice)):
-                    return choice
-            raise ParameterError(f"{self.name} is {value!r}; it must be one of {', '.join(map(str, self.choices))}")
-        optional = get_origin(self.kind) in (Union, types.UnionType)
-        if optional and (value is None or (isinstance(value, str) and value == "none")):
+        """Return the value in the type of this setting; text, as it comes from a command line, is read.
+
+        Raises
+        ------
+        ParameterError : a value of the wrong type, none of the choices, or a number out of range
+        """
+        if self.optional and value is None:
             return None
-        kind = next(k for k in get_args(self.kind) if k is not type(None)) if optional else self.kind
-        return self._number(kind, value) if kind in (int, float) else value
+        if self.optional and isinstance(value, str) and value == "none" and str not in self.kinds:
+            return None
+        if self.choices:
+            return self._choice(value)
+        return self._number(self.kinds[0], value) if self.kinds in ((int,), (float,)) else value
+
+    def _choice(self, value: Any) -> Any:
+        for choice in self.choices:
+            if value == choice or (isinstance(value, str) and value == str(choice)):
+                return choice
+        known = ", ".join(map(str, self.choices)) + (", none" if self.optional else "")
+        raise ParameterError(f"is {value!r}; it must be one of {known}", parameter=self.name)
 
     def _number(self, kind: type, value: Any) -> Any:
         try:
@@ -86,18 +109,18 @@ class Setting:
                 raise ValueError
         except (TypeError, ValueError, OverflowError):
             word = "a whole number" if kind is int else "a number"
-            raise ParameterError(f"{self.name} is {value!r}; it must be {word}") from None
+            raise ParameterError(f"is {value!r}; it must be {word}", parameter=self.name) from None
         if not self.about.admits(number):
-            raise ParameterError(f"{self.name} is {value}; it must be {self.about.allowed or 'a number'}")
+            raise ParameterError(f"is {value}; it must be {self.about.allowed or 'a number'}", parameter=self.name)
         return kind(number)
 
 
 @dataclass(frozen=True)
 class Method:
-    """A registered method: its name, where it comes from, what it takes."""
+    """A registered method: its name, its source in the literature, its parameters."""
 
     name: str
-    function: Callable[..., Vectors]
+    function: "Callable[..., Vectors]"
     source: str
     settings: Mapping[str, Setting]
 
@@ -124,7 +147,7 @@ class Method:
                 raise ParameterError(f"{self.name} has no parameter {name!r}; it has: {known}")
         return {name: self.settings[name].checked(value) for name, value in parameters.items()}
 
-    def __call__(self, mesh: Mesh, **parameters: Any) -> Vectors:
+    def __call__(self, mesh: "Mesh", **parameters: Any) -> "Vectors":
         """Return the new vertices of a mesh."""
         return self.function(mesh, **self.checked(parameters))
 
@@ -132,7 +155,7 @@ class Method:
 _methods: dict[str, Method] = {}
 
 
-def method(name: str, *, source: str) -> Callable[[Callable[..., Vectors]], Callable[..., Vectors]]:
+def method(name: str, *, source: str) -> "Callable[[Callable[..., Vectors]], Callable[..., Vectors]]":
     """Register a function from a mesh to its new vertices under a name.
 
     Parameters
@@ -141,7 +164,7 @@ def method(name: str, *, source: str) -> Callable[[Callable[..., Vectors]], Call
     source : authors and year of the paper that the rule comes from
     """
 
-    def register(function: Callable[..., Vectors]) -> Callable[..., Vectors]:
+    def register(function: "Callable[..., Vectors]") -> "Callable[..., Vectors]":
         _methods[name] = Method(name, function, source, _settings(function))
         return function
 
@@ -165,15 +188,19 @@ def registered() -> dict[str, Method]:
     return dict(sorted(_methods.items()))
 
 
-def _settings(function: Callable[..., Vectors]) -> dict[str, Setting]:
+def declared(name: str, hint: Any) -> tuple[Any, Any]:
+    """Return the type and the `Parameter` of an `Annotated[type, Parameter(...)]`; raises TypeError for another."""
+    if get_origin(hint) is not Annotated or not isinstance(get_args(hint)[1], Parameter):
+        raise TypeError(f"{name} needs an Annotated[type, Parameter(...)]")
+    return get_args(hint)[0], get_args(hint)[1]
+
+
+def _settings(function: "Callable[..., Vectors]") -> dict[str, Setting]:
     hints = get_type_hints(function, include_extras=True)
     settings = {}
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
             continue
-        hint = hints[name]
-        if get_origin(hint) is not Annotated or not isinstance(get_args(hint)[1], Parameter):
-            raise TypeError(f"{function.__qualname__}: {name} needs an Annotated[type, Parameter(...)]")
-        kind, about = get_args(hint)[:2]
+        kind, about = declared(f"{function.__qualname__}: {name}", hints[name])
         settings[name] = Setting(name, kind, parameter.default, about)
     return settings

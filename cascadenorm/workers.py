@@ -13,14 +13,11 @@ from typing import Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from cascadenorm.errors import WorkerError
 from cascadenorm.mesh import limit_threads
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-
-
-class WorkerError(RuntimeError):
-    """A process ended before its work was done."""
 
 
 class Map(Protocol):
@@ -48,8 +45,9 @@ def side_by_side(count: int) -> Iterator[Map]:
             yield partial(_handed_out, pool)
         except BrokenProcessPool:
             raise WorkerError(
-                "a worker process has ended: where memory is short, take fewer threads; "
-                "in a script of your own, start the work below `if __name__ == '__main__':`"
+                "a worker process ended before its work was done",
+                hint="where memory is short, use fewer threads; in a script of your own, start the work below "
+                "`if __name__ == '__main__':`",
             ) from None
         finally:
             pool.shutdown(cancel_futures=True)

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.controls import Controls, controlled
+from cascadenorm.controls import checked
+from cascadenorm.controls.controls import controlled
 from cascadenorm.geometry.volume import closed_parts, is_closed, with_volume_of
 from cascadenorm.interop import adapter
 from cascadenorm.mesh import Mesh
@@ -22,7 +23,7 @@ def shifted(mesh: Mesh) -> np.ndarray:
 
 
 def apply(function, mesh=BALL, **controls):
-    return controlled(Method("stand-in", function, "", {}), mesh, {}, Controls(**controls))
+    return controlled(Method("stand-in", function, "", {}), mesh, {}, checked(controls))
 
 
 @given(st.floats(0, 4), st.floats(0, 1))
@@ -79,17 +80,17 @@ def test_a_mesh_of_one_point_stays():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"strength": -1}, "strength is -1; it must be a finite number, at least 0"),
+        ({"strength": -1}, "strength is -1; it must be at least 0, finite"),
         ({"strength": float("nan")}, "strength is nan"),
         ({"mask": [True]}, r"mask has shape \(1,\)"),
-        ({"mask": np.full(162, 1.5)}, r"162 weights of the mask are not within 0 … 1 \(vertices 0, 1, 2, …\)"),
-        ({"fixed": [3, 500]}, "fixed names vertex 500; there are 162 vertices"),
+        ({"mask": np.full(162, 1.5)}, r"mask has 162 weights that are not within 0 … 1 \(vertices 0, 1, 2, …\)"),
+        ({"fixed": [3, 500]}, "fixed references vertex 500; there are 162 vertices"),
         ({"fixed": [0.5]}, "fixed has shape"),
         ({"max_displacement": -0.1}, "max_displacement is -0.1"),
         ({"max_displacement": "1 mile"}, "max_displacement is '1 mile'"),
-        ({"volume": "double"}, "volume is 'double'; it must be 'keep' or None"),
+        ({"volume": "double"}, "volume is 'double'; it must be one of keep, none"),
         ({"threads": 0}, "threads is 0"),
-        ({"threads": "2"}, "threads is '2'; it must be a whole number"),
+        ({"threads": "two"}, "threads is 'two'; it must be a whole number"),
         ({"method": "magic"}, "there is no method 'magic'; there are: "),
         ({"iterations": -1}, "iterations is -1; it must be at least 0"),
         ({"wings": 2}, "bilateral-normal has no parameter 'wings'; it has: "),
@@ -101,7 +102,7 @@ def test_wrong_settings_are_refused_with_a_reason(wrong, message):
 
 
 def test_a_region_is_given_by_the_mask():
-    with pytest.raises(ParameterError, match="give a mask"):
+    with pytest.raises(ParameterError, match="pass mask"):
         cn.denoise(BALL, method="laplacian", region=None)
     half = BALL.vertices[:, 2] > 0
     out = cn.denoise(BALL, method="laplacian", iterations=50, mask=half).vertices
@@ -228,7 +229,7 @@ def test_seams_of_trimesh_stay_closed():
         out = cn.denoise(split, **METHOD, **{name: one}).vertices
         expected = cn.denoise(BALL, **METHOD, **{name: several}).vertices
         np.testing.assert_array_equal(out, expected[source])
-    with pytest.raises(cn.ParameterError, match="names vertex 1000"):
+    with pytest.raises(cn.ParameterError, match="references vertex 1000"):
         cn.denoise(split, **METHOD, fixed=[1000])
 
 

@@ -100,7 +100,7 @@ def test_sides_meet_where_their_planes_do(angle):
 
 @pytest.mark.parametrize("wrong", [True, False])
 def test_a_truth_is_no_angle(wrong):
-    with pytest.raises(cn.ParameterError, match="they must be an angle in degrees"):
+    with pytest.raises(cn.ParameterError, match="it must be an angle in degrees"):
         cn.denoise(cube(4), method="laplacian", creases=wrong)
 
 
@@ -154,9 +154,9 @@ def test_no_creases_change_nothing():
     [
         (200, r"creases is 200; an angle in degrees must be within 0 … 180"),
         (float("nan"), "creases is nan"),
-        ([0, 1], r"creases have shape \(2,\)"),
-        ([[0.5, 1]], "creases have shape"),
-        ([[0, 1], [0, 100], [3, 3], [-1, 4]], r"of 4 creases are no edges of the mesh \(rows"),
+        ([0, 1], r"creases has shape \(2,\)"),
+        ([[0.5, 1]], "creases has shape"),
+        ([[0, 1], [0, 100], [3, 3], [-1, 4]], r"of 4 pairs that are no edges of the mesh \(rows"),
     ],
 )
 def test_wrong_creases_are_refused_with_a_reason(creases, message):

@@ -4,7 +4,8 @@ from scipy.linalg import eigh
 from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.controls import Controls, controlled
+from cascadenorm.controls import checked
+from cascadenorm.controls.controls import controlled
 from cascadenorm.controls.detail import finer_than
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
@@ -36,7 +37,7 @@ def share(wide: float) -> float:
 def moved(displacement: Vectors, mesh: Mesh = BALL, **controls) -> Vectors:
     """What the controls leave of a displacement that a method would give."""
     method = Method("stand-in", lambda seen: seen.vertices + displacement * seen.diagonal / mesh.diagonal, "", {})
-    return controlled(method, mesh, {}, Controls(**controls)) - mesh.vertices
+    return controlled(method, mesh, {}, checked(controls)) - mesh.vertices
 
 
 @pytest.mark.parametrize("degree", [2, 5, 8])

@@ -11,25 +11,27 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FOLDERS = {"cascadenorm": ROOT / "cascadenorm", "baselines": ROOT / "baselines", "data_gen": ROOT / "data_gen"}
 
-MESH = {"mesh", "messages"}
+MESH = {"mesh", "messages", "errors"}
 METHODS = {*MESH, "progress", "registry", "geometry"}
 MAY_IMPORT = {
+    "errors": set(),
     "messages": set(),
     "progress": set(),
     "mesh": MESH,
-    "registry": {"mesh"},
-    "workers": {"mesh"},
+    "registry": {"mesh", "errors"},
+    "workers": {"mesh", "errors"},
     "geometry": METHODS,
     "baselines": {*METHODS, "baselines"},
-    "data_gen": {"mesh", "workers", "data_gen"},
+    "data_gen": {"mesh", "errors", "workers", "data_gen"},
     "learned": {*METHODS, "baselines", "data_gen", "workers", "learned"},
     "io": {*MESH, "io"},
     "interop": {*MESH, "io"},
-    "render": {"mesh", "render"},
-    "render.files": {"mesh", "render", "io", "interop"},
-    "evaluation.metrics": {"mesh", "geometry"},
+    "render": {"mesh", "errors", "render"},
+    "render.files": {"mesh", "errors", "render", "io", "interop"},
+    "evaluation.metrics": {"mesh", "errors", "geometry"},
     "controls": {*METHODS, "controls"},
-    "controls.selection": {"mesh", "registry", "controls", "io"},
+    "controls.settings": {"errors", "registry"},
+    "controls.selection": {"mesh", "errors", "registry", "controls", "io"},
     "inspection": {*MESH, "geometry", "controls", "io", "interop", "inspection"},
     "api": {*METHODS, "baselines", "learned", "controls", "interop", "io", "evaluation.metrics"},
     "models": {*METHODS, "learned", "io", "controls", "api", "evaluation.pairs"},

@@ -8,7 +8,7 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.cli.report import FINDINGS, counted
+from cascadenorm.cli.tables import FINDINGS, counted
 from cascadenorm.data_gen.families import FAMILIES
 from cascadenorm.inspection import Found, Inspection, inspect, noise_level
 from cascadenorm.inspection.crossings import crossing_faces
@@ -271,12 +271,12 @@ def test_the_command_speaks_plainly(tmp_path, capsys):
     (tmp_path / "bad.obj").write_bytes(OBJ)
     assert run(["inspect", str(tmp_path / "bad.obj")]) == 0
     out = capsys.readouterr().out
-    assert "1 face names a vertex that does not exist: 2\n" in out and "counted from 1" in out
-    assert "open: 1 rim, 4 edges long in all" in out and "noise along the normal: not to be told" in out
+    assert "1 face references a vertex that does not exist: 2\n" in out and "counted from 1" in out
+    assert "open: 1 boundary loop of 4 edges in all" in out and "noise along the normal: cannot be estimated" in out
     save_mesh(tmp_path / "far.ply", BALL.moved(BALL.vertices + 5e6))
     assert run(["inspect", str(tmp_path / "far.ply"), "--no-self-intersections"]) == 0
     out = capsys.readouterr().out
-    assert "nothing is wrong with it" in out and "were not looked for" in out and "closed; Euler" in out
+    assert "no defects" in out and "were not looked for" in out and "closed; Euler" in out
     save_mesh(tmp_path / "coarse.stl", BALL.moved(BALL.vertices + 5e6))
     assert run(["inspect", str(tmp_path / "coarse.stl")]) == 0
     out = capsys.readouterr().out
@@ -287,8 +287,24 @@ def test_the_command_speaks_plainly(tmp_path, capsys):
 def test_one_is_said_otherwise_than_several(tmp_path, capsys):
     sliver, stray = "v 0 {0} 0\nv 2 {0} 0\nv 1 {0}.001 0\nf -3 -2 -1\n", "v nan 0 0\n"
     for count, said in (
-        (1, ("4 vertices, 1 face, ", "open: 1 rim, 3 edges", "1 vertex is not finite: 4", "1 face is a sliver, ")),
-        (2, ("8 vertices, 2 faces, ", "open: 2 rims, 6 edges", "2 vertices are not finite", "2 faces are slivers, ")),
+        (
+            1,
+            (
+                "4 vertices, 1 face, ",
+                "open: 1 boundary loop of 3 edges",
+                "1 vertex is not finite: 4",
+                "1 face is a sliver, ",
+            ),
+        ),
+        (
+            2,
+            (
+                "8 vertices, 2 faces, ",
+                "open: 2 boundary loops of 6 edges",
+                "2 vertices are not finite",
+                "2 faces are slivers, ",
+            ),
+        ),
     ):
         (tmp_path / "slivers.obj").write_text("".join(sliver.format(place) + stray for place in range(count)))
         assert run(["inspect", str(tmp_path / "slivers.obj")]) == 0

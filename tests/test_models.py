@@ -146,9 +146,11 @@ def test_own_meshes_are_wound_as_they_are_to_be_denoised(tmp_path):
 def test_without_what_makes_shapes_neither_training_nor_generating_begins(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "skimage", None)
     assert run(["train", "-o", str(tmp_path / "new.safetensors")]) == 1
-    assert "training needs skimage: pip install 'cascadenorm[train]'" in capsys.readouterr().err
+    assert 'training needs skimage, which is not installed: pip install "cascadenorm[train]"' in capsys.readouterr().err
     assert run(["generate", str(tmp_path / "data")]) == 1
-    assert "generating needs skimage: pip install 'cascadenorm[train]'" in capsys.readouterr().err
+    assert (
+        'generating needs skimage, which is not installed: pip install "cascadenorm[train]"' in capsys.readouterr().err
+    )
     assert not list(tmp_path.iterdir())
 
 

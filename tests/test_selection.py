@@ -7,7 +7,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.controls import Controls
+from cascadenorm.controls import checked
 from cascadenorm.controls.selection import faces_labelled, selected
 from cascadenorm.io.base import Content
 from cascadenorm.io.ply import PlyFile
@@ -111,11 +111,11 @@ def test_copies_at_a_seam_have_the_smallest_weight_and_are_fixed_together(tmp_pa
     for copy, weight in zip(file.welds, weights, strict=True):
         smallest[copy] = min(smallest[copy], weight)
     for mask in ("w", weights, smallest):
-        np.testing.assert_array_equal(selected(Controls(mask=mask), file).mask, smallest)
+        np.testing.assert_array_equal(selected(checked({"mask": mask}), file)["mask"], smallest)
     last = len(owners) - 1
-    assert selected(Controls(fixed=str(last)), file).fixed.tolist() == [file.welds[last]]
+    assert selected(checked({"fixed": str(last)}), file)["fixed"].tolist() == [file.welds[last]]
     one = np.arange(len(owners)) == last
-    np.testing.assert_array_equal(np.flatnonzero(selected(Controls(fixed=one), file).fixed), file.welds[[last]])
+    np.testing.assert_array_equal(np.flatnonzero(selected(checked({"fixed": one}), file)["fixed"]), file.welds[[last]])
 
 
 def test_only_moves_what_lies_within_the_faces(ball):
@@ -181,7 +181,7 @@ def test_unknown_labels_are_answered_with_those_that_there_are(tmp_path, ball):
     there = (
         r"'wheel'; there are: material=dark steel, material=b=2, object=a thing, group=left, group=right, group=wheels"
     )
-    with pytest.raises(cn.ParameterError, match=rf"no face is labelled {there}"):
+    with pytest.raises(cn.ParameterError, match=rf"only matches no face with {there}"):
         faces_labelled(["wheel"], cn.read(tmp_path / "things.obj"))
     with pytest.raises(cn.ParameterError, match="'part=7'; there are: part=0, part=1"):
         denoised(only="part=7")
@@ -231,20 +231,23 @@ def test_gltf_faces_have_meshes_and_materials(tmp_path):
             {"mask": "pain"},
             "mask is 'pain'; it must be a file .npy or .txt, or a vertex .* has: paint, quality, height",
         ),
-        ({"mask": "height"}, r"weights of the mask are not within 0 … 1 \(vertices"),
-        ({"mask": "none.npy"}, r"mask: none.npy cannot be read as numbers: .*No such file"),
-        ({"mask": "words.txt"}, "mask: words.txt cannot be read as numbers: could not convert"),
+        ({"mask": "height"}, r"weights that are not within 0 … 1 \(vertices"),
+        ({"mask": "none.npy"}, r"mask is 'none.npy', which cannot be read as numbers: .*No such file"),
+        ({"mask": "words.txt"}, "mask is 'words.txt', which cannot be read as numbers: could not convert"),
         ({"mask": "short.txt"}, r"mask has shape \(3,\)"),
-        ({"mask": "cube.npy"}, r"mask: cube.npy has shape \(2, 2, 2\); it must have 1 numbers in each row"),
-        ({"fixed": "0,999"}, "fixed names vertex 999; the file has 162 vertices, counted from 0"),
-        ({"fixed": "0-99999999999999"}, "fixed names vertex 99999999999999; the file has 162 vertices"),
-        ({"fixed": "all"}, "fixed is 'all'; it must be numbers of vertices such as \"0,5,7-20\", a file .npy or .txt"),
-        ({"fixed": "short.txt"}, "fixed names vertex 0.5; .* whole numbers"),
+        ({"mask": "cube.npy"}, r"mask is 'cube.npy', which has shape \(2, 2, 2\); it must have 1 numbers in each row"),
+        ({"fixed": "0,999"}, "fixed references vertex 999; the file has 162 vertices, counted from 0"),
+        ({"fixed": "0-99999999999999"}, "fixed references vertex 99999999999999; the file has 162 vertices"),
+        ({"fixed": "all"}, "fixed is 'all'; it must be vertex indices such as \"0,5,7-20\", a file .npy or .txt"),
+        ({"fixed": "short.txt"}, "fixed references vertex 0.5; .* whole numbers"),
         ({"creases": "sharp"}, "creases is 'sharp'; it must be an angle in degrees, or a file .npy or .txt"),
-        ({"creases": "short.txt"}, r"creases: short.txt has shape \(3, 1\); it must have 2 numbers in each row"),
+        (
+            {"creases": "short.txt"},
+            r"creases is 'short.txt', which has shape \(3, 1\); it must have 2 numbers in each row",
+        ),
         ({"creases": "-3"}, "creases is -3.0; an angle"),
-        ({"only": [0.5]}, r"only has shape \(1,\) and type float64; it must be \(320,\) bool or numbers of faces"),
-        ({"only": [400]}, "only names face 400; there are 320 faces"),
+        ({"only": [0.5]}, r"only has shape \(1,\) and type float64; it must be \(320,\) bool or indices of faces"),
+        ({"only": [400]}, "only references face 400; there are 320 faces"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_reason(ball, tmp_path, controls, message):

@@ -96,7 +96,7 @@ import sys; sys.modules["torch"] = None
 import cascadenorm as cn
 try:
     cn.denoise([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], device="cuda")
-except cn.ParameterError as error:
+except cn.MissingDependencyError as error:
     print(error)"""
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert "needs torch" in said and 'pip install "cascadenorm[gpu]"' in said

@@ -122,10 +122,12 @@ def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr(files, "is_installed", lambda: False)
     monkeypatch.setattr("cascadenorm.io.via_trimesh.foreign_formats", list)
     for format, packages in {"vtu": "meshio", "3mf": "lxml networkx", "dae": "pycollada"}.items():
-        words = re.escape(f"'{format}' files need further packages: pip install {packages}")
-        with pytest.raises(io.ReadError, match=words):
+        words = re.escape(
+            f"'{format}' files needs {packages}, which is not installed: pip install \"cascadenorm[formats]"
+        )
+        with pytest.raises(cn.MissingDependencyError, match=words):
             io.read(streams.BytesIO(b"anything"), format)
-        with pytest.raises(io.OutputError, match=words):
+        with pytest.raises(cn.MissingDependencyError, match=words):
             output_format(f"a.{format}")
 
 

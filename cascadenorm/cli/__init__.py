@@ -1,5 +1,6 @@
-"""The command line: commands, their tables and JSON, and the demonstration."""
+"""The command line: commands, their options, tables and JSON, and the demonstration."""
 
-from cascadenorm.cli.commands import app, main, run
+from cascadenorm.cli.commands import app
+from cascadenorm.cli.program import main, run
 
 __all__ = ["app", "main", "run"]

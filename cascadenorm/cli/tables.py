@@ -1,43 +1,29 @@
-"""What the command line shows: tables for people, one JSON object for machines, progress on a terminal."""
+"""Results as text and tables."""
 
 import csv
 import io
-import json
-import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from cascadenorm.api import Report
+from cascadenorm.cli.errors import complain
+from cascadenorm.cli.options import OPTIONS, option_name
 from cascadenorm.evaluation.harness import COLUMNS, Evaluation, Result
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.io.atomic import write_atomically
-from cascadenorm.learned import launch
 from cascadenorm.messages import counted
 from cascadenorm.registry import Method, Setting
 
-JSON_VERSION = 1
 COARSE = 0.01
-"""Steps of the number type, in mean edge lengths, from which on they are spoken of."""
+"""Resolution of the number type, in mean edge lengths, above which it is reported."""
 PLAIN_WIDTH = 120
-"""Columns of a table that does not go to a terminal."""
-
-
-def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
-    """Print a result with the command that made it and the version of the format."""
-    found = {"version": JSON_VERSION, "command": command, **content}
-    print(json.dumps(found, indent=2, default=str, allow_nan=False), file=file)
-
-
-UNTOUCHED = {"strength": 1.0, "boundary": "free", "on_bad": "error"}
-"""Controls that change nothing unless they are otherwise; all others do so unless they are None."""
+"""Width of a table that does not go to a terminal, in characters."""
 
 
 def print_denoised(done: Report, *, file: TextIO) -> None:
@@ -50,54 +36,65 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
         file=file,
     )
     controls = {"strength": done.strength, **done.controls}
-    chosen = [f"{name.replace('_', '-')} {value}" for name, value in controls.items() if value != UNTOUCHED.get(name)]
+    chosen = [_option(name, value) for name, value in controls.items() if value != OPTIONS[name].default]
     if chosen:
         print(f"controls: {', '.join(chosen)}", file=file)
     if done.isolated_vertices or done.isolated_faces:
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
-        bad = f"{vertices}, {counted(done.isolated_faces, 'face')}"
-        print(f"cascadenorm: left alone as bad: {bad}", file=sys.stderr)
+        complain(f"left as they are: {vertices}, {counted(done.isolated_faces, 'bad face')}")
     print_left_out(done.left_out)
 
 
+def _option(name: str, value: object) -> str:
+    option = option_name(OPTIONS[name]).removeprefix("--")
+    return option if OPTIONS[name].about.flag else f"{option} {value}"
+
+
 def print_left_out(losses: Sequence[str]) -> None:
-    """Say what an output could not keep."""
+    """Print what an output could not keep."""
     for loss in losses:
-        print(f"cascadenorm: left out: {loss}", file=sys.stderr)
+        complain(f"left out: {loss}")
 
 
 FINDINGS = {
-    "bad_indices": ("face names a vertex that does not exist", "faces name vertices that do not exist"),
+    "bad_indices": ("face references a vertex that does not exist", "faces reference vertices that do not exist"),
     "not_finite": ("vertex is not finite", "vertices are not finite"),
-    "repeated_corners": ("face names a vertex twice", "faces name a vertex twice"),
+    "repeated_corners": ("face repeats a vertex", "faces repeat a vertex"),
     "non_manifold_edges": ("edge has more than two faces", "edges have more than two faces"),
     "non_manifold_vertices": (
-        "vertex joins faces that do not hang together there",
-        "vertices join faces that do not hang together there",
+        "vertex is non-manifold, its faces not all connected by edges there",
+        "vertices are non-manifold, their faces not all connected by edges there",
     ),
     "turned_edges": (
-        "edge lies between faces of which one is turned over",
-        "edges lie between faces of which one is turned over",
+        "edge has two faces of inconsistent orientation, one of them flipped",
+        "edges have two faces of inconsistent orientation, one of them flipped",
     ),
-    "inside_out": ("closed part is inside out, or a cavity", "closed parts are inside out, or cavities"),
+    "inside_out": (
+        "closed component is inside out, or a cavity",
+        "closed components are inside out, or cavities",
+    ),
     "zero_area": ("face has no area", "faces have no area"),
-    "slivers": ("face is a sliver, less than 1 % as high as long", "faces are slivers, less than 1 % as high as long"),
-    "duplicate_faces": ("face repeats an earlier one", "faces repeat an earlier one"),
-    "unreferenced": ("vertex belongs to no face", "vertices belong to no face"),
-    "duplicate_vertices": (
-        "vertex lies where an earlier one does, but is not joined to it",
-        "vertices lie where an earlier one does, but are not joined to it",
+    "slivers": (
+        "face is a sliver, its height below 1 % of its longest edge",
+        "faces are slivers, their heights below 1 % of their longest edges",
     ),
-    "crossing_faces": ("face passes through others", "faces pass through others"),
+    "duplicate_faces": ("face duplicates an earlier one", "faces duplicate an earlier one"),
+    "unreferenced": ("vertex is unreferenced", "vertices are unreferenced"),
+    "duplicate_vertices": (
+        "vertex coincides with an earlier one, but is not merged with it",
+        "vertices coincide with an earlier one, but are not merged with it",
+    ),
+    "crossing_faces": ("face intersects others", "faces intersect others"),
 }
-"""What is said of each finding of an inspection, after the number of places: of one, and of several."""
+"""What is said of each finding of an inspection after its count: of one, and of several."""
 
 
 def print_inspection(found: Inspection) -> None:
-    """Print what a mesh is and what was found in it, a line each."""
-    rims = f"{counted(found.rims, 'rim')}, {counted(found.boundary_edges, 'edge')} long in all"
-    kind = "closed" if found.closed else f"open: {rims}"
-    handles = f", genus {found.genus}" if found.genus is not None else ""
+    """Print what a mesh is, and a line for each finding."""
+    loops = f"{counted(found.rims, 'boundary loop')} of {counted(found.boundary_edges, 'edge')} in all"
+    kind = "closed" if found.closed else f"open: {loops}"
+    genus = f", genus {found.genus}" if found.genus is not None else ""
+    euler = f"Euler characteristic {found.euler_characteristic}{genus}"
     copies = found.file_vertices - found.vertices
     vertices = counted(found.vertices, "vertex", "vertices")
     print(f"{found.source}: {vertices}, {counted(found.faces, 'face')}, {found.number_type}")
@@ -105,29 +102,29 @@ def print_inspection(found: Inspection) -> None:
         which = counted(copies, "is a copy", "are copies")
         print(f"  the file splits vertices: it has {found.file_vertices}, of which {which}")
     if found.lower is not None and found.upper is not None:
-        print(f"  parts: {found.parts}; {kind}; Euler characteristic {found.euler_characteristic}{handles}")
-        print(f"  box from {_numbers(found.lower)} to {_numbers(found.upper)}")
+        print(f"  connected components: {found.parts}; {kind}; {euler}")
+        print(f"  bounding box from {_numbers(found.lower)} to {_numbers(found.upper)}")
         print(
             f"  mean edge length {_number(found.mean_edge_length)}, area {_number(found.area)}, "
             f"enclosed volume {_number(found.volume)}"
         )
-    noise = "not to be told" if found.noise is None else f"about {found.noise:.2g} mean edge lengths"
+    noise = "cannot be estimated" if found.noise is None else f"about {found.noise:.2g} mean edge lengths"
     print(f"  noise along the normal: {noise}")
     if found.resolution is not None and found.resolution > COARSE:
         print(
-            f"  {found.number_type} is too coarse at these coordinates: its steps are {found.resolution:.2g} mean edge "
-            "lengths; write float64 numbers, or move the mesh to the origin first"
+            f"  {found.number_type} is too coarse at these coordinates: its resolution is {found.resolution:.2g} mean "
+            "edge lengths; write float64 numbers, or move the mesh to the origin first"
         )
     for name, places in found.findings.items():
         first = ", ".join("-".join(map(str, p)) if isinstance(p, tuple) else str(p) for p in places.first)
         more = ", …" if places.count > len(places.first) else ""
         print(f"  {counted(places.count, *FINDINGS[name])}: {first}{more}")
     if found.crossing_faces is None:
-        print("  faces that pass through others were not looked for; --self-intersections does")
+        print("  self-intersections were not looked for: pass --self-intersections")
     if not found.findings:
-        print("  nothing is wrong with it" if found.faces else "  it has no faces")
+        print("  no defects" if found.faces else "  it has no faces")
     else:
-        print(f"  (places are numbers of vertices or faces, counted from {found.counts_from})")
+        print(f"  (vertices and faces are counted from {found.counts_from})")
 
 
 def _numbers(values: Sequence[float]) -> str:
@@ -148,7 +145,7 @@ def print_measures(measures: Measures) -> None:
         ("normal error E_a, mean", f"{measures.normal_error_deg:.3f} deg"),
         ("normal error, root mean square", f"{measures.normal_error_rms_deg:.3f} deg"),
         ("normal error, 95 % of the faces", f"{measures.normal_error_p95_deg:.3f} deg"),
-        ("faces turned by more than 90 deg", f"{measures.turned_percent:.3f} %"),
+        ("faces flipped (off by more than 90 deg)", f"{measures.turned_percent:.3f} %"),
         ("vertex error E_v, mean", f"{measures.vertex_error_edges:.4f} mean edge lengths"),
         ("Hausdorff distance", f"{measures.hausdorff_diagonal:.5f} diagonals"),
         ("volume ratio", "open" if ratio is None else f"{ratio:.6f}"),
@@ -162,7 +159,7 @@ def print_evaluation(done: Evaluation) -> None:
     table = Table()
     table.add_column("pair")
     table.add_column("method")
-    for title in ("E_a deg", "E_v edges", "turned %", "Hausdorff", "volume", "seconds"):
+    for title in ("E_a deg", "E_v edges", "flipped %", "Hausdorff", "volume", "seconds"):
         table.add_column(title, justify="right")
     last = None
     for result in done.results:
@@ -189,15 +186,6 @@ def _cells(result: Result, *, name: str) -> tuple[str, ...]:
         "open" if measures.volume_ratio is None else f"{measures.volume_ratio:.4f}",
         f"{result.seconds:.2f}" if result.seconds else "",
     )
-
-
-def evaluation_object(done: Evaluation) -> dict[str, Any]:
-    """Return an evaluation as JSON can hold it."""
-    return {
-        "results": [result.row() for result in done.results],
-        "means": [result.row() for result in done.means],
-        "failures": [{"pair": f.pair, "method": f.method, "message": str(f.error)} for f in done.failures],
-    }
 
 
 def write_table(path: Path, done: Evaluation, *, force: bool) -> None:
@@ -227,76 +215,13 @@ def print_method(method: Method) -> None:
     for title in ("parameter", "default", "unit", "allowed", "meaning"):
         table.add_column(title)
     for setting in method.given_by_name:
-        table.add_row(setting.name, str(setting.default), setting.about.unit, _allowed(setting), setting.about.help)
+        table.add_row(setting.name, str(setting.default), setting.about.unit, allowed(setting), setting.about.help)
     print_table(table)
 
 
-def method_object(method: Method) -> dict[str, Any]:
-    """Return a method as JSON can hold it."""
-    return {
-        "name": method.name,
-        "summary": method.summary,
-        "source": method.source,
-        "parameters": [
-            {
-                "name": setting.name,
-                "default": _finite(setting.default),
-                "unit": setting.about.unit,
-                "allowed": _allowed(setting),
-                "help": setting.about.help,
-            }
-            for setting in method.given_by_name
-        ],
-    }
-
-
-def _allowed(setting: Setting) -> str:
+def allowed(setting: Setting) -> str:
+    """Return the values that a parameter takes, in words."""
     return ", ".join(map(str, setting.choices)) or setting.about.allowed
-
-
-def _finite(value: Any) -> Any:
-    """Return text for a number that JSON does not have."""
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-@contextmanager
-def progress_bar(text: str) -> Iterator[Callable[[float], object]]:
-    """Show the share that is done, on a terminal."""
-    with _progress() as bar:
-        task = bar.add_task(text, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
-
-
-@contextmanager
-def progress_steps() -> Iterator[Callable[[str, int, int], object]]:
-    """Show what is being done and how many parts are done, on a terminal."""
-    with _progress() as bar:
-        task = bar.add_task("", total=None)
-        yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
-
-
-@contextmanager
-def progress_tasks() -> Iterator[launch.Progress]:
-    """Show tasks as they begin and end, several at once: bars on a terminal, else a line for each that is finished."""
-    with _progress() as bar:
-        started: dict[str, TaskID] = {}
-
-        def show(task: str, done: int, total: int, note: str = "") -> None:
-            if task not in started:
-                started[task] = bar.add_task(task, total=total)
-            text = f"{task}  {note}" if note else task
-            bar.update(started[task], completed=done, description=text)
-            if done == total:
-                bar.remove_task(started.pop(task))
-                bar.console.print(f"{text}: done", highlight=False)
-
-        yield show
-
-
-def _progress() -> Progress:
-    console = Console(stderr=True, markup=False)
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
 def print_table(table: Table) -> None:

@@ -1,5 +1,6 @@
-"""What surrounds every method: strength, masks, fixed vertices, boundaries, creases, detail, limits, volume."""
+"""What surrounds every method: strength, masks, boundary, creases, detail, limits, volume."""
 
-from cascadenorm.controls.controls import Boundary, Controls, DenoiseError, controlled, faces_within, framed_length
+from cascadenorm.controls.settings import CONTROLS, Controls, ControlSetting, checked
+from cascadenorm.errors import DenoiseError
 
-__all__ = ["Boundary", "Controls", "DenoiseError", "controlled", "faces_within", "framed_length"]
+__all__ = ["CONTROLS", "ControlSetting", "Controls", "DenoiseError", "checked"]

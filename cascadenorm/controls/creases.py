@@ -1,4 +1,4 @@
-"""Creases: edges across which a method must not mix. The mesh is cut along them, and its sides are joined again."""
+"""Creases: edges across which a method must not average. The mesh is cut along them, and its sides are joined again."""
 
 import numbers
 from typing import Any, NamedTuple
@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Mesh, Vectors, first_places, row_sums
-from cascadenorm.registry import ParameterError
 
-HOLD = 0.02  # of a joined vertex to the mean of its copies; against 1 - cos of the angle between two sides
+HOLD = 0.02  # weight h of the mean of the copies, against 1 - cos of the angle between two sides
 
 
 class Sides(NamedTuple):
@@ -17,7 +17,7 @@ class Sides(NamedTuple):
 
     Parameters
     ----------
-    mesh : k vertices, the first n those of the mesh that was cut; its faces in their order
+    mesh : k vertices, of which the first n are those of the mesh that was cut; its faces in their order
     owners : (k,) the vertex that each of them is a copy of; 0 … n - 1 come first
     """
 
@@ -25,14 +25,14 @@ class Sides(NamedTuple):
     owners: NDArray[np.int64]
 
     def of(self, mesh: Mesh) -> Mesh:
-        """Return the mesh that was cut, with its vertices elsewhere, cut in the same way."""
+        """Return the uncut mesh with other positions, cut in the same way."""
         return self.mesh.moved(mesh.vertices[self.owners])
 
     def joined(self, mesh: Mesh, vertices: Vectors) -> Vectors:
-        """Bring the copies of a vertex together where their sides meet.
+        """Join the copies of each vertex where the tangent planes of their sides intersect.
 
-        Each side says where its tangent plane is, so the vertex goes where it is nearest to these planes, and, as far
-        as they leave it free, to the mean of the copies: it minimises Σ <n_c, x - x_c>² + h |x - mean of x_c|².
+        A copy c at x_c with normal n_c determines the tangent plane of its side. The joined vertex x minimises
+        Σ <n_c, x - x_c>² + h |x - mean of x_c|², so that where the planes leave it free it is near the mean.
 
         Parameters
         ----------
@@ -41,31 +41,37 @@ class Sides(NamedTuple):
 
         Returns
         -------
-        (n, 3); copies that moved alike keep their move
+        (n, 3); copies that moved by the same displacement keep it
         """
+        # Copies of the vertices that have several, each with the row of its vertex among these
         count = len(mesh.vertices)
         split = np.zeros(count, bool)
         split[self.owners[count:]] = True
         chosen = np.flatnonzero(split[self.owners])
         places, row = np.unique(self.owners[chosen], return_inverse=True)
+
+        # Displacements, their mean, and how far each plane is from the mean along its normal
         moves = vertices[chosen] - mesh.vertices[self.owners[chosen]]
         mean = row_sums(row, moves) / np.bincount(row)[:, None]
         normals = self.mesh.moved(vertices).vertex_normals[chosen]
-        missing = np.einsum("ij,ij->i", normals, moves - mean[row])
+        residuals = np.einsum("ij,ij->i", normals, moves - mean[row])
+
+        # Normal equations: (Σ n_c n_cᵀ + h I) (x - mean) = Σ <n_c, x_c - mean> n_c
         planes = row_sums(row, (normals[:, :, None] * normals[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
-        right = row_sums(row, normals * missing[:, None])[:, :, None]
+        right = row_sums(row, normals * residuals[:, None])[:, :, None]
         joined = vertices[:count].copy()
         joined[places] = mesh.vertices[places] + mean + np.linalg.solve(planes + HOLD * np.eye(3), right)[:, :, 0]
         return joined
 
 
 def crease_edges(mesh: Mesh, creases: float | ArrayLike) -> NDArray[np.bool_]:
-    """Return which edges of the mesh are creases.
+    """Return (e,) which edges of the mesh are creases.
 
     Parameters
     ----------
-    mesh : its edges with two faces have an angle between their normals, however these run; faces without area have none
-    creases : that angle in degrees, and sharper edges are creases; or (k, 2) pairs of vertices that edges join
+    mesh : e edges; faces may have any orientation, and those without area have no angle
+    creases : an angle in degrees, and creases are the edges whose two face normals differ by more than that; or (k, 2)
+        vertex indices of edges
 
     Raises
     ------
@@ -73,18 +79,18 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike) -> NDArray[np.bool_]:
     """
     if isinstance(creases, numbers.Real) and not isinstance(creases, bool):
         if not 0 <= creases <= 180:
-            raise ParameterError(f"creases is {creases!r}; an angle in degrees must be within 0 … 180")
-        return _turns(mesh) > np.radians(float(creases))
+            raise ParameterError(f"is {creases!r}; an angle in degrees must be within 0 … 180", parameter="creases")
+        return _angles(mesh) > np.radians(float(creases))
     pairs = np.asarray(creases)
     return _given(mesh, pairs if pairs.size else np.zeros((0, 2), np.int64))
 
 
-def _turns(mesh: Mesh) -> NDArray[np.float64]:
-    """(e,) angle between the two faces of each edge, 0 where there are not two."""
+def _angles(mesh: Mesh) -> NDArray[np.float64]:
+    """(e,) angle between the normals of the two faces of each edge, 0 where there are not two."""
     topology = mesh.topology
     first, second = mesh.normals[topology.face_pairs.T]
-    alike = topology.balance[topology.interior_edges] != 0  # both faces run along the edge the same way
-    second = np.where(alike[:, None], -second, second)
+    inconsistent = topology.balance[topology.interior_edges] != 0  # both faces traverse the edge in one direction
+    second = np.where(inconsistent[:, None], -second, second)
     angles = np.zeros(len(topology.edges))
     chords = np.linalg.norm(first - second, axis=1)
     known = (first.any(axis=1)) & (second.any(axis=1))
@@ -93,21 +99,26 @@ def _turns(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _given(mesh: Mesh, pairs: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which edges join the given pairs of vertices."""
     if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise ParameterError(
-            f"creases have shape {pairs.shape} and type {pairs.dtype}; they must be an angle in degrees, or (k, 2) "
-            "numbers of the vertices that each crease joins"
+            f"has shape {pairs.shape} and type {pairs.dtype}; it must be an angle in degrees, or (k, 2) vertex indices "
+            "of edges",
+            parameter="creases",
         )
+    # Edges are sorted by their vertices, so a pair is found by one number
     count, edges = len(mesh.vertices), mesh.topology.edges.astype(np.int64)
     low, high = np.sort(pairs.astype(np.int64), axis=1).T
     keys = edges[:, 0] * count + edges[:, 1]
     place = np.minimum(np.searchsorted(keys, low * count + high), len(keys) - 1)
     bad = (edges[place, 0] != low) | (edges[place, 1] != high)
     if bad.any():
-        named = "-".join(map(str, pairs[bad][0]))
+        first = "-".join(map(str, pairs[bad][0]))
         raise ParameterError(
-            f"{bad.sum()} of {len(bad)} creases are no edges of the mesh (rows {first_places(bad)}; the first is "
-            f"{named}): give the two vertices of an edge, counted from 0"
+            f"has {bad.sum()} of {len(bad)} pairs that are no edges of the mesh (rows {first_places(bad)}; the first "
+            f"is {first})",
+            parameter="creases",
+            hint="give the two vertices of an edge, counted from 0",
         )
     creases = np.zeros(len(edges), bool)
     creases[place] = True
@@ -115,25 +126,30 @@ def _given(mesh: Mesh, pairs: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def cut(mesh: Mesh, creases: NDArray[np.bool_]) -> Sides:
-    """Cut a mesh along creases; corners at a vertex stay together where faces hang together by other edges.
+    """Cut a mesh along creases; faces at a vertex share a copy of it where other edges connect them.
 
     Parameters
     ----------
     mesh : n vertices; vertices that no crease touches stay whole
     creases : (e,) for each edge; where they end within the surface, nothing is cut
     """
+    # Half-edges at vertices that a crease touches, and the fan of connected faces that each is in
     count, faces = len(mesh.vertices), mesh.faces
     touched = np.zeros(count, bool)
     touched[mesh.topology.edges[creases]] = True
     corners = np.flatnonzero(touched[faces.ravel()])
     vertices = faces.ravel()[corners]
     fans = mesh.topology.fans(~creases)
+
+    # A copy for each pair of vertex and fan; the first one of a vertex keeps its index
     copies, copy = np.unique(vertices.astype(np.int64) * faces.size + fans[corners], return_inverse=True)
     owners = copies // faces.size
     further = np.concatenate([[False], owners[1:] == owners[:-1]])[: len(owners)]
-    numbers = np.where(further, count - 1 + np.cumsum(further), owners)
+    indices = np.where(further, count - 1 + np.cumsum(further), owners)
+
+    # The faces over the copies
     cut_faces = faces.ravel().astype(np.int64)
-    cut_faces[corners] = numbers[copy]
+    cut_faces[corners] = indices[copy]
     owners = np.concatenate([np.arange(count), owners[further]])
     if not further.any():
         return Sides(mesh, owners)

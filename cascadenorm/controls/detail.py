@@ -1,4 +1,4 @@
-"""The smallest feature to keep: of what a method moves, only what is finer is applied."""
+"""The smallest feature to keep: of the displacement of a method, only what is finer is applied."""
 
 import math
 from collections.abc import Callable
@@ -11,37 +11,40 @@ from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver
 from cascadenorm.mesh import Mesh, Vectors
 
-WIDEST = 10.0  # diagonals of the mesh: beyond that only the mean is left to be kept
+WIDEST = 10.0  # diagonals of the mesh: a larger width takes away the mean displacement of a component, and no more
 
 
 def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
-    """Return a function that takes away from a displacement what is as wide as a feature to keep.
+    """Return a high-pass filter of displacements, which takes away what is as wide as the features to keep.
 
-    A feature is half a wave: one of wave number q = π/width is moved by half. The displacement passes twice through
-    one implicit step of diffusion, x - (1 - tΔ)⁻¹ x, so a wave with -Δx = q²x is scaled by (tq²/(1 + tq²))², where
-    t = (1 + √2)(width/π)² makes that a half at q = π/width. Waves twice as wide keep 14 % of their displacement, four
+    A feature is half a wave, of wave number q = π/width. The displacement x passes twice through the remainder of one
+    implicit step of diffusion, x - (1 - tΔ)⁻¹ x, so that a wave with -Δx = q²x is scaled by (tq²/(1 + tq²))²; with
+    t = (1 + √2)(width/π)² this is a half at q = π/width. A wave twice as wide keeps 14 % of its displacement, one four
     times as wide 2 %; half as wide 82 %, a quarter as wide 95 %.
 
     Parameters
     ----------
-    width : in the unit of the mesh; with 0 nothing moves, with infinity all does, less what each part moves as a whole
-    mesh : n vertices, on which the displacement is smoothed; rims are free
+    width : in the unit of the mesh; 0 takes away everything, infinity the mean displacement of each component alone
+    mesh : n vertices, over which the displacement is smoothed; the boundary is free
 
     Returns
     -------
     A linear function of (n, 3) displacements; vertices without a face do not move
     """
+    # M + tL, the matrix of an implicit step, over the vertices that have a face
     laplacian = cotangent_laplacian(mesh)
     inside = np.flatnonzero(laplacian.mass > 0)
     time = (1 + math.sqrt(2)) * (min(width, WIDEST * mesh.diagonal) / math.pi) ** 2
     stiffness = time * laplacian.stiffness[inside][:, inside]
     matrix = sparse.csr_array(sparse.diags_array(laplacian.mass[inside]) + stiffness)
+
+    # Few iterations are needed where the step is mild; else a solver that prepares the matrix pays
     mild = time * laplacian.largest < MILD
     solve = partial(solve_once, matrix) if mild else solver(matrix, mesh.vertices[inside])
 
     def finer(displacement: Vectors) -> Vectors:
         fine = np.zeros_like(displacement)
-        fine[inside] = solve(stiffness @ solve(stiffness @ displacement[inside]))
+        fine[inside] = solve(stiffness @ solve(stiffness @ displacement[inside]))  # x - (M + tL)⁻¹ M x, twice
         return fine
 
     return finer

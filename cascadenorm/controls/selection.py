@@ -1,8 +1,7 @@
-"""What users name of a mesh file in words: vertices by attributes, numbers and other files, faces by their labels."""
+"""Controls given by names in a mesh file: vertices by attributes, indices and other files, faces by their labels."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -10,57 +9,47 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.controls import Controls, faces_within
+from cascadenorm.controls.settings import Controls
+from cascadenorm.controls.weights import selected_faces
+from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
-from cascadenorm.registry import ParameterError
 
 FILES = (".npy", ".txt")
-RUN = re.compile(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?")  # 5 or 7-20
+RANGE = re.compile(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?")  # 5 or 7-20
 MOST_NAMES = 20  # in a message
 
 
 def selected(controls: Controls, file: MeshFile) -> Controls:
-    """Return the controls with what they name in words as arrays over the mesh of a file.
+    """Return the controls with what they name as arrays over the mesh of a file.
 
-    What is said in words, or stands in a file, counts the vertices of the mesh file from 0. Where that splits a vertex,
-    the smallest weight of its copies counts, and it is fixed if one of them is.
+    Names and indices in text, and those in other files, refer to the vertices of the mesh file, from 0. Where the file
+    splits a vertex, the smallest weight of its copies counts, and it is fixed if one of them is.
 
     Parameters
     ----------
-    controls : with, in words,
-        mask: a vertex attribute of the file, in 0 … 255 where it is uint8, else in 0 … 1; or the name of a file .npy
-        or .txt with one such number for each vertex
-        fixed: numbers of vertices such as "0,5,7-20"; or an attribute that is not 0 where they are fixed; or the name
-        of a file with numbers of vertices
-        only: one or several labels of faces, each a name, or kind=name such as material=steel; numbers and arrays
-        count all triangles of the file, those besides its mesh as well
-        creases: an angle, or the name of a file with the two vertices of an edge in each row
-    file : its attributes carry the names that PLY gives them; arrays of controls may have a value for each of its
-        vertices, as well as for each of its mesh
+    controls : mask, fixed, only and creases as `Controls` declares them for files; arrays have an entry for each vertex
+        of the file or of its mesh, and `only` for each triangle of the file, those besides its mesh included
+    file : its attributes carry the names of PLY properties
 
     Raises
     ------
-    ParameterError : names that the file does not have, files that cannot be read, numbers out of range
+    ParameterError : a name that the file does not have, a file that cannot be read, an index out of range
     """
-    given = {name: getattr(controls, name) for name in ("mask", "fixed", "creases")}
-    controls = replace(controls, **{name: fspath(at) for name, at in given.items() if isinstance(at, PathLike)})
-    changed: dict[str, Any] = {}
-    if controls.mask is not None:
-        changed["mask"] = _mask(controls.mask, file)
-    if controls.fixed is not None:
-        changed["fixed"] = _fixed(controls.fixed, file)
-    names = [controls.only] if isinstance(controls.only, str) else controls.only
-    if isinstance(names, Sequence) and names and all(isinstance(name, str) for name in names):
-        changed["only"] = faces_labelled(names, file)
-    elif controls.only is not None:  # counts the triangles that the mesh of the file is without as well
-        changed["only"] = faces_within(controls.only, len(file.triangles))[~file.left_out]
-    if isinstance(controls.creases, str):
-        changed["creases"] = _creases(controls.creases, file)
-    return replace(controls, **changed)
+    mask, fixed, creases = (_as_text(controls[name]) for name in ("mask", "fixed", "creases"))
+    found = controls.copy()
+    if mask is not None:
+        found["mask"] = _mask(mask, file)
+    if fixed is not None:
+        found["fixed"] = _fixed(fixed, file)
+    if isinstance(creases, str):
+        found["creases"] = _creases(creases, file)
+    if controls["only"] is not None:
+        found["only"] = _only(controls["only"], file)
+    return found
 
 
 def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
-    """Return controls over vertices of which some are copies of each other as controls over the welded ones.
+    """Return controls over split vertices as controls over the welded ones.
 
     Parameters
     ----------
@@ -68,20 +57,20 @@ def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
     welds : (k,) the welded vertex of each
     """
 
-    def renumbered(numbers: ArrayLike) -> NDArray[Any]:
-        given = np.asarray(numbers)
+    def renumbered(indices: ArrayLike) -> NDArray[Any]:
+        given = np.asarray(indices)
         within = given.dtype.kind in "iu" and ((given >= 0) & (given < len(welds))).all()
-        return welds[given] if within else given  # the controls say what is wrong
+        return welds[given] if within else given  # refused where the controls are applied
 
-    changed: dict[str, Any] = {}
-    if controls.mask is not None:
-        changed["mask"] = _joined(np.asarray(controls.mask), welds, np.minimum)
-    if controls.fixed is not None:
-        fixed = np.asarray(controls.fixed)
-        changed["fixed"] = _joined(fixed, welds, np.maximum) if fixed.dtype == bool else renumbered(fixed)
-    if np.ndim(controls.creases) == 2:  # type: ignore[arg-type]
-        changed["creases"] = renumbered(controls.creases)  # type: ignore[arg-type]
-    return replace(controls, **changed)
+    found = controls.copy()
+    if controls["mask"] is not None:
+        found["mask"] = _joined(np.asarray(controls["mask"]), welds, np.minimum)
+    if controls["fixed"] is not None:
+        fixed = np.asarray(controls["fixed"])
+        found["fixed"] = _joined(fixed, welds, np.maximum) if fixed.dtype == bool else renumbered(fixed)
+    if np.ndim(creases := np.asarray(controls["creases"])) == 2:
+        found["creases"] = renumbered(creases)
+    return found
 
 
 def faces_labelled(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
@@ -90,7 +79,7 @@ def faces_labelled(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
     Parameters
     ----------
     names : each a name, such as that of a material, or kind=name, such as material=steel or, for numbers, segment=3
-    file : of its kinds of labels, see `MeshFile.face_labels`
+    file : for its kinds of labels, see `MeshFile.face_labels`
 
     Raises
     ------
@@ -106,9 +95,13 @@ def faces_labelled(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
         if not carrying[file.triangle_polygons].any():
             known = dict.fromkeys(f"{label.kind}={v}" for label in labels for v in label.values.tolist() if v != "")
             there = f"there are: {_listed(known)}" if known else "the file has no labels of faces"
-            raise ParameterError(f"no face is labelled {name!r}; {there}")
+            raise ParameterError(f"matches no face with {name!r}; {there}", parameter="only")
         chosen = chosen | carrying
     return chosen[file.triangle_polygons[~file.left_out]]
+
+
+def _as_text(given: Any) -> Any:
+    return fspath(given) if isinstance(given, PathLike) else given
 
 
 def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
@@ -119,9 +112,13 @@ def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
 
 
 def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
+    """Return fixed vertices as indices or bool over the mesh of the file."""
+    # An array, of indices in the mesh or of bool
     if not isinstance(fixed, str):
         given = np.asarray(fixed)
         return _joined(given, file.welds, np.maximum) if given.dtype == bool else given
+
+    # An attribute or a file
     count, attributes = len(file.positions), _attributes(file)
     if fixed in attributes:
         return _joined(np.asarray(attributes[fixed] != 0), file.welds, np.maximum)
@@ -129,17 +126,28 @@ def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
         column = _table("fixed", fixed, 1)[:, 0]
         if column.dtype == bool:
             return _joined(column, file.welds, np.maximum)
-        return file.welds[_vertex_numbers("fixed", column, count)]
-    runs = [RUN.fullmatch(run) for run in fixed.split(",")]
-    if not all(runs):
+        return file.welds[_vertex_indices("fixed", column, count)]
+
+    # Indices and ranges
+    ranges = [RANGE.fullmatch(part) for part in fixed.split(",")]
+    if not all(ranges):
         raise ParameterError(
-            f'fixed is {fixed!r}; it must be numbers of vertices such as "0,5,7-20", a file {" or ".join(FILES)} of '
-            f"them, or a vertex attribute; the file has: {_listed(attributes)}"
+            f'is {fixed!r}; it must be vertex indices such as "0,5,7-20", a file {" or ".join(FILES)} of them, or a '
+            f"vertex attribute; the file has: {_listed(attributes)}",
+            parameter="fixed",
         )
-    ends = np.array([sorted((int(run[1]), int(run[2] or run[1]))) for run in runs if run])
-    within = _vertex_numbers("fixed", ends, count)
-    numbers: NDArray[np.int64] = np.concatenate([np.arange(first, last + 1) for first, last in within])
-    return file.welds[numbers]
+    ends = np.array([sorted((int(part[1]), int(part[2] or part[1]))) for part in ranges if part])
+    within = _vertex_indices("fixed", ends, count)
+    indices: NDArray[np.int64] = np.concatenate([np.arange(first, last + 1) for first, last in within])
+    return file.welds[indices]
+
+
+def _only(only: Any, file: MeshFile) -> NDArray[np.bool_]:
+    """Return the faces of the mesh that are named, or selected among all triangles of the file."""
+    names = [only] if isinstance(only, str) else only
+    if isinstance(names, Sequence) and names and all(isinstance(name, str) for name in names):
+        return faces_labelled(names, file)
+    return selected_faces(only, len(file.triangles))[~file.left_out]
 
 
 def _creases(creases: str, file: MeshFile) -> float | NDArray[Any]:
@@ -148,10 +156,11 @@ def _creases(creases: str, file: MeshFile) -> float | NDArray[Any]:
     except ValueError:
         if not creases.endswith(FILES):
             raise ParameterError(
-                f"creases is {creases!r}; it must be an angle in degrees, or a file {' or '.join(FILES)} with the two "
-                "vertices of an edge in each row"
+                f"is {creases!r}; it must be an angle in degrees, or a file {' or '.join(FILES)} with the two vertex "
+                "indices of an edge in each row",
+                parameter="creases",
             ) from None
-    return file.welds[_vertex_numbers("creases", _table("creases", creases, 2), len(file.positions))]
+    return file.welds[_vertex_indices("creases", _table("creases", creases, 2), len(file.positions))]
 
 
 def _of_vertices(name: str, text: str, file: MeshFile) -> NDArray[Any]:
@@ -161,8 +170,9 @@ def _of_vertices(name: str, text: str, file: MeshFile) -> NDArray[Any]:
         return attributes[text]
     if not text.endswith(FILES):
         raise ParameterError(
-            f"{name} is {text!r}; it must be a file {' or '.join(FILES)}, or a vertex attribute of the mesh; it has: "
-            f"{_listed(attributes)}"
+            f"is {text!r}; it must be a file {' or '.join(FILES)}, or a vertex attribute of the mesh; it has: "
+            f"{_listed(attributes)}",
+            parameter=name,
         )
     return _table(name, text, 1)[:, 0]
 
@@ -173,7 +183,7 @@ def _attributes(file: MeshFile) -> dict[str, NDArray[Any]]:
 
 
 def _joined(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_largest: np.ufunc) -> NDArray[Any]:
-    """Bring values at the vertices of the file to those of its mesh; others are left for the controls to judge."""
+    """Reduce values at the vertices of the file to those of its mesh; other arrays are checked where applied."""
     if values.shape != welds.shape or values.dtype.kind not in "biuf":
         return values
     joined = np.empty(welds.max(initial=-1) + 1, values.dtype)
@@ -182,14 +192,14 @@ def _joined(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_largest:
     return joined
 
 
-def _vertex_numbers(name: str, numbers: NDArray[Any], count: int) -> NDArray[np.int64]:
-    bad = ~np.asarray((numbers >= 0) & (numbers < count) & (numbers % 1 == 0), bool)
+def _vertex_indices(name: str, indices: NDArray[Any], count: int) -> NDArray[np.int64]:
+    bad = ~np.asarray((indices >= 0) & (indices < count) & (indices % 1 == 0), bool)
     if bad.any():
         raise ParameterError(
-            f"{name} names vertex {numbers[bad][0]:.15g}; the file has {count} vertices, counted from 0 as whole "
-            "numbers"
+            f"references vertex {indices[bad][0]:.15g}; the file has {count} vertices, counted from 0 in whole numbers",
+            parameter=name,
         )
-    return numbers.astype(np.int64)
+    return indices.astype(np.int64)
 
 
 def _table(name: str, path: str, columns: int) -> NDArray[Any]:
@@ -201,10 +211,12 @@ def _table(name: str, path: str, columns: int) -> NDArray[Any]:
             lines = (re.split(r"[\s,;]+", line.partition("#")[0].strip()) for line in _lines(path))
             table = np.array([line for line in lines if line != [""]], np.float64)
     except (OSError, EOFError, ValueError) as error:
-        raise ParameterError(f"{name}: {path} cannot be read as numbers: {error}") from None
+        raise ParameterError(f"is {path!r}, which cannot be read as numbers: {error}", parameter=name) from None
     rows = table.reshape(-1, 1) if table.ndim == 1 and columns == 1 else table
     if (rows.ndim != 2 or rows.shape[1] != columns or rows.dtype.kind not in "biuf") and rows.size:
-        raise ParameterError(f"{name}: {path} has shape {table.shape}; it must have {columns} numbers in each row")
+        raise ParameterError(
+            f"is {path!r}, which has shape {table.shape}; it must have {columns} numbers in each row", parameter=name
+        )
     return rows.reshape(-1, columns)
 
 
@@ -212,6 +224,6 @@ def _lines(path: str) -> list[str]:
     return Path(path).read_text(encoding="utf-8-sig").splitlines()
 
 
-def _listed(names: Any) -> str:
+def _listed(names: Iterable[str]) -> str:
     listed = list(names)
     return ", ".join(listed[:MOST_NAMES]) + (", …" if len(listed) > MOST_NAMES else "") or "none"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 from cascadenorm.api import denoise
-from cascadenorm.controls import Controls
+from cascadenorm.controls import checked
 from cascadenorm.evaluation.metrics import Measures, measure
 from cascadenorm.evaluation.pairs import Places, find_pairs
 from cascadenorm.interop import as_mesh
@@ -89,7 +89,7 @@ def evaluate(
     ParameterError : a method or a parameter that does not exist, or a value out of range
     ReadError : there are no pairs
     """
-    Controls(strength=strength, threads=threads)  # says what is wrong with them
+    checked({"strength": strength, "threads": threads})  # raises for values out of range
     settings = {"strength": strength, "threads": threads, **(parameters or {})}
     methods = [methods] if isinstance(methods, str) else methods
     for name in methods:

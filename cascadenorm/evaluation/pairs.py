@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm import data_gen
-from cascadenorm.controls import DenoiseError
 from cascadenorm.data_gen import DatasetConfig, write_dataset
 from cascadenorm.data_gen.patches import patch, patches
+from cascadenorm.errors import MissingDependencyError
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.interop import as_mesh, save_mesh
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
@@ -128,14 +128,14 @@ def write_pairs(
     Raises
     ------
     OutputError : the folder is not empty and force is not given, or it is a file or cannot be made
-    DenoiseError : scikit-image is not installed
+    MissingDependencyError : scikit-image is not installed
     """
     if find_spec("skimage") is None:
-        raise DenoiseError("generating needs skimage: pip install 'cascadenorm[train]'")
+        raise MissingDependencyError("generating", package="skimage", extra="train")
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder} is a file: give the name of a folder")
     if folder.is_dir() and any(folder.iterdir()) and not force:
-        raise OutputError(f"{folder} is not empty: give another folder, or write into it with force (--force)")
+        raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
     config = replace(DATA, count=count, seed=seed)
 
     def report(done: int, total: int) -> None:

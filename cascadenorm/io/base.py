@@ -11,10 +11,13 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.errors import MeshError
+from cascadenorm.errors import OutputError as OutputError
+from cascadenorm.errors import ReadError as ReadError
 from cascadenorm.io.normals import Normals, renewed_normals
 from cascadenorm.io.polygons import Polygons, triangulate
 from cascadenorm.io.welding import weld
-from cascadenorm.mesh import Mesh, MeshError, bad_faces, bad_vertices, first_places, isolated
+from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, first_places, isolated
 from cascadenorm.messages import counted
 
 Positions = NDArray[Any]
@@ -23,14 +26,6 @@ Positions = NDArray[Any]
 Piece = bytes | memoryview
 
 AnyMeshFile = TypeVar("AnyMeshFile", bound="MeshFile")
-
-
-class ReadError(MeshError):
-    """A file that cannot be read as a mesh; the message says what is wrong, where, and what to do."""
-
-
-class OutputError(OSError):
-    """An output that exists already or cannot be written; nothing has been changed."""
 
 
 @dataclass(frozen=True)
@@ -212,8 +207,9 @@ class MeshFile(ABC):
             raise MeshError(
                 f"{which} (faces {self._numbers(faces)}; the first names "
                 f"vertex {self.polygons.corners[bad][0] + first}; there are {len(self.positions)}, counted from "
-                f"{first}): drop these faces, write the file again where it came from, or denoise with "
-                "on_bad='isolate'"
+                f"{first})",
+                hint="drop these faces, write the file again where it came from",
+                remedy=("on_bad", "isolate"),
             )
         positions = self._read_positions if len(self.positions) else np.zeros((1, 3))
         corners = np.where(bad, 0, self.polygons.corners)
@@ -240,8 +236,9 @@ class MeshFile(ABC):
         if bad.any():
             raise MeshError(
                 f"{bad.sum()} of {len(bad)} vertices are not finite (vertices {self._numbers(np.flatnonzero(bad))}, "
-                f"counted from {self.counts_from}): give them a position, remove them and their faces, or denoise with "
-                "on_bad='isolate'"
+                f"counted from {self.counts_from})",
+                hint="give them a position, remove them and their faces",
+                remedy=("on_bad", "isolate"),
             )
         return Mesh(self.positions[self._weld[1]], self._welded_triangles)
 

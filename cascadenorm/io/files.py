@@ -11,6 +11,7 @@ from typing import BinaryIO, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cascadenorm.errors import MissingDependencyError
 from cascadenorm.io.atomic import check_output, is_special, write_atomically, write_together
 from cascadenorm.io.base import Content, MeshFile, OutputError, Piece, ReadError
 from cascadenorm.io.glb import GlbFile
@@ -70,14 +71,14 @@ def read(source: Source, format: str | None = None) -> MeshFile:
         if kind is None:
             known = ", ".join(dict.fromkeys([*FORMATS, *_meshio_formats(), *foreign_formats()]))
             if chosen in NEEDS:
-                raise ReadError(f"{chosen!r} files need further packages: pip install {NEEDS[chosen]}")
+                raise _missing("reading", chosen)
             raise ReadError(
                 f"{f'{chosen!r} is' if chosen else 'the content is'} no mesh format known here ({known}): "
                 "convert it (in Python, its format can be named)"
             )
         return kind(data, folder)
     except ReadError as error:
-        raise ReadError(f"{name}: {error}") from error.__cause__
+        raise error.within(name) from error.__cause__
 
 
 def write(file: MeshFile, target: Source, *, format: str | None = None, force: bool = False) -> list[str]:
@@ -192,7 +193,7 @@ def output_format(target: Source, otherwise: str = "") -> str:
     if not chosen:
         raise OutputError(f"the name {target} has no extension that says in which format to write: {', '.join(known)}")
     if chosen in NEEDS and _kind(chosen) is None:
-        raise OutputError(f"'{chosen}' files need further packages: pip install {NEEDS[chosen]}")
+        raise _missing("writing", chosen)
     if chosen not in known:
         raise OutputError(f"'{chosen}' is no mesh format that can be written: choose one of {', '.join(known)}")
     return chosen
@@ -202,6 +203,12 @@ def is_mesh_name(path: Path) -> bool:
     """Whether a file can be a mesh by its extension, even if packages are missing to read it."""
     format = path.suffix[1:].lower()
     return format in NEEDS or _kind(format) is not None
+
+
+def _missing(work: str, format: str) -> MissingDependencyError:
+    package = NEEDS[format]
+    extra = "" if package == "cascadio" else "formats"
+    return MissingDependencyError(f"{work} {format!r} files", package=package, extra=extra)
 
 
 def _kind(format: str) -> type[MeshFile] | None:

@@ -43,7 +43,7 @@ def companions(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path,
             continue
         if copy.exists() and not force:
             raise OutputError(
-                f"{copy} is in the way of a copy of {name!r}: choose another folder, or use force (--force)"
+                f"{copy} is in the way of a copy of {name!r}", hint="choose another folder", remedy=("force", True)
             )
         copies[copy] = [content]
     return copies, missing

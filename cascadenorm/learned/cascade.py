@@ -13,6 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from cascadenorm.baselines.vertex_update import Sweeps, Weighting
+from cascadenorm.errors import MissingDependencyError
 from cascadenorm.learned.descriptors import CONSTANTS, DESCRIPTORS
 from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.engine import PROCESSOR, Engine
@@ -141,9 +142,7 @@ def _engine(device: str) -> Engine:
     try:
         from cascadenorm.learned import torch_engine
     except ModuleNotFoundError:
-        raise ParameterError(
-            f'device is {device!r}, which needs torch: pip install "cascadenorm[gpu]", or leave the device out'
-        ) from None
+        raise MissingDependencyError(f"device={device!r}", package="torch", extra="gpu") from None
     return torch_engine.engine(device)
 
 

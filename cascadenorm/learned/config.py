@@ -7,6 +7,7 @@ from os import PathLike
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from cascadenorm.data_gen import DatasetConfig
+from cascadenorm.errors import ConfigError as ConfigError
 from cascadenorm.learned.descriptors import DESCRIPTORS
 from cascadenorm.learned.regression import ACTIVATIONS
 
@@ -16,10 +17,6 @@ else:
     import tomli as tomllib
 
 Settings = TypeVar("Settings")
-
-
-class ConfigError(ValueError):
-    """A configuration that cannot be used; the message names the key."""
 
 
 @dataclass(frozen=True, kw_only=True)

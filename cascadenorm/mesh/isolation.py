@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh.mesh import Mesh, MeshError, face_array, vertex_array
+from cascadenorm.errors import MeshError
+from cascadenorm.mesh.mesh import Mesh, face_array, vertex_array
 
 
 def bad_vertices(vertices: ArrayLike) -> NDArray[np.bool_]:

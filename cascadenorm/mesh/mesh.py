@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.errors import MeshError
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology import Topology
@@ -13,10 +14,6 @@ from cascadenorm.messages import counted
 
 Vectors = NDArray[np.float64]
 """(k, 3) float64: positions, normals or displacements."""
-
-
-class MeshError(ValueError):
-    """A mesh that cannot be worked on; the message says what is wrong, where, and what to do."""
 
 
 class Mesh:
@@ -242,8 +239,9 @@ def _checked_vertices(vertices: ArrayLike) -> Vectors:
     bad = np.asarray(~np.isfinite(array).all(axis=1))
     if bad.any():
         raise MeshError(
-            f"{bad.sum()} of {len(array)} vertices are not finite (vertices {first_places(bad)}): "
-            "give them a position, remove them and their faces, or denoise with on_bad='isolate'"
+            f"{bad.sum()} of {len(array)} vertices are not finite (vertices {first_places(bad)})",
+            hint="give them a position, remove them and their faces",
+            remedy=("on_bad", "isolate"),
         )
     array.flags.writeable = False
     return array
@@ -257,8 +255,9 @@ def _checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
     if bad.any():
         which = f"{counted(int(bad.sum()), 'face uses', 'faces use')} vertices that do not exist"
         raise MeshError(
-            f"{which} (faces {first_places(bad)}; there are {vertex_count} "
-            "vertices): drop them, check whether the numbering starts at 0, or denoise with on_bad='isolate'"
+            f"{which} (faces {first_places(bad)}; there are {vertex_count} vertices)",
+            hint="drop them, check whether the numbering starts at 0",
+            remedy=("on_bad", "isolate"),
         )
     array = np.array(array, np.int32, order="C")
     array.flags.writeable = False

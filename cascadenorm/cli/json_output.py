@@ -1,0 +1,76 @@
+"""JSON objects of the commands; docs/json.md is their schema."""
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Any, TextIO
+
+from cascadenorm.api import Report
+from cascadenorm.cli.errors import worded
+from cascadenorm.cli.tables import allowed
+from cascadenorm.evaluation.harness import Evaluation
+from cascadenorm.evaluation.metrics import Measures
+from cascadenorm.inspection import Inspection
+from cascadenorm.registry import Method
+
+VERSION = 1
+"""Of the schema; it changes when a key is renamed, removed or gets another meaning, not when one is added."""
+
+
+def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
+    """Print the object of a command, to stdout or another file."""
+    found = {"version": VERSION, "command": command, **content}
+    print(json.dumps(found, indent=2, default=str, allow_nan=False), file=file)
+
+
+def denoised(done: Report) -> dict[str, Any]:
+    """Return what was done to a file."""
+    return asdict(done)
+
+
+def inspected(found: Inspection) -> dict[str, Any]:
+    """Return an inspection."""
+    return asdict(found)
+
+
+def compared(mesh: str, reference: str, measures: Measures) -> dict[str, Any]:
+    """Return the measures of a mesh against a reference, with their names."""
+    return {"mesh": mesh, "reference": reference, "measures": asdict(measures)}
+
+
+def evaluated(done: Evaluation) -> dict[str, Any]:
+    """Return the rows of an evaluation, their means, and what failed."""
+    return {
+        "results": [result.row() for result in done.results],
+        "means": [result.row() for result in done.means],
+        "failures": [{"pair": f.pair, "method": f.method, "message": worded(f.error)} for f in done.failures],
+    }
+
+
+def methods(listed: Iterable[Method]) -> dict[str, Any]:
+    """Return methods with their parameters."""
+    return {"methods": [_method(method) for method in listed]}
+
+
+def _method(method: Method) -> dict[str, Any]:
+    return {
+        "name": method.name,
+        "summary": method.summary,
+        "source": method.source,
+        "parameters": [
+            {
+                "name": setting.name,
+                "default": _finite(setting.default),
+                "unit": setting.about.unit,
+                "allowed": allowed(setting),
+                "help": setting.about.help,
+            }
+            for setting in method.given_by_name
+        ],
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Return text for a number that JSON does not have."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

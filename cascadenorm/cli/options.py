@@ -1,0 +1,79 @@
+"""Options of the command line; those of the controls are made from their declaration."""
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import Annotated, Any
+
+import typer
+
+from cascadenorm.controls import CONTROLS, ControlSetting
+
+Method = Annotated[str, typer.Option(help="One of those that `cascadenorm methods` lists.")]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, as docs/json.md describes it.")]
+
+OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
+"""Controls that the command line has an option for."""
+
+Command = Callable[..., None]
+
+
+def spelled(name: str, value: object = None) -> str:
+    """Return what the command line calls a setting, for messages; parameters of methods keep their names."""
+    if name in OPTIONS:
+        option = option_name(OPTIONS[name])
+        return option if value is None or OPTIONS[name].about.flag else f"{option} {value}"
+    return "--force" if name == "force" else name
+
+
+def option_name(setting: ControlSetting) -> str:
+    """Return the option of a control, such as --keep-detail."""
+    return setting.about.flag or f"--{setting.name.replace('_', '-')}"
+
+
+def takes_controls(*names: str) -> Callable[[Command], Command]:
+    """Give a command with keyword arguments `**controls` an option for each of the controls, or for those named."""
+    settings = [OPTIONS[name] for name in names or OPTIONS]
+
+    def with_options(command: Command) -> Command:
+        @wraps(command)
+        def run(**arguments: Any) -> None:
+            controls = {setting.name: _value(setting, arguments.pop(setting.name)) for setting in settings}
+            command(**arguments, **controls)
+
+        own = [p for p in inspect.signature(command).parameters.values() if p.name != "controls"]
+        run.__signature__ = inspect.Signature([*own, *map(_option, settings)])  # type: ignore[attr-defined]
+        return run
+
+    return with_options
+
+
+def _option(setting: ControlSetting) -> inspect.Parameter:
+    """Return the argument of a command that typer makes the option of a control from."""
+    about = setting.about
+    option = typer.Option(
+        option_name(setting),
+        help=setting.help(about.words),
+        metavar=about.metavar or (None if about.flag else "|".join(map(str, setting.choices))),
+        rich_help_panel="Controls",
+    )
+    kind: Any = str | None
+    if about.flag:
+        kind = bool
+    elif list[str] in setting.kinds:
+        kind = list[str] | None
+    elif setting.kinds in ((int,), (float,)):
+        kind = setting.kind
+    default = False if about.flag else setting.default
+    return inspect.Parameter(
+        setting.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, option]
+    )
+
+
+def _value(setting: ControlSetting, given: Any) -> Any:
+    """Return the value of a control that an option stands for."""
+    if setting.about.flag:
+        return setting.choices[0] if given else None
+    return given or None if isinstance(given, list) else given  # some versions of typer give an empty list

@@ -1,0 +1,68 @@
+"""The program: it runs a command, and ends every error in one line on stderr and an exit code."""
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from io import TextIOWrapper
+from typing import NoReturn, cast
+
+import typer
+
+from cascadenorm.cli.commands import app
+from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, complain, exit_code, worded
+
+USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # click's own, or that of the copy in typer
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and exit."""
+    signal.signal(signal.SIGTERM, _terminated)
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:  # the caller has closed it
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - until the end
+    for stream in (sys.stdout, sys.stderr):  # file names need not be in any encoding
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit code."""
+    try:
+        code = app(list(arguments), prog_name="cascadenorm", standalone_mode=False)
+        sys.stdout.flush()
+        if code == INTERRUPTED:  # what newer versions of typer make of a KeyboardInterrupt
+            raise KeyboardInterrupt
+        return code if isinstance(code, int) else DONE
+    except (KeyboardInterrupt, typer.Abort):
+        complain("interrupted; no file was left half written")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has gone
+        _discard_stdout()
+        return FAILED
+    except USAGE_ERROR as error:
+        message = error.format_message() if hasattr(error, "format_message") else str(error)
+        if message:  # none: the help was asked for, and has been printed
+            complain(f"{message} (see `cascadenorm --help`)")
+        return USAGE
+    except Exception as error:
+        if os.environ.get("CASCADENORM_TRACEBACK"):
+            raise
+        complain(worded(error))
+        if exit_code(error) == OUTPUT:
+            _discard_stdout()
+        return exit_code(error)
+
+
+def _terminated(number: int, _: object) -> NoReturn:
+    """End as on an error, so that temporary files are removed."""
+    raise SystemExit(128 + number)
+
+
+def _discard_stdout() -> None:
+    """Discard what cannot be written to stdout, so that Python does not try again when it exits."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

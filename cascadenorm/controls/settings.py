@@ -1,0 +1,254 @@
+"""Every control, declared once.
+
+From the declaration come the checks, the signatures and docstrings of `denoise` and `denoise_file`, the options of the
+command line and the tables in docs/controls.md. A new control is a new key of `Controls` and the step that applies it.
+"""
+
+import inspect
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from textwrap import fill
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict, TypeVar, cast, get_type_hints
+
+from cascadenorm.errors import ParameterError
+from cascadenorm.registry import Parameter, Setting, declared
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+else:
+
+    class ArrayLike:
+        """What `numpy.asarray` takes; the command line reads this module without numpy."""
+
+
+Boundary = Literal["free", "smooth", "fixed"]
+OnBad = Literal["error", "isolate"]
+Length = float | str
+"""A length in the unit of the mesh, or as text in mean edge lengths: "0.5 edges"."""
+Path = str | PathLike[str]
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Control(Parameter):
+    """The annotation of a control: a `Parameter` with a default, and how front ends take it.
+
+    Parameters
+    ----------
+    default : the value that changes nothing
+    arrays : what it takes in Python, where that is more than a number or a choice
+    words : what it takes for a mesh file, in Python and on the command line
+    example : a value for the documentation
+    metavar : what the help of the command line calls the value; empty for numbers and choices
+    flag : an option without a value that stands for the only choice, as --keep-volume does for volume="keep"
+    hidden : the command line has no option for it
+    """
+
+    default: Any = None
+    arrays: str = ""
+    words: str = ""
+    example: Any = None
+    metavar: str = ""
+    flag: str = ""
+    hidden: bool = False
+
+
+class Controls(TypedDict, total=False):
+    """Keyword arguments of `denoise` that apply to every method: how much, where, and within which limits."""
+
+    strength: Annotated[
+        float,
+        Control(
+            help="0 keeps the mesh, 1 applies the method, values between blend linearly; above 1 the method is applied "
+            "again to its own result.",
+            minimum=0,
+            below=math.inf,
+            default=1.0,
+            example=0.5,
+            metavar="NUMBER",
+        ),
+    ]
+    mask: Annotated[
+        ArrayLike | Path | None,
+        Control(
+            help="Weight of the displacement at each vertex, from 0 to 1.",
+            arrays="(n,) bool or numbers",
+            words="a vertex attribute of the file (uint8 from 0 to 255), or a .npy or .txt file",
+            example="quality",
+            metavar="NAME|FILE",
+        ),
+    ]
+    fixed: Annotated[
+        ArrayLike | Path | None,
+        Control(
+            help="Vertices that stay unchanged.",
+            arrays="(n,) bool or vertex indices",
+            words='indices like "0,5,7-20", a vertex attribute that is not 0 there, or a .npy or .txt file of indices',
+            example="0,5,7-20",
+            metavar="LIST|NAME|FILE",
+        ),
+    ]
+    only: Annotated[
+        ArrayLike | str | list[str] | None,
+        Control(
+            help="Faces to denoise: only vertices all of whose faces are among them move.",
+            arrays="(m,) bool or face indices",
+            words="the name of a material, group, object or mesh, or kind=name, such as material=steel or, for a face "
+            "property, segment=3; several are united",
+            example="material=steel",
+            metavar="[KIND=]NAME",
+        ),
+    ]
+    boundary: Annotated[
+        Boundary,
+        Control(
+            help="Boundary vertices: free moves them as the method does, smooth smooths each boundary loop as a curve "
+            "along the surface, fixed leaves them unchanged.",
+            default="free",
+            example="smooth",
+        ),
+    ]
+    creases: Annotated[
+        float | ArrayLike | Path | None,
+        Control(
+            help="Edges across which nothing is averaged: those where the normals of two faces differ by more than an "
+            "angle in degrees, or given ones.",
+            arrays="the angle, or (k, 2) vertex indices of edges",
+            words="the angle, or a .npy or .txt file with two vertex indices in each row",
+            example=40,
+            metavar="ANGLE|FILE",
+        ),
+    ]
+    keep_detail: Annotated[
+        Length | None,
+        Control(
+            help='Width of the smallest feature to keep, in the unit of the mesh or like "4 edges".',
+            example="4 edges",
+            metavar="LENGTH",
+        ),
+    ]
+    volume: Annotated[
+        Literal["keep"] | None,
+        Control(
+            help="Scale each closed component about its centroid to the volume that it had.",
+            example="keep",
+            flag="--keep-volume",
+        ),
+    ]
+    max_displacement: Annotated[
+        Length | None,
+        Control(
+            help='No vertex moves farther than this, in the unit of the mesh or like "0.5 edges".',
+            example="0.5 edges",
+            metavar="LENGTH",
+        ),
+    ]
+    on_bad: Annotated[
+        OnBad,
+        Control(
+            help="What to do about vertices that are not finite and faces that reference them or missing vertices: "
+            "error refuses the mesh, isolate leaves them, and degenerate faces, as they are and denoises the rest.",
+            default="error",
+            example="isolate",
+        ),
+    ]
+    threads: Annotated[
+        int | None,
+        Control(
+            help="Use at most this many threads, by default all; the result has the same bytes.",
+            minimum=1,
+            example=2,
+            metavar="N",
+        ),
+    ]
+    progress: Annotated[
+        Callable[[float], object] | None,
+        Control(help="Called with the fraction done, from 0 to 1; what it raises ends the work.", hidden=True),
+    ]
+
+
+@dataclass(frozen=True)
+class ControlSetting(Setting):
+    """A control with its name, type and default."""
+
+    about: Control
+
+    def help(self, takes: str) -> str:
+        """Return what the control does and what it takes, as sentences."""
+        return f"{self.about.help} {takes[0].upper()}{takes[1:]}." if takes else self.about.help
+
+
+def _declared() -> dict[str, ControlSetting]:
+    hints = get_type_hints(Controls, include_extras=True)
+    found = {name: declared(name, hint) for name, hint in hints.items()}
+    return {name: ControlSetting(name, kind, about.default, about) for name, (kind, about) in found.items()}
+
+
+CONTROLS = _declared()
+"""Each control by name, in the order in which they are documented."""
+
+
+def checked(given: Mapping[str, Any]) -> Controls:
+    """Return all controls, those that are not given at their defaults.
+
+    What depends on the mesh – masks, indices, edges – is checked where it is applied.
+
+    Raises
+    ------
+    ParameterError : a control that does not exist, a value of the wrong type or out of range
+    """
+    if unknown := [name for name in given if name not in CONTROLS]:
+        raise ParameterError(
+            f"there is no control {unknown[0]!r}; there are: {', '.join(CONTROLS)}",
+            hint="parameters of the method go into `parameters`",
+        )
+    controls = {name: setting.checked(given.get(name, setting.default)) for name, setting in CONTROLS.items()}
+    for name, setting in CONTROLS.items():
+        if setting.kinds == (float, str) and controls[name] is not None:
+            parsed_length(name, controls[name])
+    return cast(Controls, controls)
+
+
+def parsed_length(name: str, length: Length | None) -> tuple[float, bool]:
+    """Return a length, and whether its unit is the mean edge length; None is infinite.
+
+    Raises
+    ------
+    ParameterError : no length, or a negative one
+    """
+    if length is None:
+        return math.inf, False
+    match = re.fullmatch(r"\s*([^\s]+?)\s*(edges?)?\s*", str(length))
+    try:
+        number = float(match[1]) if match else math.nan
+    except ValueError:
+        number = math.nan
+    if math.isnan(number) or number < 0:
+        raise ParameterError(f'is {length!r}; it must be a length, at least 0, or like "0.5 edges"', parameter=name)
+    return number, bool(match and match[2])
+
+
+def takes_controls(function: Function) -> Function:
+    """Give a function with keyword arguments `**controls` the signature and the docstring that name each control.
+
+    Arguments `**parameters` stay the last ones; the docstring has a section Returns, before which controls are listed.
+    """
+    own = list(inspect.signature(function).parameters.values())
+    last = [p for p in own if p.kind is inspect.Parameter.VAR_KEYWORD and p.name == "parameters"]
+    controls = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=setting.default, annotation=setting.kind)
+        for name, setting in CONTROLS.items()
+    ]
+    first = [p for p in own if p.kind is not inspect.Parameter.VAR_KEYWORD]
+    before, returns, after = (inspect.getdoc(function) or "").partition("\nReturns\n")
+    listed = "\n".join(
+        fill(f"{name} : {setting.help(setting.about.arrays)}", 115, subsequent_indent="    ")
+        for name, setting in CONTROLS.items()
+    )
+    function.__doc__ = f"{before}\nControls\n--------\n{listed}\n{returns}{after}"
+    function.__signature__ = inspect.Signature([*first, *controls, *last])  # type: ignore[attr-defined]
+    return function

@@ -1,0 +1,89 @@
+"""Where a method applies: the weight of the displacement at each vertex, from mask, fixed vertices and regions."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.controls.boundary import boundary_edges
+from cascadenorm.controls.settings import Controls
+from cascadenorm.errors import ParameterError
+from cascadenorm.mesh import Mesh, first_places
+
+
+def holds_some(controls: Controls) -> bool:
+    """Whether the controls may fix some of the vertices that a face uses."""
+    return controls["boundary"] == "fixed" or any(
+        given is not None for given in (controls["mask"], controls["fixed"], controls["only"])
+    )
+
+
+def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return (n,) factors of the strength: the mask, but 0 for fixed vertices, other regions, and unused vertices.
+
+    Parameters
+    ----------
+    mesh : n vertices
+    faces : those that `only` counts, which may be more than those of the mesh
+
+    Raises
+    ------
+    ParameterError : mask, fixed or only of the wrong shape or type, or out of range
+    """
+    count = len(mesh.vertices)
+    weights = np.zeros(count)
+    weights[mesh.faces] = 1.0
+    if controls["mask"] is not None:
+        weights *= _mask(np.asarray(controls["mask"]), count)
+    if controls["fixed"] is not None:
+        weights[_indices("fixed", np.asarray(controls["fixed"]), count, "vertex", "vertices")] = 0.0
+    if controls["only"] is not None:
+        weights[faces[~selected_faces(controls["only"], len(faces))]] = 0.0
+    if controls["boundary"] == "fixed":
+        weights[boundary_edges(mesh).vertices] = 0.0
+    return weights
+
+
+def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:
+    """Return (count,) which faces are selected by indices or by (count,) bool.
+
+    Raises
+    ------
+    ParameterError : neither of both, or an index out of range
+    """
+    selected = np.zeros(count, bool)
+    selected[_indices("only", np.asarray(only), count, "face", "faces")] = True
+    return selected
+
+
+def _mask(mask: NDArray[Any], count: int) -> NDArray[Any]:
+    if mask.shape != (count,) or mask.dtype.kind not in "biuf":
+        raise ParameterError(
+            f"has shape {mask.shape} and type {mask.dtype}; it must be ({count},) bool or numbers from 0 to 1",
+            parameter="mask",
+        )
+    bad = np.asarray(~((mask >= 0) & (mask <= 1)))
+    if bad.any():
+        raise ParameterError(
+            f"has {bad.sum()} weights that are not within 0 … 1 (vertices {first_places(bad)})",
+            parameter="mask",
+            hint="scale them",
+        )
+    return mask
+
+
+def _indices(name: str, given: NDArray[Any], count: int, one: str, several: str) -> NDArray[Any]:
+    """Return vertices or faces that are given by indices or by (count,) bool, as an index of numpy."""
+    if given.dtype == bool and given.shape == (count,):
+        return given
+    if given.ndim != 1 or (given.dtype.kind not in "iu" and given.size > 0):
+        raise ParameterError(
+            f"has shape {given.shape} and type {given.dtype}; it must be ({count},) bool or indices of {several}",
+            parameter=name,
+        )
+    bad = (given < 0) | (given >= count)
+    if bad.any():
+        raise ParameterError(
+            f"references {one} {given[bad][0]}; there are {count} {several}, counted from 0", parameter=name
+        )
+    return given.astype(np.int64)

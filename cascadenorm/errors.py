@@ -1,0 +1,122 @@
+"""Every error that the package raises on purpose, with what a front end needs to word it for its own users.
+
+The text of an error is written for callers in Python. A front end with other names for the same settings, such as the
+command line, passes its own spelling to `message`.
+"""
+
+from collections.abc import Callable
+from copy import copy
+from typing import TypeVar
+
+Located = TypeVar("Located", bound="CascadenormError")
+
+Spelling = Callable[[str, object], str]
+"""What an interface calls a setting, given its name in Python, and None or the value to be set."""
+
+
+def in_python(name: str, value: object = None) -> str:
+    """Spell a setting as a keyword argument."""
+    return name if value is None else f"{name}={value!r}"
+
+
+class CascadenormError(Exception):
+    """Any of the errors below.
+
+    Parameters
+    ----------
+    problem : what is wrong, with the value and the place
+    hint : the way out
+    remedy : name and value of a setting that is another way out, such as ("force", True)
+
+    Attributes
+    ----------
+    place : name of the file or stream that the problem is in, empty if there is none
+    """
+
+    def __init__(self, problem: str = "", *, hint: str = "", remedy: tuple[str, object] | None = None) -> None:
+        super().__init__(problem)
+        self.problem, self.hint, self.remedy, self.place = problem, hint, remedy, ""
+
+    def message(self, spelling: Spelling = in_python) -> str:
+        """Return place, problem and ways out as one sentence, with settings in the spelling of an interface."""
+        ways = [self.hint] if self.hint else []
+        if self.remedy:
+            ways.append(f"pass {spelling(*self.remedy)}")
+        place = f"{self.place}: " if self.place else ""
+        return f"{place}{self._stated(spelling)}{': ' if ways else ''}{', or '.join(ways)}"
+
+    def within(self: Located, place: str) -> Located:
+        """Return the same error with the name of the file that it is about."""
+        located = copy(self)
+        located.place = place
+        return located
+
+    def __str__(self) -> str:
+        return self.message()
+
+    def _stated(self, spelling: Spelling) -> str:
+        return self.problem
+
+
+class MeshError(CascadenormError, ValueError):
+    """A mesh that cannot be processed."""
+
+
+class ReadError(MeshError):
+    """A file that cannot be read as a mesh."""
+
+
+class ParameterError(CascadenormError, ValueError):
+    """An unknown method, parameter or control, or a value that is out of range.
+
+    Parameters
+    ----------
+    problem, hint, remedy : as in `CascadenormError`; with `parameter` the problem is a predicate, "is -1; it must be …"
+    parameter : name of the parameter or control, which precedes the problem in the message; empty if there is none
+    """
+
+    def __init__(
+        self, problem: str = "", *, parameter: str = "", hint: str = "", remedy: tuple[str, object] | None = None
+    ) -> None:
+        super().__init__(problem, hint=hint, remedy=remedy)
+        self.parameter = parameter
+
+    def _stated(self, spelling: Spelling) -> str:
+        return f"{spelling(self.parameter, None)} {self.problem}" if self.parameter else self.problem
+
+
+class ConfigError(CascadenormError, ValueError):
+    """A training configuration that cannot be used; the message names the key."""
+
+
+class OutputError(CascadenormError, OSError):
+    """An output that exists already or cannot be written; nothing has been changed."""
+
+
+class DenoiseError(CascadenormError, RuntimeError):
+    """A method that returned no usable vertices."""
+
+
+class WorkerError(CascadenormError, RuntimeError):
+    """A worker process that ended before its work was done."""
+
+
+class MissingDependencyError(CascadenormError, ImportError):
+    """A package that an optional feature needs and that is not installed.
+
+    Parameters
+    ----------
+    feature : what needs it, such as "training"
+    package : what is missing, several names with spaces between
+    extra : the extra of cascadenorm that installs it, empty if none does
+
+    Attributes
+    ----------
+    command : what installs it with pip
+    """
+
+    def __init__(self, feature: str, *, package: str = "", extra: str = "") -> None:
+        super().__init__(feature)
+        self.package, self.extra = package, extra
+        self.command = f'pip install "cascadenorm[{extra}]"' if extra else f"pip install {package}"
+        self.problem, self.hint = f"{feature} needs {package}, which is not installed", self.command

@@ -1,0 +1,84 @@
+import copy
+import inspect
+import pickle
+
+import numpy as np
+import pytest
+from shapes import icosphere
+
+import cascadenorm as cn
+from cascadenorm import errors
+from cascadenorm.cli.errors import CODES, exit_code, worded
+
+CLASSES = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, Exception)]
+BALL = icosphere(1)
+
+
+def raised(call, *arguments, **settings) -> errors.CascadenormError:
+    with pytest.raises(errors.CascadenormError) as caught:
+        call(*arguments, **settings)
+    return caught.value
+
+
+def test_an_error_names_the_control_at_fault_in_every_spelling():
+    error = raised(cn.denoise, BALL, keep_detail="far")
+    assert error.parameter == "keep_detail"
+    assert str(error).startswith("keep_detail is 'far'; it must be")
+    assert worded(error) == str(error).replace("keep_detail", "--keep-detail")
+
+
+def test_parameters_of_a_method_keep_their_name_on_the_command_line():
+    error = raised(cn.denoise, BALL, method="laplacian", iterations=-1)
+    assert error.parameter == "iterations"
+    assert worded(error) == str(error) == "iterations is -1; it must be at least 0"
+
+
+def test_a_way_out_is_a_setting_and_not_a_text():
+    vertices = BALL.vertices.copy()
+    vertices[3] = np.nan
+    error = raised(cn.denoise, vertices, BALL.faces)
+    assert error.remedy == ("on_bad", "isolate")
+    assert str(error).endswith("or pass on_bad='isolate'") and worded(error).endswith("or pass --on-bad isolate")
+
+
+def test_a_file_that_exists_may_be_replaced_by_force(tmp_path):
+    (tmp_path / "ball.ply").touch()
+    error = raised(cn.write, cn.from_arrays(BALL.vertices, BALL.faces), tmp_path / "ball.ply")
+    assert error.remedy == ("force", True)
+    assert str(error).endswith("or pass force=True") and worded(error).endswith("or pass --force")
+
+
+def test_a_missing_package_says_what_installs_it():
+    error = errors.MissingDependencyError("training", package="torch", extra="train")
+    assert (error.package, error.extra, error.command) == ("torch", "train", 'pip install "cascadenorm[train]"')
+    assert str(error) == 'training needs torch, which is not installed: pip install "cascadenorm[train]"'
+    assert isinstance(error, ImportError)
+    assert errors.MissingDependencyError("reading", package="cascadio").command == "pip install cascadio"
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+def test_errors_survive_copies_between_processes(kind):
+    error = kind("something").within("scan.ply")
+    error.remedy = ("force", True)
+    for other in (pickle.loads(pickle.dumps(error)), copy.copy(error)):
+        assert type(other) is kind and vars(other) == vars(error) and str(other) == str(error)
+    assert str(error).startswith("scan.ply: something")
+
+
+def test_every_class_has_an_exit_code_and_comes_before_its_bases():
+    assert set(CODES) == set(CLASSES) - {errors.CascadenormError}
+    for kind, code in CODES.items():
+        assert exit_code(kind("")) == code
+    assert exit_code(KeyError("")) == 1
+
+
+def test_errors_are_still_found_where_they_were():
+    from cascadenorm.controls import DenoiseError
+    from cascadenorm.io import OutputError, ReadError
+    from cascadenorm.learned.config import ConfigError
+    from cascadenorm.mesh import MeshError
+    from cascadenorm.registry import ParameterError
+    from cascadenorm.workers import WorkerError
+
+    for kind in (DenoiseError, OutputError, ReadError, ConfigError, MeshError, ParameterError, WorkerError):
+        assert kind is getattr(errors, kind.__name__) is getattr(cn, kind.__name__)
