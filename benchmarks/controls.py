@@ -1,4 +1,4 @@
-"""What boundaries and creases gain: python benchmarks/controls.py writes benchmarks/controls.md."""
+"""What smooth boundaries and creases gain: python benchmarks/controls.py writes benchmarks/controls.md."""
 
 import sys
 from pathlib import Path
@@ -18,7 +18,7 @@ STEPS = 30  # edges along a side
 LEVELS = (0.1, 0.2)  # of the noise, in mean edge lengths, in all directions
 
 
-def rim_error(mesh: Mesh) -> float:
+def boundary_error(mesh: Mesh) -> float:
     """Mean distance of the boundary of a denoised grid of unit squares from its outline, along the grid."""
     x, y = mesh.vertices[mesh.topology.boundary_vertices, :2].T
     return float(np.mean(np.min(np.abs([x, y, x - STEPS, y - STEPS]), axis=0)))
@@ -38,8 +38,8 @@ def main() -> None:
     for level in LEVELS:
         rough, rough_box = noisy(flat, level), noisy(box, level)
         for name in METHODS:
-            by_rim = [cn.denoise(rough, method=name, boundary=kind) for kind in ("free", "smooth")]
-            cells = [f"{rim_error(mesh):.2f}" for mesh in by_rim]
+            by_boundary = [cn.denoise(rough, method=name, boundary=kind) for kind in ("free", "smooth")]
+            cells = [f"{boundary_error(mesh):.2f}" for mesh in by_boundary]
             boundaries.append(f"| `{name}` | {level} | {' | '.join(cells)} |")
             by_crease = [cn.denoise(rough_box, method=name, creases=given) for given in (None, edges, 40)]
             cells = [f"{measure(mesh, box).normal_error_deg:.2f}" for mesh in by_crease]
@@ -47,7 +47,7 @@ def main() -> None:
     text = [
         "Made by `python benchmarks/controls.py`; noise in mean edge lengths, in all directions.",
         "",
-        f"A flat square of {STEPS} × {STEPS} cells: mean distance of its boundary from the outline, in cell sides.",
+        f"A flat square of {STEPS} × {STEPS} cells: mean distance of its boundary from the outline, in cells.",
         "",
         '| method | noise | `boundary="free"` | `boundary="smooth"` |',
         "| --- | ---: | ---: | ---: |",

@@ -159,7 +159,7 @@ def denoise_file(
 
 
 def methods() -> dict[str, Method]:
-    """Return every method by name, with its parameters, their units, ranges and defaults, and its source."""
+    """Return every method by name, with its source and its parameters, their units, ranges and defaults."""
     return registered()
 
 

@@ -1,6 +1,6 @@
-"""How numbers are said in messages."""
+"""Counts in messages."""
 
 
 def counted(count: int, one: str, several: str = "") -> str:
-    """Return a number with what it counts: of several what is given, or the word for one with an s."""
+    """Return a count with its noun; the plural is given, or the singular with an s."""
     return f"{count} {one if count == 1 else several or f'{one}s'}"

@@ -1,4 +1,4 @@
-"""Steps of a method, told to whoever waits for it."""
+"""Progress of a method, reported to a listener."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -6,15 +6,15 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 
 Listener = Callable[[float], object]
-"""Told the share that is done, from 0 to 1; what it raises ends the method."""
+"""Called with the fraction done, from 0 to 1; what it raises ends the method."""
 
 
 @dataclass
 class _Span:
-    """The part of the whole, from 0 to 1, that the present step takes."""
+    """The part of the whole, from 0 to 1, that the current step takes."""
 
     listener: Listener
-    told: float = 0.0
+    reported: float = 0.0
     begin: float = 0.0
     length: float = 1.0
 
@@ -24,7 +24,7 @@ _span: ContextVar[_Span | None] = ContextVar("span", default=None)
 
 @contextmanager
 def report_to(listener: Listener | None) -> Iterator[None]:
-    """Let `track` inside the block tell this listener how far they are; None: nobody."""
+    """Report the progress of each `track` inside the block to a listener, or to none."""
     token = _span.set(None if listener is None else _Span(listener))
     try:
         yield
@@ -33,7 +33,7 @@ def report_to(listener: Listener | None) -> Iterator[None]:
 
 
 def track(count: int) -> Iterator[int]:
-    """Count 0 … count - 1, and tell before each how far it is; steps within a step are a part of it."""
+    """Count 0 … count - 1, reporting the progress before each; a count within a step is a part of that step."""
     span = _span.get()
     if span is None:
         yield from range(count)
@@ -41,7 +41,7 @@ def track(count: int) -> Iterator[int]:
     begin, length = span.begin, span.length
     for step in range(count):
         span.begin, span.length = begin + length * step / count, length / count
-        span.told = max(span.told, span.begin)  # a method may count several times, one after the other
-        span.listener(span.told)
+        span.reported = max(span.reported, span.begin)  # a method may count several times, one after the other
+        span.listener(span.reported)
         yield step
     span.begin, span.length = begin, length

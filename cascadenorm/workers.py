@@ -1,4 +1,4 @@
-"""Pieces of work side by side, each in a process of its own and on one thread."""
+"""Work in several processes, each on one thread."""
 
 import os
 import signal
@@ -29,7 +29,7 @@ class Map(Protocol):
 
 @contextmanager
 def side_by_side(count: int) -> Iterator[Map]:
-    """Keep so many processes for the time of the block; for one, none is started, and threads are not limited.
+    """Keep a pool of processes for the block; for a count of 1 none is started, and threads are not limited.
 
     For work in Python between short kernels, in which threads would wait for one another.
 
@@ -40,9 +40,9 @@ def side_by_side(count: int) -> Iterator[Map]:
     if count == 1:
         yield map
         return
-    with ProcessPoolExecutor(count, get_context("spawn"), initializer=_end_with_the_caller) as pool:
+    with ProcessPoolExecutor(count, get_context("spawn"), initializer=_end_with_parent) as pool:
         try:
-            yield partial(_handed_out, pool)
+            yield partial(_submitted, pool)
         except BrokenProcessPool:
             raise WorkerError(
                 "a worker process ended before its work was done",
@@ -53,17 +53,15 @@ def side_by_side(count: int) -> Iterator[Map]:
             pool.shutdown(cancel_futures=True)
 
 
-def _handed_out(
-    pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item], /
-) -> Iterator[Result]:
-    """Hand work to the pool, whose processes start here; Ctrl-C is for us, who stop them: they tell nothing of it."""
-    with _interrupts_held():
-        return pool.map(partial(_alone, work), items)
+def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item], /) -> Iterator[Result]:
+    """Submit work to the pool, whose processes start here; they ignore Ctrl-C, and the parent stops them."""
+    with _interrupts_blocked():
+        return pool.map(partial(_on_one_thread, work), items)
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C wait for the end of the block, and pass by the processes that are started in it."""
+def _interrupts_blocked() -> Iterator[None]:
+    """Block SIGINT until the end of the block, and for good in the processes that are started in it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -74,18 +72,18 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _end_with_the_caller() -> None:
-    """See to it that this process ends when the one that started it is killed, and does not wait for work for ever."""
-    caller = parent_process()
-    assert caller is not None
+def _end_with_parent() -> None:
+    """End this process when its parent is killed, rather than wait for work for ever."""
+    parent = parent_process()
+    assert parent is not None
 
     def watch() -> None:
-        caller.join()
+        parent.join()
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()
 
 
-def _alone(work: Callable[[Item], Result], item: Item) -> Result:
+def _on_one_thread(work: Callable[[Item], Result], item: Item) -> Result:
     with limit_threads(1), threadpool_limits(1):  # of all libraries that the work needs: they are loaded by now
         return work(item)

@@ -95,7 +95,7 @@ def test_an_open_mesh_may_show_either_side(name):
 
 def test_a_clean_sheet_stays(name):
     if name in ("laplacian", "taubin", "spectral", "bilateral"):
-        pytest.skip("moves a rim along the surface as well, as published")
+        pytest.skip("moves the boundary along the surface as well, as published")
     sheet = grid(20, 20)
     np.testing.assert_allclose(cn.denoise(sheet, method=name).vertices, sheet.vertices, rtol=0, atol=1e-9)
 
@@ -181,7 +181,7 @@ def test_only_masked_and_free_vertices_move(name):
 @pytest.mark.parametrize("boundary", ["smooth", "fixed"])
 def test_all_controls_work_together(name, boundary):
     """On an open box with its edges as creases, partly masked."""
-    rim = OPEN.topology.boundary_vertices
+    boundary_vertices = OPEN.topology.boundary_vertices
     weights = np.clip(OPEN.vertices[:, 0] + 0.5, 0, 1)
     inside = OPEN.centroids[:, 1] > -0.9
     options = {
@@ -202,8 +202,8 @@ def test_all_controls_work_together(name, boundary):
     still[OPEN.faces[~inside]] = True
     assert one[still].tobytes() == OPEN.vertices[still].tobytes()
     moves = np.linalg.norm(one - OPEN.vertices, axis=1)
-    assert 0 < moves[~rim].max() <= 0.02 and moves.max() <= 0.02
-    assert (moves[rim] > 0).any() == (boundary == "smooth")
+    assert 0 < moves[~boundary_vertices].max() <= 0.02 and moves.max() <= 0.02
+    assert (moves[boundary_vertices] > 0).any() == (boundary == "smooth")
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])

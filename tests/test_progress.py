@@ -37,7 +37,7 @@ METHODS = ["bilateral-normal", "guided-normal", "l0", "tv-normal", "laplacian", 
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_methods_tell_how_far_they_are(name):
+def test_methods_report_progress(name):
     heard: list[float] = []
     cn.denoise(noisy(icosphere(2), 0.2), method=name, progress=heard.append)
     assert heard[0] == 0 and heard[-1] == 1 and len(set(heard)) > 3

@@ -40,7 +40,7 @@ def test_an_error_is_raised_where_its_result_is_asked_for(count):
             next(results)
 
 
-def test_a_process_that_ends_early_is_told_in_words():
+def test_a_process_that_ends_early_is_a_worker_error():
     with pytest.raises(WorkerError, match="memory is short"), side_by_side(2) as each:
         list(each(os._exit, [1]))
 
@@ -59,8 +59,8 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="processes are told of Ctrl-C in another way there")
-def test_ctrl_c_while_processes_start_is_told_by_none_of_them():
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches processes in another way there")
+def test_ctrl_c_while_processes_start_prints_nothing_from_them():
     command = [sys.executable, "-c", INTERRUPTED]
     piped = subprocess.PIPE
     with subprocess.Popen(command, stdout=piped, stderr=piped, text=True, start_new_session=True) as started:
@@ -68,8 +68,8 @@ def test_ctrl_c_while_processes_start_is_told_by_none_of_them():
         assert started.stdout.readline() == "begun\n"
         time.sleep(0.5)  # in which processes load their modules
         os.killpg(started.pid, signal.SIGINT)
-        told, complaints = started.communicate(timeout=60)
-    assert (told, complaints) == ("stopped\n", "")
+        output, complaints = started.communicate(timeout=60)
+    assert (output, complaints) == ("stopped\n", "")
 
 
 KILLED = """

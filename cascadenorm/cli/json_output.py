@@ -17,11 +17,25 @@ from cascadenorm.registry import Method
 VERSION = 1
 """Of the schema; it changes when a key is renamed, removed or gets another meaning, not when one is added."""
 
+ALIASES = {"rims": "boundary_loops", "turned_edges": "flipped_edges", "turned_percent": "flipped_percent"}
+"""Former names of keys, and what they are called now; objects have both until version 2."""
+
 
 def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
     """Print the object of a command, to stdout or another file."""
-    found = {"version": VERSION, "command": command, **content}
+    found = {"version": VERSION, "command": command, **with_aliases(content)}
     print(json.dumps(found, indent=2, default=str, allow_nan=False), file=file)
+
+
+def with_aliases(content: Any) -> Any:
+    """Return an object, and all those within it, with every renamed key under both of its names."""
+    if isinstance(content, list | tuple):
+        return [with_aliases(value) for value in content]
+    if not isinstance(content, Mapping):
+        return content
+    both = {**ALIASES, **{now: former for former, now in ALIASES.items()}}
+    found = {key: with_aliases(value) for key, value in content.items()}
+    return {**found, **{both[key]: value for key, value in found.items() if key in both}}
 
 
 def denoised(done: Report) -> dict[str, Any]:

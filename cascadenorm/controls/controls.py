@@ -128,7 +128,7 @@ def _finite(method: Method, vertices: Vectors) -> Vectors:
 
 
 def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64]) -> Vectors:
-    """Repeat a step on its own result; return (n, 3) what each vertex moves in as many steps as its strength says."""
+    """Repeat a step on its own result; return the displacement of each vertex over as many steps as its strength."""
     has_lengths = mesh.mean_edge_length**2 > 0  # else the vertices of each face coincide
     times = math.ceil(strengths.max()) if has_lengths else 0
     displacement = np.zeros_like(mesh.vertices)
