@@ -124,14 +124,16 @@ def poisson(
     pull = STIFFNESS * screening * share / share.mean()
 
     def applied(values: Values) -> Values:
-        return inverse(squares * transformed(values)) + interpolation.T @ (pull * (interpolation @ values))
+        pulled = interpolation.T @ (pull * (interpolation @ values))
+        return np.asarray(inverse(squares * transformed(values)) + pulled)
 
     # conjugate gradients, preconditioned by the inverse of the Laplacian
     solution, residual = np.zeros(right.size), right
-    search, product = np.zeros(right.size), 1.0
+    search: Values = np.zeros(right.size)
+    product = 1.0
     for _ in range(ROUNDS):
         conditioned = inverse(transformed(residual) / (squares + STIFFNESS))
-        product, before = residual @ conditioned, product
+        product, before = float(residual @ conditioned), product
         search = conditioned + product / before * search
         image = applied(search)
         step = product / (search @ image)

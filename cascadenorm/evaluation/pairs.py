@@ -67,9 +67,9 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
     ------
     ReadError, MeshError : a file that is missing or no mesh, a folder without one, a pair of different faces
     """
-    clean = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
-    rounds = max(1, min(20, config.count // (4 * len(clean)))) if clean else 0
-    made = [data_gen.own_pair(config, i, part) for i, part in enumerate(clean * rounds)]
+    own = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
+    rounds = max(1, min(20, config.count // (4 * len(own)))) if own else 0
+    made = [data_gen.own_pair(config, i, part) for i, part in enumerate(own * rounds)]
     for files in find_pairs(noisy):
         first, true = as_mesh(files.noisy), as_mesh(files.clean)
         if not np.array_equal(first.faces, true.faces):

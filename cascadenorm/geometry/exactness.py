@@ -94,7 +94,7 @@ def _has_steps(mesh: Mesh) -> bool:
     return bool(min(concave, convex) > STEPS * (concave + convex))
 
 
-def _unevenness(mesh: Mesh, part: NDArray[np.intp], count: int) -> NDArray[np.float64]:
+def _unevenness(mesh: Mesh, part: NDArray[np.int32], count: int) -> NDArray[np.float64]:
     """Coefficient of variation of the edge lengths of each component, (count,)."""
     corners = mesh.vertices[mesh.faces]
     lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)

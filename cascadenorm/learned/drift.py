@@ -29,7 +29,7 @@ def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = PASSES) -> Vec
     for _ in range(passes):
         parallel_for(len(drift), _mean_range, drift, *mesh.topology.vertex_neighbors, spare)
         drift, spare = spare, drift
-    return vertices - drift[:, None] * normals
+    return np.asarray(vertices - drift[:, None] * normals)
 
 
 @kernel

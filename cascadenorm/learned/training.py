@@ -224,8 +224,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     missing = [i for i in generated if not files[i].exists()]
     made = zip(missing, pairs(config.data, missing, workers=distributed.cores()), strict=True)
     for done, (i, new) in enumerate(made, len(generated) - len(missing) + 1):
-        arrays = {"noisy": new.noisy.vertices, "normals": new.normals, "faces": new.clean.faces}
-        _write(files[i], arrays)
+        _write(files[i], {"noisy": new.noisy.vertices, "normals": new.normals, "faces": new.clean.faces})
         progress("noisy/clean pairs", done, len(generated))
 
     def drawn(noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, index: int) -> Sample:
@@ -233,8 +232,8 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
 
     samples = []
     for i, file in files.items():
-        arrays = load_file(file)
-        samples.append(drawn(arrays["noisy"], arrays["faces"], arrays["normals"], i))
+        kept = load_file(file)
+        samples.append(drawn(kept["noisy"], kept["faces"], kept["normals"], i))
     own_pairs = [own[i - count] for i in others]
     return samples + [
         drawn(pair.noisy.vertices, pair.clean.faces, pair.normals, i) for pair, i in zip(own_pairs, others, strict=True)

@@ -62,6 +62,6 @@ class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
     def _load_index(self) -> dict[Any, str]:
         """Read the index; one that another version has left, and this one cannot read, counts as empty."""
         try:
-            return super()._load_index()
+            return dict(super()._load_index())
         except (ImportError, AttributeError, ValueError, TypeError, EOFError, UnpicklingError):
             return {}
