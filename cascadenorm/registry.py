@@ -117,12 +117,13 @@ class Setting:
 
 @dataclass(frozen=True)
 class Method:
-    """A registered method: its name, its source in the literature, its parameters."""
+    """A registered method: its name, its source, its parameters, and whether its own result changes little under it."""
 
     name: str
     function: "Callable[..., Vectors]"
     source: str
     settings: Mapping[str, Setting]
+    converges: bool = False
 
     @property
     def summary(self) -> str:
@@ -155,17 +156,20 @@ class Method:
 _methods: dict[str, Method] = {}
 
 
-def method(name: str, *, source: str) -> "Callable[[Callable[..., Vectors]], Callable[..., Vectors]]":
+def method(
+    name: str, *, source: str, converges: bool = False
+) -> "Callable[[Callable[..., Vectors]], Callable[..., Vectors]]":
     """Register a function from a mesh to its new vertices under a name.
 
     Parameters
     ----------
     name : as users type it, lower case with hyphens
     source : authors and year of the paper that the rule comes from
+    converges : applied to its own result it changes little; a strength above 1 removes detail instead
     """
 
     def register(function: "Callable[..., Vectors]") -> "Callable[..., Vectors]":
-        _methods[name] = Method(name, function, source, _settings(function))
+        _methods[name] = Method(name, function, source, _settings(function), converges)
         return function
 
     return register

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut
-from cascadenorm.controls.detail import finer_than
+from cascadenorm.controls.detail import finer_than, without_finer
 from cascadenorm.controls.limits import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.weights import holds_some, vertex_weights
@@ -57,8 +57,9 @@ def controlled(
     detail = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
-        step = _step(method, framed, checked, controls, detail)
-        displacement = _accumulated(step, framed, controls["strength"] * weights)
+        strength, removed = _strength(method, controls, framed, exponent)
+        step = _step(method, framed, checked, controls, detail, removed)
+        displacement = _accumulated(step, framed, strength * weights)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, displacement, weights)
     if controls["progress"] is not None:
@@ -70,6 +71,9 @@ def in_words(controls: Controls) -> dict[str, Any]:
     """Return the controls that a report names, as they were given; arrays by their shape alone."""
     return {name: _in_words(controls[name]) for name in CONTROLS if name not in UNREPORTED}  # type: ignore[literal-required]
 
+
+EDGES = 2.0
+"""Width of the detail, in mean edge lengths, that each 1 of strength above 1 removes after a method that converges."""
 
 UNREPORTED = ("strength", "threads", "progress")
 """Controls that a report does not name: strength has a field of its own, the others do not change the result."""
@@ -86,13 +90,26 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
     return method.checked(parameters)
 
 
-def _step(method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls, detail: float) -> Step:
+def _strength(method: Method, controls: Controls, framed: Mesh, exponent: int) -> tuple[float, float]:
+    """How often to apply the method, and up to which width, in the unit of the frame, to remove detail each time."""
+    strength, width = controls["strength"], 0.0
+    if controls["remove_detail"] is not None:
+        width = framed_length("remove_detail", controls["remove_detail"], framed, exponent)
+    if not method.converges or strength <= 1:
+        return strength, width
+    return 1.0, max(width, (strength - 1) * EDGES * framed.mean_edge_length)
+
+
+def _step(
+    method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls, detail: float, removed: float
+) -> Step:
     """Return the method together with creases, boundary and detail, which apply each time that it does.
 
     Parameters
     ----------
     mesh : in the frame; every mesh that the step is given has its faces
     detail : width of the smallest feature to keep, in the unit of the frame
+    removed : width of the largest feature to remove
     """
     # Along creases the method, and all that follows, sees copies of the vertices
     creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read
@@ -108,6 +125,7 @@ def _step(method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: C
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
         vertices = _finite(method, method.function(seen, **parameters))
+        vertices = without_finer(removed, seen, vertices, everywhere=controls["remove_detail"] is not None)
         if edges is not None:
             vertices = smoothed_boundary(seen, edges, vertices)
         if finer is not None:

@@ -1,4 +1,4 @@
-"""The smallest feature to keep: of the displacement of a method, only what is finer is applied."""
+"""The width of the smallest feature to keep, and of the largest to remove."""
 
 import math
 from collections.abc import Callable
@@ -7,9 +7,12 @@ from functools import partial
 import numpy as np
 from scipy import sparse
 
+from cascadenorm.controls.limits import limited
+from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.registry import find
 
 WIDEST = 10.0  # diagonals of the mesh: a larger width takes away the mean displacement of a component, and no more
 
@@ -48,3 +51,27 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
         return fine
 
     return finer
+
+
+def without_finer(width: float, mesh: Mesh, vertices: Vectors, *, everywhere: bool) -> Vectors:
+    """Remove features up to a width from what a method left, by rolling guidance of the normals.
+
+    Parameters
+    ----------
+    width : in the unit of the mesh
+    mesh : the input, n vertices
+    vertices : (n, 3), where a method wants them
+    everywhere : False keeps the vertices that the method left where they are
+
+    Returns
+    -------
+    (n, 3), at most half a width from `vertices`, which is the height of a half sphere; no face is flipped against the
+    input but its foldovers
+    """
+    if width == 0 or not mesh.mean_edge_length > 0:
+        return vertices
+    left = mesh.moved(vertices)
+    filtered = find("rolling-guidance-normal")(left, width=width / left.mean_edge_length)
+    kept = np.zeros(len(vertices), bool) if everywhere else (vertices == mesh.vertices).all(axis=1)
+    displacement = limited(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
+    return without_flips(mesh, vertices + displacement)

@@ -64,7 +64,7 @@ class Controls(TypedDict, total=False):
         float,
         Control(
             help="0 keeps the mesh, 1 applies the method, values between blend linearly; above 1 the method is applied "
-            "again to its own result.",
+            "again to its own result, and auto removes detail instead, 2 mean edge lengths wide for each 1.",
             minimum=0,
             below=math.inf,
             default=1.0,
@@ -127,6 +127,15 @@ class Controls(TypedDict, total=False):
         Length | None,
         Control(
             help='Width of the smallest feature to keep, in the unit of the mesh or like "4 edges".',
+            example="4 edges",
+            metavar="LENGTH",
+        ),
+    ]
+    remove_detail: Annotated[
+        Length | None,
+        Control(
+            help="Width of the largest feature to remove from what the method leaves, in the unit of the mesh or like "
+            '"4 edges"; wider features and their edges stay.',
             example="4 edges",
             metavar="LENGTH",
         ),

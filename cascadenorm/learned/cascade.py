@@ -9,16 +9,18 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from cascadenorm.baselines.vertex_update import Sweeps, Weighting
 from cascadenorm.errors import MissingDependencyError
+from cascadenorm.geometry.exactness import exact_vertices
+from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.learned.descriptors import CONSTANTS, DESCRIPTORS
 from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.engine import PROCESSOR, Engine
 from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
-from cascadenorm.learned.safeguard import safeguarded
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
@@ -123,11 +125,16 @@ Model = Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm tr
 Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the processor, or a GPU through torch")]
 
 
-@method("auto", source="after Wang, Liu, Tong 2016")
+@method("auto", source="after Wang, Liu, Tong 2016", converges=True)
 def auto(mesh: Mesh, *, model: Model = None, device: Device = "cpu") -> Vectors:
     """Regress true normals from filters of near and far reach, in three stages, for any mesh and any noise."""
-    vertices = _loaded(model, "auto").vertices(mesh, engine=_engine(device))
-    return safeguarded(mesh, without_drift(mesh, vertices))
+    vertices = without_drift(mesh, _loaded(model, "auto").vertices(mesh, engine=_engine(device)))
+    return safeguarded(mesh, vertices)
+
+
+def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
+    """Keep the vertices of exact components, and flip no face but foldovers, wherever a model wants the vertices."""
+    return without_flips(mesh, np.where(exact_vertices(mesh)[:, None], mesh.vertices, vertices))
 
 
 @method("cascade", source="Wang, Liu, Tong 2016")

@@ -1,11 +1,10 @@
-"""What `auto` guarantees: exact components keep their vertices, and no face flips that was not nearly a foldover."""
+"""Displacements that flip no face but foldovers."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.exactness import exact_vertices
 from cascadenorm.mesh import Mesh, Vectors
 
 HALVINGS = 8
@@ -14,10 +13,10 @@ STEEPEST = math.sqrt(0.5)
 """Cosine of the angle to the mean normal around it, 45°, up to which no face may flip, however noisy the mesh."""
 
 
-def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
-    """Take back of a displacement what would do harm.
+def without_flips(mesh: Mesh, vertices: Vectors) -> Vectors:
+    """Take back of a displacement what would flip faces.
 
-    Vertices of exact components (see `exact_vertices`) stay. Where a face would end with its normal 90° or more from
+    Where a face would end with its normal 90° or more from
     that of the input, the displacements of its three vertices are halved until it does not, and dropped in the end;
     only faces that were foldovers, or may have been for all that the noise says, may flip (see `foldovers`).
 
@@ -30,11 +29,11 @@ def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
     -------
     (n, 3)
     """
-    displacement = np.where(exact_vertices(mesh)[:, None], 0.0, vertices - mesh.vertices)
+    displacement = vertices - mesh.vertices
     held = ~foldovers(mesh) & (mesh.areas > 0)
     share = np.ones(len(displacement))
     halvings = np.zeros(len(displacement), np.int64)
-    moved = np.where(displacement != 0, vertices, mesh.vertices)
+    moved = vertices.copy()
     while True:
         flipped = held & (np.einsum("ij,ij->i", mesh.moved(moved).area_vectors, mesh.normals) <= 0)
         if not flipped.any():
