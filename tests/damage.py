@@ -287,6 +287,7 @@ def denoised(rng: Generator) -> str:
         ("boundary", ["smooth", "fixed"]),
         ("creases", [0.0, 30.0, 180.0]),
         ("keep_detail", ["0 edges", "3 edges", "1e-300", "inf"]),
+        ("remove_detail", ["0 edges", "3 edges", "1e-300", "inf"]),
         ("volume", ["keep"]),
         ("on_bad", ["isolate"]),
     ):

@@ -107,7 +107,7 @@ def test_json_says_what_was_done(place, capsys):
 
 
 NO_CONTROLS = {
-    **dict.fromkeys(("mask", "fixed", "only", "creases", "keep_detail", "max_displacement", "volume")),
+    **dict.fromkeys(("mask", "fixed", "only", "creases", "keep_detail", "remove_detail", "max_displacement", "volume")),
     "boundary": "free",
     "on_bad": "error",
 }
@@ -123,6 +123,7 @@ def test_json_says_which_controls_were_in_force(place, capsys):
         "--boundary": "smooth",
         "--creases": "40",
         "--keep-detail": "4 edges",
+        "--remove-detail": "1 edge",
         "--max-displacement": "0.5 edges",
         "--on-bad": "isolate",
     }

@@ -1,14 +1,16 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from shapes import grid, icosphere, noisy
+from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.controls import checked
 from cascadenorm.controls.controls import controlled
 from cascadenorm.controls.detail import finer_than
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh, Vectors, angles_between
 from cascadenorm.registry import Method
 
 BALL = icosphere(4)
@@ -119,3 +121,44 @@ def test_wrong_lengths_are_refused_with_a_reason():
     for wrong in (-1, "wide", float("nan")):
         with pytest.raises(cn.ParameterError, match=r"keep_detail is .*; it must be a length, at least 0"):
             cn.denoise(BALL, method="laplacian", keep_detail=wrong)
+
+
+def roughness(mesh: Mesh) -> float:
+    """Mean angle between the normals of adjacent faces, in degrees."""
+    first, second = mesh.topology.face_pairs.T
+    return float(np.degrees(angles_between(mesh.normals[first], mesh.normals[second])).mean())
+
+
+def bumps(mesh: Mesh, seed: int) -> Mesh:
+    """An error that is alike over several edges, which no filter of single vertices sees."""
+    heights = np.random.default_rng(seed).normal(size=(len(mesh.vertices), 1))
+    for _ in range(12):
+        heights = mesh.sums_around(mesh.areas[:, None] * heights[mesh.faces].mean(axis=1))
+        heights /= heights.std()
+    return mesh.moved(mesh.vertices + 0.4 * mesh.mean_edge_length * heights * mesh.vertex_normals)
+
+
+BUMPY = bumps(icosphere(4), 0)
+
+
+def test_strength_of_auto_removes_more_and_more_without_a_jump():
+    strengths = (0.0, 0.5, 1.0, 1.0001, 1.5, 2.0, 3.0, 5.0)
+    outs = [cn.denoise(BUMPY, strength=strength) for strength in strengths]
+    left = [roughness(mesh) for mesh in outs]
+    assert left[2] == pytest.approx(left[3], abs=0.01)
+    assert all(after < 0.99 * before for before, after in pairwise(left[3:]))
+    assert np.abs(outs[2].vertices - outs[3].vertices).max() < 1e-3 * BUMPY.mean_edge_length
+
+
+@pytest.mark.parametrize("method", ["auto", "bilateral-normal", "taubin"])
+def test_detail_to_remove_goes_whatever_the_method_leaves(method):
+    left = [roughness(cn.denoise(BUMPY, method=method, remove_detail=width)) for width in (None, 2 * EDGE, 5 * EDGE)]
+    assert left[1] < 0.97 * left[0] and left[2] < 0.97 * left[1]
+
+
+def test_what_auto_leaves_exact_stays_under_strength_and_goes_within_the_width_if_asked_for():
+    part = cube(6)
+    assert cn.denoise(part, strength=4).vertices.tobytes() == part.vertices.tobytes()
+    wide = 3 * part.mean_edge_length
+    out = cn.denoise(part, method="taubin", iterations=0, remove_detail=wide)
+    assert np.linalg.norm(out.vertices - part.vertices, axis=1).max() <= 0.5 * wide

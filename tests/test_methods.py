@@ -192,6 +192,7 @@ def test_all_controls_work_together(name, boundary):
         "boundary": boundary,
         "creases": OPEN.topology.edges[crease_edges(CLEAN_OPEN, 45)],
         "keep_detail": "5 edges",
+        "remove_detail": "1 edge",
         "volume": "keep",
         "max_displacement": 0.02,
     }

@@ -14,7 +14,8 @@ from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import find
 
-WIDEST = 10.0  # diagonals of the mesh: a larger width takes away the mean displacement of a component, and no more
+WIDEST = 10.0
+"""In diagonals of the mesh; a larger width to keep takes away the mean displacement of a component, and no more."""
 
 
 def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
@@ -68,9 +69,10 @@ def without_finer(width: float, mesh: Mesh, vertices: Vectors, *, everywhere: bo
     (n, 3), at most half a width from `vertices`, which is the height of a half sphere; no face is flipped against the
     input but its foldovers
     """
-    if width == 0 or not mesh.mean_edge_length > 0:
-        return vertices
     left = mesh.moved(vertices)
+    if width == 0 or not left.mean_edge_length > 0:
+        return vertices
+    width = min(width, WIDEST * mesh.diagonal)
     filtered = find("rolling-guidance-normal")(left, width=width / left.mean_edge_length)
     kept = np.zeros(len(vertices), bool) if everywhere else (vertices == mesh.vertices).all(axis=1)
     displacement = limited(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
