@@ -193,6 +193,51 @@ def test_letters_grow_with_their_size_and_differ_from_each_other():
     assert lettering(" ", size=20).max() == 0
 
 
+def stray(vertices, faces):
+    """A cube beside further faces, which count from its last vertex on."""
+    body = cube(4)
+    faces = np.array(faces, int).reshape(-1, 3) + len(body.vertices)
+    return Mesh(np.concatenate([body.vertices, vertices]), np.concatenate([body.faces, faces]))
+
+
+STRAY = {
+    "unreferenced vertex": stray([(1e6, 0, 0)], []),
+    "face on one vertex": stray([(1e6, 0, 0)], [(0, 0, 0)]),
+    "face without area": stray([(0, 0, 0), (0, 0, 1e5), (0, 0, 2e5)], [(0, 1, 2)]),
+    "tiny far face": stray(1e4 + 1e-3 * np.eye(3), [(0, 1, 2)]),
+    "spike": stray([(1e6, 0, 0)], [(0, -1, -2)]),
+    "huge number": stray([(3e38, 0, 0)], [(0, -1, -2)]),
+}
+
+
+@pytest.mark.parametrize("mesh", STRAY.values(), ids=STRAY)
+def test_a_stray_part_does_not_move_the_camera(mesh):
+    alone = Camera.looking_at(cube(4), direction=(1, 2, 3))
+    camera = Camera.looking_at(mesh, direction=(1, 2, 3))
+    assert (camera.center == alone.center).all()
+    assert (camera.reach, camera.perspective) == (alone.reach, alone.perspective)
+    assert Camera.looking_at(mesh).axes == pytest.approx(Camera.looking_at(cube(4)).axes)
+
+
+@pytest.mark.parametrize("mesh", STRAY.values(), ids=STRAY)
+def test_a_file_with_a_stray_part_shows_the_rest(tmp_path, mesh):
+    draw([mesh], tmp_path / "stray.png", size=64)
+    assert (decoded((tmp_path / "stray.png").read_bytes())[:64] < 250).any(axis=2).mean() > 0.5
+
+
+def test_a_long_thin_arm_and_a_far_second_body_stay_in_the_picture():
+    body = icosphere(3)
+    arm = cube(1).moved((cube(1).vertices - cube(1).vertices.mean(axis=0)) * (0.02, 0.02, 20) + (0, 0, 10))
+    other = body.moved(0.3 * body.vertices + (15, 0, 0))
+    for extra in (arm, other):
+        both = Mesh(
+            np.concatenate([body.vertices, extra.vertices]),
+            np.concatenate([body.faces, extra.faces + len(body.vertices)]),
+        )
+        camera = Camera.looking_at(both, direction=(1, 2, 3))
+        assert (np.abs(camera.framed(both.vertices)[:, :2]) <= np.array(camera.reach) * 1.2).all()
+
+
 @pytest.mark.parametrize("scale", [1e300, 1e-310])
 def test_the_size_of_the_coordinates_does_not_matter(tmp_path, scale):
     for name, size in (("usual", 1.0), ("other", scale)):

@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.mesh import Mesh, unit
 
+LEAST_COVERAGE = 0.01
+"""Area of the faces in a picture over the square of half its diagonal, below which the camera goes nearer."""
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -33,7 +36,7 @@ class Camera:
         direction: ArrayLike | None = None,
         perspective: float = 0.15,
     ) -> "Camera":
-        """Place a camera so that the whole mesh is seen.
+        """Place a camera so that the whole mesh is seen, but for far parts so small that the rest would be a dot.
 
         Parameters
         ----------
@@ -45,11 +48,13 @@ class Camera:
         if not 0 <= perspective < 1:
             raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")
         axes = _axes(_direction(mesh) if direction is None else direction)
-        middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
-        strength = 2 * perspective / mesh.diagonal if mesh.diagonal else 0.0
-        flat = projected((mesh.vertices - middle) @ axes.T, strength)[:, :2]
+        points = mesh.vertices[np.unique(mesh.faces[_framed_faces(mesh)])]
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, diagonal = (low + high) / 2, np.linalg.norm(high - low)
+        strength = float(2 * perspective / diagonal) if diagonal else 0.0
+        flat = projected((points - middle) @ axes.T, strength)[:, :2]
         center = middle + (flat.min(axis=0) + flat.max(axis=0)) / 2 @ axes[:2]
-        flat = projected((mesh.vertices - center) @ axes.T, strength)[:, :2]  # nearer points have gone farther
+        flat = projected((points - center) @ axes.T, strength)[:, :2]  # nearer points have gone farther
         width, height = np.abs(flat).max(axis=0)
         return cls(axes, center, (float(width), float(height)), strength)
 
@@ -58,8 +63,8 @@ class Camera:
         return (points - self.center) @ self.axes.T
 
     def shows(self, mesh: Mesh) -> bool:
-        """Tell whether most vertices of a mesh are in the picture."""
-        flat = projected(self.framed(mesh.vertices), self.perspective)[:, :2]
+        """Tell whether most vertices of the faces of a mesh are in the picture."""
+        flat = projected(self.framed(mesh.vertices[mesh.topology.used_vertices]), self.perspective)[:, :2]
         return bool((np.abs(flat) <= self.reach).all(axis=1).mean() > 0.5)
 
 
@@ -71,10 +76,36 @@ def projected(points: NDArray[np.float64], perspective: float) -> NDArray[np.flo
     return points / np.maximum(1 - perspective * points[..., 2:], 1e-3)
 
 
+def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
+    """Return the faces that decide on the frame: all, unless a few far ones leave most of the picture empty.
+
+    The faces within a distance of the middle count, for the largest distance at which they cover enough. The middle is
+    the median by area; a needle, such as a spike makes, has the area of a square over its height there. Files of CAD
+    kernels have such parts: a triangle of no size at the origin, a vertex that a failed intersection left far outside.
+    """
+    seen = np.flatnonzero(mesh.areas > 0)
+    if not len(seen):
+        return np.arange(len(mesh.faces))
+    weights = np.minimum(mesh.areas[seen], mesh.heights[seen] ** 2)
+    middle = np.array([_weighted_median(along, weights) for along in mesh.centroids[seen].T])
+    distances = np.linalg.norm(mesh.corners[seen] - middle, axis=2).max(axis=1)
+    outward = np.argsort(distances, kind="stable")
+    covered = np.cumsum(mesh.areas[seen][outward]) >= LEAST_COVERAGE * distances[outward] ** 2
+    return seen[outward[: np.flatnonzero(covered)[-1] + 1]] if covered.any() else seen
+
+
+def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
+    """The first of the ascending values up to which lies half of the weight."""
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(total, total[-1] / 2)]])
+
+
 def _direction(mesh: Mesh) -> ArrayLike:
     """Toward the front of an open surface, else over the right shoulder of a model that stands upright in y."""
-    facing = mesh.area_vectors.sum(axis=0)
-    return facing if np.linalg.norm(facing) > 0.2 * mesh.area else (0.45, 0.40, 0.80)
+    faces = _framed_faces(mesh)
+    facing = mesh.area_vectors[faces].sum(axis=0)
+    return facing if np.linalg.norm(facing) > 0.2 * mesh.areas[faces].sum() else (0.45, 0.40, 0.80)
 
 
 def _axes(direction: ArrayLike) -> NDArray[np.float64]:
