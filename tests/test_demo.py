@@ -1,6 +1,7 @@
 import io
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from rich.console import Console
 
 from cascadenorm.api import compare
 from cascadenorm.cli import run
-from cascadenorm.cli.demo import BEFORE_AFTER, ERRORS, EXAMPLES, demo, table
+from cascadenorm.cli.demo import BEFORE_AFTER, ERRORS, EXAMPLES, demo, draw, table
 from cascadenorm.interop import as_mesh
 from cascadenorm.io import OutputError
 from cascadenorm.render import Camera
@@ -24,7 +25,9 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def examples(folder):
-    return demo(folder, methods=(METHOD,))
+    made = demo(folder, methods=(METHOD,))
+    draw(made, folder)
+    return made
 
 
 def test_every_example_comes_out_closer_to_the_truth(examples):
@@ -69,10 +72,18 @@ def test_a_second_run_replaces_its_own_files_and_no_other(examples, folder):
     (folder / "notes.txt").write_text("mine")
     before = (folder / ERRORS).read_bytes()
     (folder / ERRORS).write_text("old")
-    demo(folder, methods=(METHOD,))
+    draw(demo(folder, methods=(METHOD,)), folder)
     assert (folder / "notes.txt").read_text() == "mine"
     assert (folder / ERRORS).read_bytes() == before
     (folder / "notes.txt").unlink()
+
+
+def test_without_pillow_there_are_meshes_and_a_way_to_pictures(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    monkeypatch.setattr("cascadenorm.cli.demo.demo", partial(demo, methods=(METHOD,)))
+    assert run(["demo", str(tmp_path / "plain")]) == 0
+    assert 'pip install "cascadenorm[viz]"' in capsys.readouterr().out
+    assert {path.suffix for path in (tmp_path / "plain").rglob("*.*")} == {".ply"}
 
 
 def test_a_file_in_the_place_of_the_folder_is_left_alone(tmp_path, capsys):

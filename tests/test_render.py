@@ -1,14 +1,16 @@
-import struct
-import zlib
+import io
+import sys
 
 import numpy as np
+import PIL.Image
 import pytest
 from shapes import cube, grid, icosphere, noisy
 
+from cascadenorm.errors import MissingDependencyError
 from cascadenorm.mesh import Mesh, limit_threads
 from cascadenorm.render import Camera, error_colors, error_legend, png, render, side_by_side
 from cascadenorm.render.files import draw
-from cascadenorm.render.text import lettering
+from cascadenorm.render.pillow import add_text
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
 
@@ -27,20 +29,10 @@ def black(mesh):
 
 
 def decoded(data):
-    """Read a PNG back: 8 bits, three channels, filters 0 and 1."""
-    assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    chunks, at = {}, 8
-    while at < len(data):
-        (length,) = struct.unpack(">I", data[at : at + 4])
-        name, body = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
-        assert struct.unpack(">I", data[at + 8 + length : at + 12 + length])[0] == zlib.crc32(name + body)
-        chunks[name] = body
-        at += 12 + length
-    width, height, *kind = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
-    assert kind == [8, 2, 0, 0, 0]
-    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, -1)
-    assert set(rows[:, 0]) == {1}
-    return np.cumsum(rows[:, 1:].reshape(height, width, 3), axis=1, dtype=np.uint8)
+    """Read a PNG back."""
+    with PIL.Image.open(io.BytesIO(data)) as image:
+        assert (image.format, image.mode) == ("PNG", "RGB")
+        return np.asarray(image)
 
 
 @pytest.mark.parametrize("direction", [(0, 0, 1), (1, 2, 3)])
@@ -184,13 +176,44 @@ def test_panels_keep_their_pixels_and_captions_stand_below():
         side_by_side([left, right], ["a"])
 
 
-def test_letters_grow_with_their_size_and_differ_from_each_other():
-    letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.,:-–+°()/_?"
-    drawn = {lettering(letter, size=20).tobytes() for letter in letters}
-    assert len(drawn) == len(letters)
-    assert lettering("é", size=20).tobytes() == lettering("?", size=20).tobytes()
-    assert lettering("Hx", size=40).sum() == pytest.approx(4 * lettering("Hx", size=20).sum(), rel=0.02)
-    assert lettering(" ", size=20).max() == 0
+def written(text, *, size, left=None):
+    """Ink of a line of text on a white strip."""
+    return 255 - add_text(np.full((120, 400, 3), 255, np.uint8), text, left=left, middle=60, size=size).astype(int)
+
+
+def test_captions_differ_by_character_and_capitals_are_as_high_as_asked():
+    characters = [chr(code) for code in range(33, 127)] + ["°", "é"]
+    drawn = {written(character, size=20).tobytes() for character in characters}
+    assert len(drawn) == len(characters)
+    assert not written(" ", size=20).any()
+    for size in (10, 40):
+        rows = np.flatnonzero(written("HEX", size=size).any(axis=(1, 2)))
+        assert np.ptp(rows) + 1 == pytest.approx(size, abs=1)
+        assert rows.mean() == pytest.approx(60, abs=1)
+
+
+def test_captions_are_centered_and_cut_where_the_picture_ends():
+    columns = np.flatnonzero(written("HEX", size=20).any(axis=(0, 2)))
+    assert columns.mean() == pytest.approx(200, abs=2)
+    assert np.flatnonzero(written("HEX", size=20, left=7).any(axis=(0, 2)))[0] == pytest.approx(7, abs=3)
+    long = written("H" + 100 * "m", size=20)
+    assert long[:, -1].any()
+    assert (long[:, :12] == written("H", size=20, left=0)[:, :12]).all()
+
+
+@pytest.mark.parametrize("name", ["two\nlines", "\udcff", "\0", "\t", "名前"])
+def test_any_name_of_a_file_is_a_caption_of_one_line(name):
+    rows = np.flatnonzero(written(name, size=20).any(axis=(1, 2)))
+    assert 0 < np.ptp(rows) < 40
+
+
+def test_pictures_without_pillow_say_what_to_install(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with pytest.raises(MissingDependencyError, match="needs Pillow") as raised:
+        draw([cube(1)], tmp_path / "cube.png")
+    assert raised.value.extra == "viz"
+    assert not list(tmp_path.iterdir())
+    assert render(cube(1), size=(9, 9)).shape == (9, 9, 3)
 
 
 def stray(vertices, faces):

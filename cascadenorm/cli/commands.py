@@ -256,11 +256,17 @@ def demo(
     """Denoise three meshes that come with the package; leave meshes and pictures in a folder."""
     from cascadenorm.cli import demo as demonstration
     from cascadenorm.cli import progress_bars, tables
+    from cascadenorm.errors import MissingDependencyError
 
     with progress_bars.progress_steps() as progress:
         examples = demonstration.demo(folder, progress=progress)
     tables.print_table(demonstration.table(examples))
-    print(f"meshes and pictures are in {folder}; look at {folder / demonstration.BEFORE_AFTER} first")
+    try:
+        demonstration.draw(examples, folder)
+    except MissingDependencyError as error:
+        print(f"meshes are in {folder}; for pictures beside them: {error.command}")
+    else:
+        print(f"meshes and pictures are in {folder}; look at {folder / demonstration.BEFORE_AFTER} first")
 
 
 @app.command("fill-holes")

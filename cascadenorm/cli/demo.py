@@ -53,7 +53,7 @@ def demo(
     methods: Sequence[str] = METHODS,
     progress: Callable[[str, int, int], object] | None = None,
 ) -> list[Example]:
-    """Denoise the examples and leave meshes and pictures in a folder.
+    """Denoise the examples and leave the meshes in a folder.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def demo(
     """
     folder = Path(folder)
     report = progress or (lambda text, done, total: None)
-    total = len(EXAMPLES) + 2
+    total = len(EXAMPLES) + 1
     try:
         folder.mkdir(parents=True, exist_ok=True)
         report("compiling, the first time", 0, total)
@@ -81,13 +81,22 @@ def demo(
             report(name, len(examples) + 1, total)
             examples.append(_example(name, methods))
             _save(folder / name, examples[-1])
-        report("drawing", total - 1, total)
-        for name, drawn in ((BEFORE_AFTER, _before_after), (ERRORS, _errors)):
-            picture = np.concatenate([drawn(example) for example in examples])
-            write_atomically(folder / name, [png(picture)], force=True)
     except OSError as error:
         raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
     return examples
+
+
+def draw(examples: Sequence[Example], folder: Path) -> None:
+    """Leave the pictures in the folder of the meshes, with a row for each example.
+
+    Raises
+    ------
+    MissingDependencyError : Pillow is not installed
+    OutputError : the folder cannot be written to
+    """
+    for name, drawn in ((BEFORE_AFTER, _before_after), (ERRORS, _errors)):
+        picture = np.concatenate([drawn(example) for example in examples])
+        write_atomically(folder / name, [png(picture)], force=True)
 
 
 def table(examples: Sequence[Example]) -> Table:

@@ -10,6 +10,7 @@ from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.render import Camera, png, render, side_by_side
+from cascadenorm.render.pillow import require_pillow
 
 
 def draw(meshes: Sequence[Any], output: str | PathLike[str], *, size: int = 600, force: bool = False) -> None:
@@ -26,7 +27,9 @@ def draw(meshes: Sequence[Any], output: str | PathLike[str], *, size: int = 600,
     ------
     ReadError, MeshError : a mesh that cannot be read or drawn, or none
     OutputError : the file exists and force is not given, or it cannot be written
+    MissingDependencyError : Pillow is not installed
     """
+    require_pillow()
     output = Path(output)
     check_output(output, force=force)
     if output.suffix.lower() not in ("", ".png"):
