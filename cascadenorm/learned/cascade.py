@@ -127,7 +127,7 @@ Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the process
 
 @method("auto", source="after Wang, Liu, Tong 2016", converges=True)
 def auto(mesh: Mesh, *, model: Model = None, device: Device = "cpu") -> Vectors:
-    """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, three times in all."""
+    """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, in three stages."""
     vertices = without_drift(mesh, _loaded(model, "auto").vertices(mesh, engine=_engine(device)))
     return safeguarded(mesh, vertices)
 
