@@ -1,13 +1,20 @@
-"""Links, names, commands and Python blocks in the documents."""
+"""Links, names, commands and Python blocks in the documents are those that exist."""
 
 import importlib
+import io
 import re
+import shlex
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 from shapes import icosphere
 
+import cascadenorm as cn
+from cascadenorm import registry
+from cascadenorm.api import methods
+from cascadenorm.cli import run
 from cascadenorm.interop import save_mesh
 
 if sys.version_info >= (3, 11):
@@ -18,6 +25,8 @@ else:
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "benchmarks").glob("*.md")])
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+NOT_RUN = "<!-- not run: "
+"""Stands, with the reason, in the line before a Python block that a test cannot run."""
 
 
 def named(path: Path) -> str:
@@ -52,11 +61,75 @@ def test_the_architecture_names_only_what_exists():
             assert found, f"there is no {name} in{where}"
 
 
+def blocks(text: str, language: str) -> list[str]:
+    """The fenced blocks of a language, but those that are marked as not run."""
+    found = re.findall(rf"^([^\n]*)\n```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    return [block for before, block in found if not before.startswith(NOT_RUN)]
+
+
+def command_lines(text: str) -> list[list[str]]:
+    """What stands in shell blocks and, where it begins with the program, in code within a sentence."""
+    spans = re.findall(r"`((?:cascadenorm|python) [^`\n]+)`", FENCE.sub("", text))
+    lines = "\n".join([*blocks(text, "bash"), *spans]).replace("&&", "\n").splitlines()
+    return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+@cache
+def help_of(command: str) -> str:
+    """The help of a command of the program; fails where there is none of that name."""
+    with pytest.MonkeyPatch.context() as patch, io.StringIO() as text:
+        patch.setattr(sys, "stdout", text)
+        patch.setenv("COLUMNS", "200")
+        assert run([command, "--help"]) == 0, f"there is no command {command}"
+        return text.getvalue()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_commands_and_scripts_exist_with_their_options(page):
+    for words in command_lines(page.read_text(encoding="utf-8")):
+        names = [Path(word).name for word in words]
+        options = {word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+        if "cascadenorm" in names:
+            arguments = words[names.index("cascadenorm") + 1 :]
+            options &= set(arguments)
+            text = help_of(arguments[0]) if not arguments[0].startswith("-") else help_of("--help")
+        elif len(words) > 1 and words[1].endswith(".py"):
+            text = (ROOT / words[1]).read_text(encoding="utf-8")
+        else:
+            continue
+        for option in options:
+            assert re.search(rf"(?<![\w-]){option}(?![\w-])", text), f"{shlex.join(words)}: there is no {option}"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "```python" in page.read_text(encoding="utf-8")], ids=named)
+def test_python_blocks_run(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_methods", dict(registry._methods))
+    (tmp_path / "scan.ply").write_bytes((ROOT / "cascadenorm" / "demo_data" / "scan" / "noisy.ply").read_bytes())
+    names: dict[str, object] = {}
+    for block in blocks(page.read_text(encoding="utf-8"), "python"):
+        exec(compile(block, named(page), "exec"), names)
+    assert page.name != "README.md" or (tmp_path / "scan_denoised.ply").exists()
+    assert page.name != "CONTRIBUTING.md" or "still" in methods()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_public_names_and_extras_exist(page):
+    text = page.read_text(encoding="utf-8")
+    for name in re.findall(r"\bcn\.([A-Za-z]\w*)", text):
+        assert hasattr(cn, name), f"there is no cascadenorm.{name}"
+    for names in re.findall(r"(?:cascadenorm|\.)\[([\w,]+)\]", text):
+        assert set(names.split(",")) <= extras(), f"there is no extra {names}"
+
+
+def extras() -> set[str]:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        return set(tomllib.load(file)["project"]["optional-dependencies"])
+
+
 def test_the_readme_names_every_extra():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    with (ROOT / "pyproject.toml").open("rb") as file:
-        extras = set(tomllib.load(file)["project"]["optional-dependencies"])
-    assert set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)) >= extras - {"dev"}
+    assert set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)) >= extras() - {"dev"}
 
 
 def test_the_pairs_of_the_readme_are_collected_from_clones(tmp_path, monkeypatch):
