@@ -11,10 +11,9 @@ from cascadenorm.geometry.laplacians import (
     assemble,
     cotangent_laplacian,
     intrinsic_lengths,
-    sums,
     vertex_masses,
 )
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add, unit
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -76,12 +75,22 @@ def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> 
     weights, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
     scale = (mesh.mean_edge_length or 1.0) / threshold
     parallel_for(len(mesh.faces), _tensor_weights, mesh.vertices, mesh.faces, lengths, normals, scale, weights, areas)
-    edge_weights = sums(mesh.topology.face_edges, weights, len(mesh.topology.edges))
+    edge_weights = scatter_add(mesh.topology.face_edges.ravel(), weights.ravel(), len(mesh.topology.edges))
     return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
 
 
 @kernel
-def _tensor_weights(start, stop, vertices, faces, lengths, normals, scale, weights, areas):  # type: ignore[no-untyped-def]
+def _tensor_weights(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    faces: Ints32,
+    lengths: Floats,
+    normals: Vectors,
+    scale: float,
+    weights: Floats,
+    areas: Floats,
+) -> None:
     """Weight of each side, -A ∇φ_k·a ∇φ_(k+1), in the plane of a face with the given lengths of its sides."""
     gradient = np.empty((3, 2))
     for f in range(start, stop):

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
 from cascadenorm.baselines.diffusion import Moving, Step, diffuse
-from cascadenorm.geometry.laplacians import Region, cotangent_laplacian, sums
-from cascadenorm.mesh import Mesh, Vectors, row_sums, unit
+from cascadenorm.geometry.laplacians import Region, cotangent_laplacian
+from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -72,7 +72,7 @@ def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: Regi
     The pulls on a part with creases need not cancel, and one that is tiny would fly off.
     """
     part = mesh.topology.components
-    whole = row_sums(part, np.column_stack([mass, mass[:, None] * velocity]))
+    whole = scatter_add(part, np.column_stack([mass, mass[:, None] * velocity]), int(part.max()) + 1)
     masses, momenta = whole[:, :1], whole[:, 1:]
     held = masses == 0
     if region is not None:
@@ -103,5 +103,5 @@ def area_gradient(mesh: Mesh, weights: NDArray[np.float64]) -> Vectors:
     corners = mesh.corners
     sides = np.roll(corners, -1, axis=1) - corners
     inward = np.cross(mesh.normals[:, None], sides).reshape(-1, 3)  # in the face, as long as the side
-    pulls = -0.5 * np.stack([weights * sums(face_edges, column, len(edges)) for column in inward.T])
-    return np.stack([sums(edges, np.repeat(column, 2), len(mesh.vertices)) for column in pulls], axis=1)
+    pulls = -0.5 * (weights[:, None] * scatter_add(face_edges.ravel(), inward, len(edges)))
+    return scatter_add(edges.ravel(), np.repeat(pulls, 2, axis=0), len(mesh.vertices))

@@ -10,7 +10,7 @@ from scipy import sparse
 
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver
-from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -84,7 +84,7 @@ def _averaged(
     """Two implicit steps of diffusion of the normals of the mesh, at unit length."""
     count = len(areas)
     first, second = pairs.T
-    sums = np.bincount(first, weights, count) + np.bincount(second, weights, count)
+    sums = scatter_add(first, weights, count) + scatter_add(second, weights, count)
     sides = (np.concatenate([first, second]), np.concatenate([second, first]))
     graph = sparse.coo_array((np.tile(weights, 2), sides), shape=(count, count)).tocsr()
     matrix = sparse.csr_array(sparse.diags_array(areas + time * sums) - time * graph)

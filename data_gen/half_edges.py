@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.data_gen.patches import compact
-from cascadenorm.mesh import Mesh, kernel
+from cascadenorm.mesh import Ints, Mesh, kernel, scatter_add
+from cascadenorm.mesh.vectors import Three, Vector, cross, length, subtract
 
 SMOOTH, CREASE, CORNER = 0, 1, 2
 """Kinds of vertices: free, held on a line of marked edges, held in place (as all vertices of a boundary are)."""
@@ -84,9 +85,7 @@ def _kinds(mesh: Mesh, marked_edge: NDArray[np.bool_]) -> NDArray[np.int8]:
     degree = np.bincount(ends.ravel(), minlength=len(mesh.vertices))
     along = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
-    bend = np.zeros((len(mesh.vertices), 3))
-    np.add.at(bend, ends[:, 0], along)
-    np.add.at(bend, ends[:, 1], -along)
+    bend = scatter_add(ends.T.ravel(), np.concatenate([along, -along]), len(mesh.vertices))
     kind = np.where(degree == 0, SMOOTH, CORNER).astype(np.int8)
     kind[(degree == 2) & (np.linalg.norm(bend, axis=1) < 0.9)] = CREASE
     kind[mesh.topology.boundary_vertices] = CORNER
@@ -94,19 +93,19 @@ def _kinds(mesh: Mesh, marked_edge: NDArray[np.bool_]) -> NDArray[np.int8]:
 
 
 @kernel
-def after(h):  # type: ignore[no-untyped-def]
+def after(h: int) -> int:
     """Next half edge of the face."""
     return h - 2 if h % 3 == 2 else h + 1
 
 
 @kernel
-def before(h):  # type: ignore[no-untyped-def]
+def before(h: int) -> int:
     """Previous half edge of the face."""
     return h + 2 if h % 3 == 0 else h - 1
 
 
 @kernel
-def leaving(c, v, ring):  # type: ignore[no-untyped-def]
+def leaving(c: HalfEdges, v: int, ring: Ints) -> tuple[int, bool]:
     """Write the half edges that leave v; their number, 0 if they are too many, and whether they go all around."""
     first = c.start[v]
     h, count = first, 0
@@ -129,7 +128,7 @@ def leaving(c, v, ring):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fans_are_single(c, n):  # type: ignore[no-untyped-def]
+def _fans_are_single(c: HalfEdges, n: int) -> bool:
     degree = np.zeros(n, np.int64)
     for h in range(3 * c.used[1]):
         degree[c.origin[h]] += 1
@@ -141,7 +140,7 @@ def _fans_are_single(c, n):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def joined(c, a, b, ring):  # type: ignore[no-untyped-def]
+def joined(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
     """Whether an edge joins a and b; True as well where a has too many neighbours to tell."""
     count, _ = leaving(c, a, ring)
     for i in range(count):
@@ -151,29 +150,27 @@ def joined(c, a, b, ring):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def area_vector(p, q, r):  # type: ignore[no-untyped-def]
+def area_vector(p: Three, q: Three, r: Three) -> Vector:
     """Twice the area of a triangle times its normal."""
-    ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return cross(subtract(q, p), subtract(r, p))
 
 
 @kernel
-def distance(p, q):  # type: ignore[no-untyped-def]
+def distance(p: Three, q: Three) -> float:
     """Distance of two points."""
-    return np.sqrt((p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2)
+    return length(subtract(p, q))
 
 
 @kernel
-def shape(p, q, r):  # type: ignore[no-untyped-def]
+def shape(p: Three, q: Three, r: Three) -> float:
     """Quality of a triangle: 1 for an equilateral one, 0 for one without area."""
-    x, y, z = area_vector(p, q, r)
     sides = distance(p, q) ** 2 + distance(q, r) ** 2 + distance(r, p) ** 2
-    return 2 * np.sqrt(3.0) * np.sqrt(x * x + y * y + z * z) / max(sides, 1e-300)
+    quality: float = 2 * np.sqrt(3.0) * length(area_vector(p, q, r)) / max(sides, 1e-300)
+    return quality
 
 
 @kernel
-def tie(c, h, g, mark):  # type: ignore[no-untyped-def]
+def tie(c: HalfEdges, h: int, g: int, mark: bool) -> None:
     """Make two half edges twins; either may be missing."""
     if h != -1:
         c.twin[h] = g
@@ -184,7 +181,7 @@ def tie(c, h, g, mark):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def collapse_keeps_manifold(c, h, ring, other):  # type: ignore[no-untyped-def]
+def collapse_keeps_manifold(c: HalfEdges, h: int, ring: Ints, other: Ints) -> bool:
     """Whether the end points of h share two neighbours only, and the vertex to vanish is off the boundary."""
     a, b = c.origin[h], c.origin[after(h)]
     g = c.twin[h]
@@ -212,7 +209,7 @@ def collapse_keeps_manifold(c, h, ring, other):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def collapse(c, h, ring):  # type: ignore[no-untyped-def]
+def collapse(c: HalfEdges, h: int, ring: Ints) -> None:
     """Merge the origin of h into its other end; the caller has checked that a manifold stays."""
     g = c.twin[h]
     a, b = c.origin[h], c.origin[after(h)]
@@ -233,7 +230,7 @@ def collapse(c, h, ring):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def flip(c, h):  # type: ignore[no-untyped-def]
+def flip(c: HalfEdges, h: int) -> None:
     """Replace the edge between two faces by the other diagonal; the caller has checked that it is allowed."""
     g = c.twin[h]
     a, b, left, right = c.origin[h], c.origin[after(h)], c.origin[before(h)], c.origin[before(g)]
@@ -251,7 +248,7 @@ def flip(c, h):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def split(c, h, m):  # type: ignore[no-untyped-def]
+def split(c: HalfEdges, h: int, m: int) -> None:
     """Put vertex m, whose data the caller has set, on an edge; both faces become two."""
     g = c.twin[h]
     mark = c.marked[h]

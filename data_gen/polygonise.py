@@ -14,7 +14,7 @@ from scipy import sparse
 
 from cascadenorm.data_gen.fields import Field, Values
 from cascadenorm.data_gen.lattice import Lattice
-from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 
 FLAT = 0.08  # planes whose scatter has an eigenvalue below this share of the largest count as one plane, or one edge
 SNAP = 0.02  # values closer to zero than this share of the spacing are pushed away, so that crossings stay off nodes
@@ -189,13 +189,10 @@ def meeting_points(
     is taken, and no further than `reach` from it.
     """
     number = np.maximum(np.bincount(group, minlength=count), 1)[:, None]
-    mean = np.stack([np.bincount(group, points[:, k], count) for k in range(3)], axis=1) / number
+    mean = scatter_add(group, points, count) / number
     gap = np.einsum("ij,ij->i", normals, points - mean[group])
-    scatter = np.empty((count, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            scatter[:, i, j] = np.bincount(group, normals[:, i] * normals[:, j], count)
-    right = np.stack([np.bincount(group, normals[:, k] * gap, count) for k in range(3)], axis=1)
+    scatter = scatter_add(group, normals[:, :, None] * normals[:, None, :], count)
+    right = scatter_add(group, normals * gap[:, None], count)
     size, axes = np.linalg.eigh(scatter)
     keep = size > FLAT * size[:, 2:]
     inverse = np.divide(1, size, out=np.zeros_like(size), where=keep)

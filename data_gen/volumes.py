@@ -10,7 +10,7 @@ from cascadenorm.data_gen.measured import Measured, beneath
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.surface import Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.untangle import untangled
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh, Vectors, scatter_add
 
 Volume = NDArray[np.float64]
 """(p, q, r), one value a voxel, above 0.5 inside."""
@@ -85,8 +85,7 @@ def surface_nets(volume: Volume) -> Mesh:
     """
     inside = volume > 0.5
     number = np.full(np.array(volume.shape) - 1, -1, np.int64)  # of the vertex of a cell
-    total, count = np.zeros((*number.shape, 3)), np.zeros(number.shape)
-    crossings = []
+    crossings, cells, places = [], [], []
     for axis in range(3):
         low, high = (np.moveaxis(volume, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
         crossed = np.moveaxis(np.diff(np.moveaxis(inside, axis, 0).astype(np.int8), axis=0) != 0, 0, axis)
@@ -100,12 +99,12 @@ def surface_nets(volume: Volume) -> Mesh:
             cell[:, others] -= shift
             if cell.min(initial=0) < 0 or (cell >= number.shape).any():
                 raise UnfitShapeError("the shape reaches the border of the volume")
-            np.add.at(total, tuple(cell.T), place)
-            np.add.at(count, tuple(cell.T), 1)
+            cells.append(np.ravel_multi_index(tuple(cell.T), number.shape))
+            places.append(place)
         crossings.append((axis, others, node, low > high))
-    used = count > 0
-    number[used] = np.arange(used.sum())
-    vertices = total[used] / count[used][:, None]
+    used, vertex = np.unique(np.concatenate(cells), return_inverse=True)
+    number.flat[used] = np.arange(len(used))
+    vertices = scatter_add(vertex, np.concatenate(places), len(used)) / np.bincount(vertex)[:, None]
     triangles = []
     for axis, others, node, falling in crossings:
         around = []

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 
 SPREAD = 0.7  # of the range weight, in median angles from edge to edge along the boundary
 DIRECTION_PASSES = 10
@@ -116,8 +116,8 @@ def _smoothed_curve(vertices: Vectors, boundary: BoundaryEdges) -> Vectors:
     for _ in range(VERTEX_PASSES):
         edges = vertices[head] - vertices[tail]
         across = edges - np.einsum("ij,ij->i", edges, directions)[:, None] * directions
-        pull = [np.bincount(tail, a, len(vertices)) - np.bincount(head, a, len(vertices)) for a in across.T]
-        vertices = vertices + np.where(inner[:, None], STEP * np.stack(pull, axis=1), 0.0)
+        pull = scatter_add(tail, across, len(vertices)) - scatter_add(head, across, len(vertices))
+        vertices = vertices + np.where(inner[:, None], STEP * pull, 0.0)
     return vertices
 
 

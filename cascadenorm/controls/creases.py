@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.mesh import Mesh, Vectors, first_places, row_sums
+from cascadenorm.mesh import Mesh, Vectors, first_places, scatter_add
 
 HOLD = 0.02  # weight h of the mean of the copies, against 1 - cos of the angle between two sides
 
@@ -52,13 +52,13 @@ class Sides(NamedTuple):
 
         # Displacements, their mean, and how far each plane is from the mean along its normal
         moves = vertices[chosen] - mesh.vertices[self.owners[chosen]]
-        mean = row_sums(row, moves) / np.bincount(row)[:, None]
+        mean = scatter_add(row, moves, len(places)) / np.bincount(row)[:, None]
         normals = self.mesh.moved(vertices).vertex_normals[chosen]
         residuals = np.einsum("ij,ij->i", normals, moves - mean[row])
 
         # Normal equations: (Σ n_c n_cᵀ + h I) (x - mean) = Σ <n_c, x_c - mean> n_c
-        planes = row_sums(row, (normals[:, :, None] * normals[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
-        right = row_sums(row, normals * residuals[:, None])[:, :, None]
+        planes = scatter_add(row, normals[:, :, None] * normals[:, None, :], len(places))
+        right = scatter_add(row, normals * residuals[:, None], len(places))[:, :, None]
         joined = vertices[:count].copy()
         joined[places] = mesh.vertices[places] + mean + np.linalg.solve(planes + HOLD * np.eye(3), right)[:, :, 0]
         return joined

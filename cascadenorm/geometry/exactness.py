@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, kernel, parallel_for, row_sums
+from cascadenorm.mesh import Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 COPLANAR = 3e-6
 """Height of a vertex over the plane of the triangle across an edge, in diagonals, up to which the two are one plane.
@@ -43,8 +43,8 @@ def exact_vertices(mesh: Mesh) -> NDArray[np.bool_]:
     clean, part = counts > 0, mesh.topology.face_components
     count = int(part.max()) + 1
     faces = np.bincount(part[clean], minlength=count) / np.maximum(np.bincount(part, minlength=count), 1)
-    areas = np.maximum(np.bincount(part, mesh.areas, minlength=count), np.finfo(float).tiny)
-    covered = np.bincount(part[clean], mesh.areas[clean], minlength=count) / areas
+    areas = np.maximum(scatter_add(part, mesh.areas, count), np.finfo(float).tiny)
+    covered = scatter_add(part[clean], mesh.areas[clean], count) / areas
     likely = (faces >= FACES) & (covered >= AREA)
     if not likely.any() or (lattice_share(mesh) >= LATTICE and _has_steps(mesh)):
         return exact
@@ -98,13 +98,22 @@ def _unevenness(mesh: Mesh, part: NDArray[np.int32], count: int) -> NDArray[np.f
     """Coefficient of variation of the edge lengths of each component, (count,)."""
     corners = mesh.vertices[mesh.faces]
     lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    moments = row_sums(part, np.stack([lengths.sum(axis=1), np.square(lengths).sum(axis=1)], axis=1))
+    moments = scatter_add(part, np.stack([lengths.sum(axis=1), np.square(lengths).sum(axis=1)], axis=1), count)
     mean, square = (moments / np.maximum(3 * np.bincount(part, minlength=count), 1)[:, None]).T
     return np.asarray(np.sqrt(np.maximum(square - mean**2, 0)) / np.maximum(mean, np.finfo(float).tiny))
 
 
 @kernel
-def _coplanar_range(start, stop, vertices, faces, normals, across, limit, out):  # type: ignore[no-untyped-def]
+def _coplanar_range(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    faces: Ints32,
+    normals: Vectors,
+    across: Ints32,
+    limit: float,
+    out: NDArray[np.int8],
+) -> None:
     for f in range(start, stop):
         out[f] = 0
         for side in range(3):
@@ -116,7 +125,7 @@ def _coplanar_range(start, stop, vertices, faces, normals, across, limit, out): 
 
 
 @kernel
-def _highest(vertices, faces, normals, f, g):  # type: ignore[no-untyped-def]
+def _highest(vertices: Vectors, faces: Ints32, normals: Vectors, f: int, g: int) -> float:
     """Largest distance of a vertex of face g from the plane of face f."""
     most = 0.0
     for k in range(3):

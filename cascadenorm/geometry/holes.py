@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from cascadenorm.geometry.fairing import fair
 from cascadenorm.geometry.hole_refinement import refine
 from cascadenorm.geometry.hole_triangulation import triangulate_loop
-from cascadenorm.geometry.laplacians import Order, sums
-from cascadenorm.mesh import Mesh, in_frame, without_lines
+from cascadenorm.geometry.laplacians import Order
+from cascadenorm.mesh import Mesh, in_frame, scatter_add, without_lines
 from cascadenorm.registry import ParameterError
 
 FAIRINGS = 5  # solutions with a new Laplacian each, from a membrane to the order wanted
@@ -113,4 +113,4 @@ def _edge_length_around(mesh: Mesh) -> NDArray[np.float64]:
     ends = mesh.vertices[mesh.topology.edges]
     lengths = np.repeat(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 2)
     edges, n = mesh.topology.edges, len(mesh.vertices)
-    return sums(edges, lengths, n) / np.maximum(sums(edges, np.ones(edges.size), n), 1)
+    return scatter_add(edges.ravel(), lengths.ravel(), n) / np.maximum(np.bincount(edges.ravel(), minlength=n), 1)

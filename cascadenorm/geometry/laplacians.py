@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Floats, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 Weights = Literal["uniform", "cotan"]
 Order = Literal[1, 2, 3]
@@ -88,13 +88,13 @@ def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> 
     lengths = intrinsic_lengths(mesh, mollification=mollification)
     cotangents, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
     parallel_for(len(mesh.faces), _cotangents, lengths, cotangents, areas)
-    edge_weights = sums(mesh.topology.face_edges, 0.5 * cotangents, len(mesh.topology.edges))
+    edge_weights = scatter_add(mesh.topology.face_edges.ravel(), 0.5 * cotangents.ravel(), len(mesh.topology.edges))
     return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
 
 
 def vertex_masses(mesh: Mesh, areas: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n,) a third of the areas of the faces around each vertex."""
-    return sums(mesh.faces, np.repeat(areas / 3, 3), len(mesh.vertices))
+    return mesh.sums_around(areas / 3)
 
 
 def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> NDArray[np.float64]:
@@ -106,17 +106,12 @@ def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> ND
     return lengths + max(float(missing), 0.0)
 
 
-def sums(places: NDArray[np.int32], values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Add each value to its place; (count,)."""
-    return np.asarray(np.bincount(places.ravel(), values.ravel(), count), np.float64)
-
-
 def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]) -> Laplacian:
     """Return the Laplacian with the given weight of each edge, e.g. (cot α + cot β)/2, and mass of each vertex."""
     proper = mesh.topology.edges[:, 0] != mesh.topology.edges[:, 1]
     (i, j), w = mesh.topology.edges[proper].T, weights[proper]
     n = len(mesh.vertices)
-    diagonal = sums(i, w, n) + sums(j, w, n)
+    diagonal = scatter_add(i, w, n) + scatter_add(j, w, n)
     everyone = np.arange(n, dtype=np.int32)
     rows, columns = np.concatenate([i, j, everyone]), np.concatenate([j, i, everyone])
     stiffness = sparse.csr_array(sparse.coo_array((np.concatenate([-w, -w, diagonal]), (rows, columns)), (n, n)))
@@ -124,7 +119,7 @@ def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]
 
 
 @kernel
-def _cotangents(start, stop, lengths, cotangents, areas):  # type: ignore[no-untyped-def]
+def _cotangents(start: int, stop: int, lengths: Floats, cotangents: Floats, areas: Floats) -> None:
     """Cotangent of the angle opposite to each side, and the area, from three lengths (Kahan's form of Heron's)."""
     for f in range(start, stop):
         a, b, c = lengths[f]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, kernel
+from cascadenorm.mesh import Bools, Csr, Ints32, Mesh, kernel, scatter_add
 
 
 def oriented(mesh: Mesh) -> Mesh:
@@ -33,12 +33,13 @@ def _turned(mesh: Mesh) -> NDArray[np.bool_]:
     """Return which faces have to be turned, (m,)."""
     count, around = len(mesh.faces), mesh.topology.edge_faces
     patch, against, at_border = np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool)
-    _join(mesh.faces, mesh.topology.edges, around.indptr, around.indices, patch, against, at_border)
+    _join(mesh.faces, mesh.topology.edges, around, patch, against, at_border)
     sign = np.where(against, -1.0, 1.0)
-    wanted = np.bincount(patch, sign, count)
+    wanted = scatter_add(patch, sign, count)
     wanted[wanted == 0] = 1.0
-    volume = np.bincount(patch, sign * _volumes(mesh, patch), count)
-    closed = np.bincount(patch, at_border, count) == 0
+    volume = scatter_add(patch, sign * _volumes(mesh, patch), count)
+    closed = np.ones(count, bool)
+    closed[patch[at_border]] = False
     wanted = np.where(closed & (volume != 0), volume, wanted)
     return np.asarray(sign * wanted[patch] < 0)
 
@@ -50,17 +51,17 @@ def _volumes(mesh: Mesh, patch: NDArray[np.int32]) -> NDArray[np.float64]:
 
 
 @kernel
-def _join(faces, edges, indptr, indices, patch, against, at_border):  # type: ignore[no-untyped-def]
+def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, against: Bools, at_border: Bools) -> None:
     """Number each face by the first of its patch, and tell whether it is oriented against that one.
 
     Until the end, `patch` leads to an earlier face of the same patch, and `against` is meant against that one.
     """
     for e in range(len(edges)):
         a, b = edges[e]
-        apexes = _count_apexes(faces, indices[indptr[e] : indptr[e + 1]], a, b)
+        apexes = _count_apexes(faces, around.indices[around.indptr[e] : around.indptr[e + 1]], a, b)
         first = -1
-        for f in indices[indptr[e] : indptr[e + 1]]:
-            if _names_twice(faces, f):
+        for f in around.indices[around.indptr[e] : around.indptr[e + 1]]:
+            if _repeats_vertex(faces, f):
                 continue
             if apexes != 2:
                 at_border[f] = True
@@ -75,7 +76,7 @@ def _join(faces, edges, indptr, indices, patch, against, at_border):  # type: ig
 
 
 @kernel
-def _unite(patch, against, f, g, opposed):  # type: ignore[no-untyped-def]
+def _unite(patch: Ints32, against: Bools, f: int, g: int, opposed: bool) -> None:
     """Join the patches of two faces; where they are one already, what contradicts it is left."""
     root, turned = _find(patch, against, f)
     other, other_turned = _find(patch, against, g)
@@ -85,7 +86,7 @@ def _unite(patch, against, f, g, opposed):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find(patch, against, f):  # type: ignore[no-untyped-def]
+def _find(patch: Ints32, against: Bools, f: int) -> tuple[int, bool]:
     """Return the first face of a patch, and whether f is oriented against it; shortens the way there."""
     turned = False
     while patch[f] != f:
@@ -97,11 +98,11 @@ def _find(patch, against, f):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _count_apexes(faces, around, a, b):  # type: ignore[no-untyped-def]
+def _count_apexes(faces: Ints32, around: Ints32, a: int, b: int) -> int:
     """Count the different third vertices of the faces at an edge; 3 stands for more as well."""
     first = second = -1
     for f in around:
-        if _names_twice(faces, f):
+        if _repeats_vertex(faces, f):
             continue
         apex = _apex(faces, f, a, b)
         if first < 0 or apex == first:
@@ -114,21 +115,24 @@ def _count_apexes(faces, around, a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _apex(faces, f, a, b):  # type: ignore[no-untyped-def]
+def _apex(faces: Ints32, f: int, a: int, b: int) -> int:
     """Return the vertex of a face that is neither a nor b."""
+    apex = -1
     for v in faces[f]:
         if v not in (a, b):
-            return v
-    return -1
+            apex = v
+            break
+    return apex
 
 
 @kernel
-def _names_twice(faces, f):  # type: ignore[no-untyped-def]
-    return faces[f, 0] == faces[f, 1] or faces[f, 1] == faces[f, 2] or faces[f, 2] == faces[f, 0]
+def _repeats_vertex(faces: Ints32, f: int) -> bool:
+    u, v, w = faces[f]
+    return bool(u == v or v == w or w == u)
 
 
 @kernel
-def _runs(faces, f, a, b):  # type: ignore[no-untyped-def]
+def _runs(faces: Ints32, f: int, a: int, b: int) -> bool:
     """Tell whether a face runs from a to b, rather than from b to a."""
     u, v, w = faces[f]
-    return (u == a and v == b) or (v == a and w == b) or (w == a and u == b)
+    return bool((u == a and v == b) or (v == a and w == b) or (w == a and u == b))

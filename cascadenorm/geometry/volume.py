@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh, Vectors, scatter_add
 
 NEWTON_STEPS = 20  # converges in about five; the volume is a cubic of the factor
 TOLERANCE = 1e-13
@@ -83,9 +83,9 @@ def _centers(vertices: Vectors, parts: Parts) -> Vectors:
     """Mean of the vertices of the part of each vertex; zero outside the parts."""
     inside = parts.number >= 0
     counts = np.bincount(parts.number[inside], minlength=parts.total)
-    sums = [np.bincount(parts.number[inside], vertices[inside, axis], parts.total) for axis in range(3)]
+    sums = scatter_add(parts.number[inside], vertices[inside], parts.total)
     centers = np.zeros_like(vertices)
-    centers[inside] = (np.stack(sums, axis=1) / counts[:, None])[parts.number[inside]]
+    centers[inside] = (sums / counts[:, None])[parts.number[inside]]
     return centers
 
 
@@ -111,4 +111,4 @@ def _volume_slopes(mesh: Mesh, arms: Vectors, pull: Vectors, parts: Parts) -> ND
 
 def _sums(mesh: Mesh, values: NDArray[np.float64], parts: Parts) -> NDArray[np.float64]:
     number = parts.number[mesh.faces[:, 0]]
-    return np.asarray(np.bincount(number[number >= 0], values[number >= 0], parts.total), np.float64)
+    return scatter_add(number[number >= 0], values[number >= 0], parts.total)

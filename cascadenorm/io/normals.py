@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.polygons import area_vectors
-from cascadenorm.mesh import unit
+from cascadenorm.mesh import scatter_add, unit
 
 NORMALS = ("Normals", "normals")
 """What normals are called in VTK."""
@@ -54,8 +54,8 @@ def renewed_normals(
     slots = normals.corners[rows, columns]
     groups = _groups(normals, slots, welds[triangles[rows, columns]])
     users = groups[slots]
-    old = _sums(users, area_vectors(before, triangles)[rows], len(groups))
-    new = unit(_sums(users, area_vectors(after, triangles)[rows], len(groups)))[groups]
+    old = scatter_add(users, area_vectors(before, triangles)[rows], len(groups))
+    new = unit(scatter_add(users, area_vectors(after, triangles)[rows], len(groups)))[groups]
     if np.nansum(np.sign(np.einsum("ij,ij->i", old[groups], normals.values))) < 0:
         new = -new
     moved = np.zeros(len(groups), bool)
@@ -77,8 +77,3 @@ def _groups(normals: Normals, slots: NDArray[np.int64], vertices: NDArray[np.int
         _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         groups[candidates] = candidates[first[inverse.reshape(-1)]]
     return groups
-
-
-def _sums(users: NDArray[np.int64], vectors: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Add up the vectors of the users of each group."""
-    return np.stack([np.bincount(users, vectors[:, axis], minlength=count) for axis in range(3)], axis=1)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import repeats_vertex, row_sums
+from cascadenorm.mesh import repeats_vertex, scatter_add
 
 MOST_APEXES = 64  # corners tried for a fan without folds
 MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stays
@@ -131,7 +131,7 @@ def _turned(positions: NDArray[Any], triangles: NDArray[np.int64], owners: NDArr
     """Return which triangles face against the mean normal of their polygon."""
     with np.errstate(all="ignore"):  # a position need not be finite here
         normals = area_vectors(positions, triangles)
-        sums = row_sums(owners, normals)
+        sums = scatter_add(owners, normals, int(owners.max(initial=-1)) + 1)
         return np.asarray(np.einsum("ij,ij->i", normals, sums[owners]) < 0)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.iterated_bilateral import NEAR_PASSES, REACH_PASSES, REACH_SIGMA_R, STEADY, reaching_stack
 from cascadenorm.baselines.normal_filter_bank import filtered_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, row_sums
+from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, scatter_add
 
 SIGMA_S = (1.0, 2.0)
 """Spatial spreads of the filters, in mean edge lengths."""
@@ -157,7 +157,7 @@ def part_means(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]:
     """Average numbers, one row a face, over all that is connected with the face, (m, p)."""
     part = mesh.topology.face_components
     sizes = np.maximum(np.bincount(part), 1)
-    return np.asarray((row_sums(part, values) / sizes[:, None]).astype(np.float32)[part])
+    return np.asarray((scatter_add(part, values, len(sizes)) / sizes[:, None]).astype(np.float32)[part])
 
 
 def openness(mesh: Mesh) -> NDArray[np.float32]:
@@ -170,8 +170,8 @@ def openness(mesh: Mesh) -> NDArray[np.float32]:
     (m,), from 0 where the part is closed to 1 where it is a flat sheet
     """
     part = mesh.topology.face_components
-    sums = row_sums(part, mesh.area_vectors)
-    areas = np.maximum(np.bincount(part, mesh.areas), np.finfo(float).tiny)
+    sums = scatter_add(part, mesh.area_vectors, int(part.max(initial=-1)) + 1)
+    areas = np.maximum(scatter_add(part, mesh.areas, len(sums)), np.finfo(float).tiny)
     return np.asarray((np.linalg.norm(sums, axis=1) / areas)[part], np.float32)
 
 

@@ -1,15 +1,34 @@
 """Triangle meshes: arrays, topology, geometry, checks, and threads for the kernels that walk over them."""
 
 from cascadenorm.errors import MeshError
+from cascadenorm.mesh.arrays import (
+    Bools,
+    Bytes,
+    Floats,
+    Floats32,
+    Ints,
+    Ints32,
+    Vectors,
+    angles_between,
+    first_places,
+    scatter_add,
+    unit,
+)
 from cascadenorm.mesh.frame import in_frame, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
 from cascadenorm.mesh.kernels import kernel
-from cascadenorm.mesh.mesh import Mesh, Vectors, angles_between, first_places, row_sums, unit
+from cascadenorm.mesh.mesh import Mesh
 from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, parallel_for, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
 
 __all__ = [
+    "Bools",
+    "Bytes",
     "Csr",
+    "Floats",
+    "Floats32",
+    "Ints",
+    "Ints32",
     "Mesh",
     "MeshError",
     "Topology",
@@ -26,8 +45,8 @@ __all__ = [
     "one_blas_thread",
     "parallel_for",
     "repeats_vertex",
-    "row_sums",
     "scaled_alike",
+    "scatter_add",
     "thread_count",
     "unit",
     "without_lines",

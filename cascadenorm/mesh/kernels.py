@@ -4,13 +4,15 @@ from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
 from pickle import UnpicklingError
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
+Loop = TypeVar("Loop", bound=Callable[..., Any])
 
-def kernel(function: Callable[..., Any]) -> Any:
+
+def kernel(function: Loop) -> Loop:
     """Compile a loop: it releases the interpreter, divides by zero as numpy does, and is kept on disk for next time.
 
     Where neither the package's folder nor the user's can be written, it is compiled in each process.
@@ -19,7 +21,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     if compiled is not function:  # which it is where compilation is switched off
         with suppress(RuntimeError):  # no place for it
             compiled._cache = KernelCache(function)
-    return compiled
+    return cast(Loop, compiled)
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]

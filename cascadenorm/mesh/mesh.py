@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import MeshError
+from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, first_places, scatter_add, unit
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology import Topology
+from cascadenorm.mesh.vectors import cross, length, row, squared_distance, subtract
 from cascadenorm.messages import counted
-
-Vectors = NDArray[np.float64]
-"""(k, 3) float64: positions, normals or displacements."""
 
 
 class Mesh:
@@ -90,10 +89,9 @@ class Mesh:
         """(m, 3) unit normal of each face; zero where the face has no area."""
         return unit(self.area_vectors)
 
-    def sums_around(self, vectors: Vectors) -> Vectors:
-        """Add what the faces around each vertex have, one row of (m, 3) a face, to (n, 3)."""
-        around = [np.bincount(self.faces.ravel(), np.repeat(column, 3), len(self.vertices)) for column in vectors.T]
-        return np.stack(around, axis=1)
+    def sums_around(self, values: Floats) -> Floats:
+        """Add what the faces around each vertex have, (m, …), to (n, …)."""
+        return scatter_add(self.faces.ravel(), np.repeat(values, 3, axis=0), len(self.vertices))
 
     @cached_property
     def vertex_area_vectors(self) -> Vectors:
@@ -133,7 +131,7 @@ class Mesh:
 
 
 @kernel
-def _centroid_range(start, stop, vertices, faces, out):  # type: ignore[no-untyped-def]
+def _centroid_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Vectors) -> None:
     for f in range(start, stop):
         a, b, c = faces[f]
         for d in range(3):
@@ -141,33 +139,26 @@ def _centroid_range(start, stop, vertices, faces, out):  # type: ignore[no-untyp
 
 
 @kernel
-def _area_vector_range(start, stop, vertices, faces, out):  # type: ignore[no-untyped-def]
+def _area_vector_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Vectors) -> None:
     for f in range(start, stop):
-        a, b, c = faces[f]
-        ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
-        vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
-        out[f, 0] = 0.5 * (uy * vz - uz * vy)
-        out[f, 1] = 0.5 * (uz * vx - ux * vz)
-        out[f, 2] = 0.5 * (ux * vy - uy * vx)
+        a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
+        x, y, z = cross(subtract(b, a), subtract(c, a))
+        out[f, 0], out[f, 1], out[f, 2] = 0.5 * x, 0.5 * y, 0.5 * z
 
 
 @kernel
-def _longest_range(start, stop, vertices, faces, out):  # type: ignore[no-untyped-def]
+def _longest_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Floats) -> None:
     for f in range(start, stop):
         longest = 0.0
         for k in range(3):
-            i, j = faces[f, k - 1], faces[f, k]
-            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-            longest = max(longest, x * x + y * y + z * z)
+            longest = max(longest, squared_distance(row(vertices, faces[f, k]), row(vertices, faces[f, k - 1])))
         out[f] = np.sqrt(longest)
 
 
 @kernel
-def _length_range(start, stop, vertices, edges, out):  # type: ignore[no-untyped-def]
+def _length_range(start: int, stop: int, vertices: Vectors, edges: Ints32, out: Floats) -> None:
     for e in range(start, stop):
-        i, j = edges[e]
-        x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-        out[e] = np.sqrt(x * x + y * y + z * z)
+        out[e] = length(subtract(row(vertices, edges[e, 1]), row(vertices, edges[e, 0])))
 
 
 def _near_one(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
@@ -179,41 +170,6 @@ def _near_one(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
 def _scaled(length: np.floating[Any], exponent: int) -> float:
     with np.errstate(over="ignore"):
         return float(np.ldexp(length, exponent))
-
-
-def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vectors:
-    """Scale each row to length 1; rows of length zero become `otherwise`, or stay zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    scaled = np.divide(vectors, length, out=np.zeros(vectors.shape), where=length > 0)
-    return scaled if otherwise is None else np.where(length > 0, scaled, otherwise)
-
-
-def angles_between(ours: Vectors, theirs: Vectors) -> NDArray[np.float64]:
-    """Angles in radians between unit rows that belong together, less those where one is zero; accurate at any angle."""
-    proper = ours.any(axis=1) & theirs.any(axis=1)
-    ours, theirs = ours[proper], theirs[proper]
-    chord, total = np.linalg.norm(ours - theirs, axis=1), np.linalg.norm(ours + theirs, axis=1)
-    return np.asarray(2 * np.arctan2(chord, total))
-
-
-def row_sums(groups: NDArray[Any], values: NDArray[Any]) -> NDArray[np.float64]:
-    """Add the rows of values that are of one group, (largest number of a group + 1, columns of values)."""
-    out = np.zeros((groups.max(initial=-1) + 1, values.shape[1]))
-    _add_rows(groups, values, out)
-    return out
-
-
-@kernel
-def _add_rows(groups, values, out):  # type: ignore[no-untyped-def]
-    for i in range(len(groups)):
-        for p in range(values.shape[1]):
-            out[groups[i], p] += values[i, p]
-
-
-def first_places(bad: NDArray[np.bool_]) -> str:
-    """Name the first few true places: '17, 18, 40, …'."""
-    places = np.flatnonzero(bad)
-    return ", ".join(map(str, places[:3])) + (", …" if len(places) > 3 else "")
 
 
 def vertex_array(vertices: ArrayLike) -> Vectors:

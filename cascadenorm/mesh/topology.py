@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from cascadenorm.mesh.arrays import Ints, Ints32, scatter_add
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
 
@@ -63,17 +64,17 @@ class Topology:
         if ring < 1:
             raise ValueError(f"ring is {ring}; it must be at least 1")
         if ring not in self._face_rings:
-            parts = parallel_for(len(self.faces), _face_ring_range, self.faces, *self.vertex_faces, ring)
+            parts = parallel_for(len(self.faces), _face_ring_range, self.faces, self.vertex_faces, ring)
             self._face_rings[ring] = _joined(len(self.faces), parts)
         return self._face_rings[ring]
 
     @cached_property
     def _edges(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Unique undirected edges, and the edge of each face side; side k joins corners k and k + 1."""
-        parts = parallel_for(self.vertex_count, _edges_up_range, self.faces, *self.vertex_faces)
+        parts = parallel_for(self.vertex_count, _edges_up_range, self.faces, self.vertex_faces)
         up = _joined(self.vertex_count, parts)
         of_sides = np.empty(self.faces.shape, np.int32)
-        parallel_for(self.vertex_count, _sides_up_range, self.faces, *self.vertex_faces, *up, of_sides)
+        parallel_for(self.vertex_count, _sides_up_range, self.faces, self.vertex_faces, up, of_sides)
         return np.stack([up.rows, up.indices], axis=1), of_sides
 
     @property
@@ -116,7 +117,7 @@ class Topology:
     def balance(self) -> NDArray[np.float64]:
         """(e,) faces that run along each edge from its smaller vertex, less those that run from the larger one."""
         rising = np.sign(np.roll(self.faces, -1, axis=1) - self.faces)
-        return np.asarray(np.bincount(self.face_edges.ravel(), rising.ravel(), len(self.edges)), np.float64)
+        return scatter_add(self.face_edges.ravel(), rising.ravel(), len(self.edges))
 
     def fans(self, across: NDArray[np.bool_] | None = None) -> NDArray[np.int32]:
         """(3m,) fan of each corner of the faces: those at a vertex whose faces are connected there have one number.
@@ -169,7 +170,7 @@ class Topology:
         So what moves the vertices of a group, and reads their faces alone, may do so in any order.
         """
         colors = np.full(self.vertex_count, -1, np.int32)
-        _color_vertices(self.faces, *self.vertex_faces, colors)
+        _color_vertices(self.faces, self.vertex_faces, colors)
         order = np.argsort(colors, kind="stable").astype(np.int32)
         counts = np.bincount(colors + 1)
         return Csr(np.cumsum(counts) - counts[0], order[counts[0] :])
@@ -199,7 +200,7 @@ def _joined(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int32]]]
 
 
 @kernel
-def _fill_vertex_faces(faces, free, indices):  # type: ignore[no-untyped-def]
+def _fill_vertex_faces(faces: Ints32, free: Ints, indices: Ints32) -> None:
     for f in range(len(faces)):
         for corner in range(3):
             v = faces[f, corner]
@@ -208,16 +209,18 @@ def _fill_vertex_faces(faces, free, indices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _edges_up_range(start, stop, faces, vf_indptr, vf_indices):  # type: ignore[no-untyped-def]
+def _edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[Ints, Ints32]:
     """Other ends of the edges at each vertex in start … stop that is their smaller one, ascending."""
     counts = np.empty(stop - start, np.int64)
-    found = np.empty(2 * (vf_indptr[stop] - vf_indptr[start]) + 1, np.int32)  # two sides of each face at a vertex
+    found = np.empty(
+        2 * (around.indptr[stop] - around.indptr[start]) + 1, np.int32
+    )  # two sides of each face at a vertex
     end = 0
     for i in range(start, stop):
         first = end
-        for k in range(vf_indptr[i], vf_indptr[i + 1]):
-            f = vf_indices[k]
-            if k > vf_indptr[i] and vf_indices[k - 1] == f:
+        for k in range(around.indptr[i], around.indptr[i + 1]):
+            f = around.indices[k]
+            if k > around.indptr[i] and around.indices[k - 1] == f:
                 continue  # a face that names the vertex twice
             for side in range(3):
                 a, b = faces[f, side], faces[f, (side + 1) % 3]
@@ -235,26 +238,33 @@ def _edges_up_range(start, stop, faces, vf_indptr, vf_indices):  # type: ignore[
 
 
 @kernel
-def _sides_up_range(start, stop, faces, vf_indptr, vf_indices, up_indptr, up_indices, of_sides):  # type: ignore[no-untyped-def]
+def _sides_up_range(
+    start: int,
+    stop: int,
+    faces: Ints32,
+    around: Csr,
+    up: Csr,
+    of_sides: Ints32,
+) -> None:
     """Number of the edge of each face side whose smaller vertex is in start … stop."""
     for i in range(start, stop):
-        row = up_indices[up_indptr[i] : up_indptr[i + 1]]
-        for k in range(vf_indptr[i], vf_indptr[i + 1]):
-            f = vf_indices[k]
+        row = up.indices[up.indptr[i] : up.indptr[i + 1]]
+        for k in range(around.indptr[i], around.indptr[i + 1]):
+            f = around.indices[k]
             for side in range(3):
                 a, b = faces[f, side], faces[f, (side + 1) % 3]
                 if min(a, b) == i:
-                    of_sides[f, side] = up_indptr[i] + np.searchsorted(row, max(a, b))
+                    of_sides[f, side] = up.indptr[i] + np.searchsorted(row, max(a, b))
 
 
 @kernel
-def _color_vertices(faces, vf_indptr, vf_indices, colors):  # type: ignore[no-untyped-def]
+def _color_vertices(faces: Ints32, around: Csr, colors: Ints32) -> None:
     taken = np.full(len(colors) + 1, -1, np.int32)  # by which vertex a colour was last seen in a neighbour
     for i in range(len(colors)):
-        first, last = vf_indptr[i], vf_indptr[i + 1]
+        first, last = around.indptr[i], around.indptr[i + 1]
         for k in range(first, last):
             for corner in range(3):
-                color = colors[faces[vf_indices[k], corner]]
+                color = colors[faces[around.indices[k], corner]]
                 if color >= 0:
                     taken[color] = i
         color = 0
@@ -265,7 +275,7 @@ def _color_vertices(faces, vf_indptr, vf_indices, colors):  # type: ignore[no-un
 
 
 @kernel
-def _face_ring_range(start, stop, faces, vf_indptr, vf_indices, ring):  # type: ignore[no-untyped-def]
+def _face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int) -> tuple[Ints, Ints32]:
     """Search breadth first from each face in start … stop; the counts, and the faces found, row after row."""
     seen = np.full(len(faces), -1, np.int32)
     counts = np.empty(stop - start, np.int64)
@@ -281,8 +291,8 @@ def _face_ring_range(start, stop, faces, vf_indptr, vf_indices, ring):  # type: 
                 center = f if step == 0 else found[level_start + i]
                 for corner in range(3):
                     v = faces[center, corner]
-                    for k in range(vf_indptr[v], vf_indptr[v + 1]):
-                        g = vf_indices[k]
+                    for k in range(around.indptr[v], around.indptr[v + 1]):
+                        g = around.indices[k]
                         if seen[g] == f:
                             continue
                         seen[g] = f

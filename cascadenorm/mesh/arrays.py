@@ -1,0 +1,65 @@
+"""Types of arrays, and what is done to their rows."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh.kernels import kernel
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Ints = NDArray[np.int64]
+Ints32 = NDArray[np.int32]
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+Vectors = NDArray[np.float64]
+"""(k, 3) float64: positions, normals or displacements."""
+
+
+def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vectors:
+    """Scale each row to length 1; rows of length zero become `otherwise`, or stay zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    scaled = np.divide(vectors, length, out=np.zeros(vectors.shape), where=length > 0)
+    return scaled if otherwise is None else np.where(length > 0, scaled, otherwise)
+
+
+def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
+    """Angles in radians between unit rows that belong together, less those where one is zero; accurate at any angle."""
+    proper = ours.any(axis=1) & theirs.any(axis=1)
+    ours, theirs = ours[proper], theirs[proper]
+    chord, total = np.linalg.norm(ours - theirs, axis=1), np.linalg.norm(ours + theirs, axis=1)
+    return np.asarray(2 * np.arctan2(chord, total))
+
+
+def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: int) -> Floats:
+    """Add rows to the places that their indices name: out[index[i]] += values[i], in the order of i.
+
+    Parameters
+    ----------
+    index : (k,), each in 0 … length - 1
+    values : (k, …) numbers
+
+    Returns
+    -------
+    (length, …) float64; zero where no index points
+    """
+    out = np.zeros((length, *values.shape[1:]))
+    columns = math.prod(values.shape[1:])
+    values = np.ascontiguousarray(values, np.result_type(values, np.float32)).reshape(len(index), columns)
+    _scatter_add(np.ascontiguousarray(index, np.int64), values, out.reshape(length, columns))
+    return out
+
+
+@kernel
+def _scatter_add(index: Ints, values: Floats, out: Floats) -> None:
+    for i in range(len(index)):
+        for column in range(values.shape[1]):
+            out[index[i], column] += values[i, column]
+
+
+def first_places(bad: Bools) -> str:
+    """Name the first few true places: '17, 18, 40, …'."""
+    places = np.flatnonzero(bad)
+    return ", ".join(map(str, places[:3])) + (", …" if len(places) > 3 else "")

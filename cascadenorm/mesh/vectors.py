@@ -1,0 +1,54 @@
+"""Vectors of three numbers in kernels; the compiler puts each function into the kernel that calls it."""
+
+import numpy as np
+
+from cascadenorm.mesh.arrays import Floats
+from cascadenorm.mesh.kernels import kernel
+
+Vector = tuple[float, float, float]
+Three = Vector | Floats
+"""A vector, or a row of an array."""
+
+
+@kernel
+def row(points: Floats, i: int) -> Vector:
+    """Row i of an (n, 3) array."""
+    return points[i, 0], points[i, 1], points[i, 2]
+
+
+@kernel
+def add(u: Three, v: Three) -> Vector:
+    """Return u + v."""
+    return u[0] + v[0], u[1] + v[1], u[2] + v[2]
+
+
+@kernel
+def subtract(u: Three, v: Three) -> Vector:
+    """Return u - v."""
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+@kernel
+def dot(u: Three, v: Three) -> float:
+    """Scalar product."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@kernel
+def cross(u: Three, v: Three) -> Vector:
+    """Vector product."""
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+@kernel
+def length(u: Three) -> float:
+    """Euclidean norm."""
+    size: float = np.sqrt(dot(u, u))
+    return size
+
+
+@kernel
+def squared_distance(p: Three, q: Three) -> float:
+    """Square of the distance of two points; of unit vectors, of their chord."""
+    u = subtract(p, q)
+    return dot(u, u)
