@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import length, row, squared_distance
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -81,7 +82,7 @@ def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float, areas: NDArray[Any] 
     areas = mesh.areas if areas is None else areas
     weights = np.empty(len(rings.indices), areas.dtype)
     spread = 0.5 / (sigma_s * mesh.mean_edge_length) ** 2
-    parallel_for(len(mesh.faces), _spatial_weights, mesh.centroids, areas, rings.indptr, rings.indices, spread, weights)
+    parallel_for(len(mesh.faces), _spatial_weights, mesh.centroids, areas, rings, spread, weights)
     return weights
 
 
@@ -99,39 +100,54 @@ def joint_bilateral_pass(
     """
     out = np.empty_like(normals)
     spread = 0.5 / sigma_r**2
-    parallel_for(len(normals), _bilateral_pass, normals, guide, own, rings.indptr, rings.indices, weights, spread, out)
+    parallel_for(len(normals), _bilateral_pass, normals, guide, own, rings, weights, spread, out)
     return out
 
 
 @kernel
-def _spatial_weights(start, stop, centroids, areas, indptr, indices, spread, weights):  # type: ignore[no-untyped-def]
+def _spatial_weights(
+    start: int,
+    stop: int,
+    centroids: Vectors,
+    areas: Floats,
+    rings: Csr,
+    spread: float,
+    weights: Floats,
+) -> None:
     for f in range(start, stop):
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            x = centroids[g, 0] - centroids[f, 0]
-            y = centroids[g, 1] - centroids[f, 1]
-            z = centroids[g, 2] - centroids[f, 2]
-            weights[k] = areas[g] * np.exp(-spread * (x * x + y * y + z * z))
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
+            weights[k] = areas[g] * np.exp(-spread * squared_distance(row(centroids, g), row(centroids, f)))
 
 
 @kernel
-def _bilateral_pass(start, stop, normals, guide, own, indptr, indices, weights, spread, out):  # type: ignore[no-untyped-def]
+def _bilateral_pass(
+    start: int,
+    stop: int,
+    normals: Vectors,
+    guide: Vectors,
+    own: Floats,
+    rings: Csr,
+    weights: Floats,
+    spread: float,
+    out: Vectors,
+) -> None:
     for f in range(start, stop):
+        # the sum of the normals, each by its spatial weight and how near the guides are
         x, y, z = own[f] * normals[f, 0], own[f] * normals[f, 1], own[f] * normals[f, 2]
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            dx = guide[g, 0] - guide[f, 0]
-            dy = guide[g, 1] - guide[f, 1]
-            dz = guide[g, 2] - guide[f, 2]
-            w = weights[k] * np.exp(-spread * (dx * dx + dy * dy + dz * dz))
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
+            w = weights[k] * np.exp(-spread * squared_distance(row(guide, g), row(guide, f)))
             x += w * normals[g, 0]
             y += w * normals[g, 1]
             z += w * normals[g, 2]
+
+        # at length 1
         largest = max(abs(x), abs(y), abs(z))
         if 0.0 < largest < 1e-140:  # whose squares vanish
             x, y, z = x / largest, y / largest, z / largest
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > 0:
-            out[f, 0], out[f, 1], out[f, 2] = x / length, y / length, z / length
+        size = length((x, y, z))
+        if size > 0:
+            out[f, 0], out[f, 1], out[f, 2] = x / size, y / size, z / size
         else:
             out[f] = normals[f]

@@ -10,7 +10,8 @@ from scipy.sparse.linalg import LinearOperator
 from cascadenorm.baselines.bilateral_normal import RangeSpread, SpatialSpread, spatial_weights
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.geometry.sparse_solvers import conjugate_gradients
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.vectors import row, squared_distance
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA = 1e-6  # mean areas; a face without area still gets a normal, from its neighbours
@@ -60,21 +61,22 @@ def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
     weights = spatial_weights(mesh, rings, sigma_s)
     count = len(mesh.faces)
     own = np.empty(count)
-    parallel_for(count, _to_difference, mesh.normals, *rings, 0.5 / sigma_r**2, weights, own)
+    parallel_for(count, _to_difference, mesh.normals, rings, 0.5 / sigma_r**2, weights, own)
     means = sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
     return sparse.csr_array(sparse.diags_array(own) + means)
 
 
 @kernel
-def _to_difference(start, stop, normals, indptr, indices, spread, weights, own):  # type: ignore[no-untyped-def]
+def _to_difference(
+    start: int, stop: int, normals: Vectors, rings: Csr, spread: float, weights: Floats, own: Floats
+) -> None:
     """Turn spatial weights into the entries of L beside the diagonal, and give those on it."""
     for f in range(start, stop):
         total = 0.0
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            x, y, z = normals[g, 0] - normals[f, 0], normals[g, 1] - normals[f, 1], normals[g, 2] - normals[f, 2]
-            weights[k] *= np.exp(-spread * (x * x + y * y + z * z))
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
+            weights[k] *= np.exp(-spread * squared_distance(row(normals, g), row(normals, f)))
             total += weights[k]
         own[f] = 1.0 if total > 0.0 else 0.0
-        for k in range(indptr[f], indptr[f + 1]):
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
             weights[k] = -weights[k] / total if total > 0.0 else 0.0

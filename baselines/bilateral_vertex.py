@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.neighborhoods import each_alone, within
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.vectors import dot, row, squared_distance, subtract
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -39,7 +40,7 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
         spreads = shortest_edges(mesh) if sigma_c is None else np.full(count, sigma_c * edge)
         near = within(mesh.vertices, REACH * spreads, mesh.vertices, graph, alone)
         moved = np.empty_like(mesh.vertices)
-        parallel_for(count, _bilateral_step, mesh.vertices, vertex_normals(mesh), spreads, height_spread, *near, moved)
+        parallel_for(count, _bilateral_step, mesh.vertices, vertex_normals(mesh), spreads, height_spread, near, moved)
         mesh = mesh.moved(moved)
     return mesh.vertices.copy()
 
@@ -56,11 +57,11 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
     radii = np.full(count, REACH * spread)
     near = within(mesh.vertices, radii, mesh.centroids, topology.face_rings(1), topology.vertex_faces)
     mollified = np.empty_like(mesh.vertices)
-    parallel_for(count, _centroid_means, mesh.vertices, mesh.centroids, mesh.areas, 0.5 * spread, *near, mollified)
+    parallel_for(count, _centroid_means, mesh.vertices, mesh.centroids, mesh.areas, 0.5 * spread, near, mollified)
     normals = mesh.moved(mollified).normals
     out = np.empty_like(mesh.vertices)
     parallel_for(
-        count, _projection_means, mesh.vertices, mesh.centroids, mesh.areas, normals, spread, sigma_g * edge, *near, out
+        count, _projection_means, mesh.vertices, mesh.centroids, mesh.areas, normals, spread, sigma_g * edge, near, out
     )  # fmt: skip
     return out
 
@@ -74,21 +75,30 @@ def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
     """Return (n,) the length of the shortest edge at each vertex; 0 without any."""
     neighbors: Csr = mesh.topology.vertex_neighbors
     lengths = np.empty(len(mesh.vertices))
-    parallel_for(len(lengths), _shortest_edges, mesh.vertices, *neighbors, lengths)
+    parallel_for(len(lengths), _shortest_edges, mesh.vertices, neighbors, lengths)
     return lengths
 
 
 @kernel
-def _bilateral_step(start, stop, vertices, normals, spreads, height_spread, indptr, indices, moved):  # type: ignore[no-untyped-def]
+def _bilateral_step(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    normals: Vectors,
+    spreads: Floats,
+    height_spread: float,
+    near: Csr,
+    moved: Vectors,
+) -> None:
     for i in range(start, stop):
-        px, py, pz = vertices[i]
-        nx, ny, nz = normals[i]
-        first, last = indptr[i], indptr[i + 1]
+        place, normal = row(vertices, i), row(normals, i)
+
+        # heights of the neighbours over the tangent plane, and how widely they scatter
+        first, last = near.indptr[i], near.indptr[i + 1]
         heights = np.empty(last - first)
         mean = 0.0
         for k in range(first, last):
-            j = indices[k]
-            heights[k - first] = nx * (vertices[j, 0] - px) + ny * (vertices[j, 1] - py) + nz * (vertices[j, 2] - pz)
+            heights[k - first] = dot(normal, subtract(row(vertices, near.indices[k]), place))
             mean += abs(heights[k - first])
         mean /= last - first
         variance = height_spread * height_spread
@@ -96,35 +106,42 @@ def _bilateral_step(start, stop, vertices, normals, spreads, height_spread, indp
             for h in heights:
                 variance += (abs(h) - mean) ** 2
             variance /= last - first
+
+        # their mean, weighted by distance and height, is the step along the normal
         step = total = 0.0
         if variance > 0.0 and spreads[i] > 0.0:
             for k in range(first, last):
-                j = indices[k]
                 h = heights[k - first]
-                x, y, z = vertices[j, 0] - px, vertices[j, 1] - py, vertices[j, 2] - pz
-                w = np.exp(-0.5 * ((x * x + y * y + z * z) / (spreads[i] * spreads[i]) + h * h / variance))
+                distance = squared_distance(row(vertices, near.indices[k]), place)
+                w = np.exp(-0.5 * (distance / (spreads[i] * spreads[i]) + h * h / variance))
                 step += w * h
                 total += w
             step /= total  # the vertex itself weighs 1
-        moved[i, 0], moved[i, 1], moved[i, 2] = px + step * nx, py + step * ny, pz + step * nz
+        for d in range(3):
+            moved[i, d] = place[d] + step * normal[d]
 
 
 @kernel
-def _centroid_means(start, stop, vertices, centroids, areas, spread, indptr, indices, means):  # type: ignore[no-untyped-def]
+def _centroid_means(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    centroids: Vectors,
+    areas: Floats,
+    spread: float,
+    near: Csr,
+    means: Vectors,
+) -> None:
     """Gaussian mean of near centroids; a vertex that nothing weighs stays."""
     for i in range(start, stop):
         x = y = z = total = 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            f = indices[k]
-            dx, dy, dz = (
-                centroids[f, 0] - vertices[i, 0],
-                centroids[f, 1] - vertices[i, 1],
-                centroids[f, 2] - vertices[i, 2],
-            )
-            w = areas[f] * np.exp(-0.5 * (dx * dx + dy * dy + dz * dz) / (spread * spread))
-            x += w * dx
-            y += w * dy
-            z += w * dz
+        for k in range(near.indptr[i], near.indptr[i + 1]):
+            f = near.indices[k]
+            way = subtract(row(centroids, f), row(vertices, i))
+            w = areas[f] * np.exp(-0.5 * dot(way, way) / (spread * spread))
+            x += w * way[0]
+            y += w * way[1]
+            z += w * way[2]
             total += w
         total = total if total > 0.0 else 1.0
         means[i, 0] = vertices[i, 0] + x / total
@@ -133,19 +150,26 @@ def _centroid_means(start, stop, vertices, centroids, areas, spread, indptr, ind
 
 
 @kernel
-def _projection_means(start, stop, vertices, centroids, areas, normals, spread, influence, indptr, indices, out):  # type: ignore[no-untyped-def]
+def _projection_means(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    centroids: Vectors,
+    areas: Floats,
+    normals: Vectors,
+    spread: float,
+    influence: float,
+    near: Csr,
+    out: Vectors,
+) -> None:
     for i in range(start, stop):
         x = y = z = total = 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            f = indices[k]
-            dx, dy, dz = (
-                centroids[f, 0] - vertices[i, 0],
-                centroids[f, 1] - vertices[i, 1],
-                centroids[f, 2] - vertices[i, 2],
-            )
-            height = normals[f, 0] * dx + normals[f, 1] * dy + normals[f, 2] * dz
-            near = (dx * dx + dy * dy + dz * dz) / (spread * spread)
-            w = areas[f] * np.exp(-0.5 * (near + height * height / (influence * influence)))
+        for k in range(near.indptr[i], near.indptr[i + 1]):
+            f = near.indices[k]
+            way = subtract(row(centroids, f), row(vertices, i))
+            height = dot(row(normals, f), way)
+            distance = dot(way, way) / (spread * spread)
+            w = areas[f] * np.exp(-0.5 * (distance + height * height / (influence * influence)))
             x += w * height * normals[f, 0]
             y += w * height * normals[f, 1]
             z += w * height * normals[f, 2]
@@ -157,11 +181,9 @@ def _projection_means(start, stop, vertices, centroids, areas, normals, spread, 
 
 
 @kernel
-def _shortest_edges(start, stop, vertices, indptr, indices, lengths):  # type: ignore[no-untyped-def]
+def _shortest_edges(start: int, stop: int, vertices: Vectors, neighbors: Csr, lengths: Floats) -> None:
     for i in range(start, stop):
         least = np.inf
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-            least = min(least, x * x + y * y + z * z)
-        lengths[i] = np.sqrt(least) if indptr[i] < indptr[i + 1] else 0.0
+        for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
+            least = min(least, squared_distance(row(vertices, neighbors.indices[k]), row(vertices, i)))
+        lengths[i] = np.sqrt(least) if neighbors.indptr[i] < neighbors.indptr[i + 1] else 0.0

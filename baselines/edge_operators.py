@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Topology, Vectors, angles_between, kernel, parallel_for
+from cascadenorm.mesh import Floats, Ints32, Mesh, Topology, Vectors, angles_between, kernel, parallel_for
+from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
 STEEPEST = 1e3  # weight of a vertex at an edge that counts
 
@@ -51,16 +52,17 @@ def mean_dihedral(mesh: Mesh) -> float:
 
 
 @kernel
-def _edge_coefficients(start, stop, vertices, quads, by_area, out):  # type: ignore[no-untyped-def]
+def _edge_coefficients(start: int, stop: int, vertices: Vectors, quads: Ints32, by_area: bool, out: Floats) -> None:
     """Split the foot of 2 and of 4 on the edge between its ends, then balance the two heights."""
     for e in range(start, stop):
         i, j, k, l = quads[e]
-        ux, uy, uz = vertices[k, 0] - vertices[i, 0], vertices[k, 1] - vertices[i, 1], vertices[k, 2] - vertices[i, 2]
-        vx, vy, vz = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-        wx, wy, wz = vertices[l, 0] - vertices[i, 0], vertices[l, 1] - vertices[i, 1], vertices[l, 2] - vertices[i, 2]
-        squared = ux * ux + uy * uy + uz * uz
-        right = np.sqrt((uy * vz - uz * vy) ** 2 + (uz * vx - ux * vz) ** 2 + (ux * vy - uy * vx) ** 2)
-        left = np.sqrt((uy * wz - uz * wy) ** 2 + (uz * wx - ux * wz) ** 2 + (ux * wy - uy * wx) ** 2)
+        # the edge u, the sides v and w to the corners beside it, and twice the areas of the two faces
+        u = subtract(row(vertices, k), row(vertices, i))
+        v = subtract(row(vertices, j), row(vertices, i))
+        w = subtract(row(vertices, l), row(vertices, i))
+        squared, right, left = dot(u, u), length(cross(u, v)), length(cross(u, w))
+
+        # the heights' factors
         second = fourth = 0.0
         if squared > 0.0:
             if by_area:
@@ -69,7 +71,7 @@ def _edge_coefficients(start, stop, vertices, quads, by_area, out):  # type: ign
                 fourth = 1.0 - second
             elif right > 0.0 and left > 0.0:
                 second, fourth = squared / right, squared / left
-        along = second * (ux * vx + uy * vy + uz * vz) + fourth * (ux * wx + uy * wy + uz * wz)
+        along = second * dot(u, v) + fourth * dot(u, w)
         third = -along / squared if squared > 0.0 else 0.0
         if max(abs(second), abs(third), abs(fourth), abs(second + third + fourth)) > STEEPEST:
             second = third = fourth = 0.0

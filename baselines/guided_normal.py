@@ -15,7 +15,8 @@ from cascadenorm.baselines.bilateral_normal import (
 )
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.geometry.neighborhoods import each_alone, within
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import dot, length, row, squared_distance, subtract
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -104,7 +105,7 @@ def patch_guidance(mesh: Mesh) -> Vectors:
     rings = mesh.topology.face_rings(1)
     inconsistency, means = patch_statistics(mesh, rings)
     guide = np.empty_like(means)
-    parallel_for(len(means), _choose_patch, inconsistency, means, mesh.normals, *rings, guide)
+    parallel_for(len(means), _choose_patch, inconsistency, means, mesh.normals, rings, guide)
     return guide
 
 
@@ -113,7 +114,7 @@ def patch_statistics(mesh: Mesh, rings: Csr) -> tuple[Vectors, Vectors]:
     count = len(mesh.faces)
     inconsistency, means = np.empty(count), np.empty((count, 3))
     across = mesh.topology.faces_across
-    parallel_for(count, _patch_statistics, mesh.normals, mesh.areas, across, *rings, inconsistency, means)
+    parallel_for(count, _patch_statistics, mesh.normals, mesh.areas, across, rings, inconsistency, means)
     return inconsistency, means
 
 
@@ -121,14 +122,26 @@ EPSILON = 1e-9  # keeps the relative saliency of a flat patch finite
 
 
 @kernel
-def _patch_statistics(start, stop, normals, areas, across, indptr, indices, inconsistency, means):  # type: ignore[no-untyped-def]
+def _patch_statistics(
+    start: int,
+    stop: int,
+    normals: Vectors,
+    areas: Floats,
+    across: Ints32,
+    rings: Csr,
+    inconsistency: Floats,
+    means: Vectors,
+) -> None:
     inside = np.full(len(normals), -1, np.int32)
     for f in range(start, stop):
-        patch = np.empty(indptr[f + 1] - indptr[f] + 1, np.int32)
-        patch[:-1] = indices[indptr[f] : indptr[f + 1]]
+        # the patch: the face and the faces around it
+        patch = np.empty(rings.indptr[f + 1] - rings.indptr[f] + 1, np.int32)
+        patch[:-1] = rings.indices[rings.indptr[f] : rings.indptr[f + 1]]
         patch[-1] = f
         for g in patch:
             inside[g] = f
+
+        # its mean normal, the widest chord between two normals, and the turns at the edges inside, each counted once
         x = y = z = 0.0
         widest = saliency = largest = 0.0
         for i in range(len(patch)):
@@ -141,33 +154,36 @@ def _patch_statistics(start, stop, normals, areas, across, indptr, indices, inco
             for j in range(i):
                 h = patch[j]
                 if areas[h] > 0.0:
-                    widest = max(widest, _squared_chord(normals, g, h))
+                    widest = max(widest, squared_distance(row(normals, g), row(normals, h)))
             for side in range(3):
                 h = across[g, side]
                 if h > g and inside[h] == f and areas[h] > 0.0:
-                    turn = np.sqrt(_squared_chord(normals, g, h))
+                    turn = length(subtract(row(normals, g), row(normals, h)))
                     largest = max(largest, turn)
                     saliency += turn
+
         inconsistency[f] = np.sqrt(widest) * largest / (EPSILON + saliency)
-        length = np.sqrt(x * x + y * y + z * z)
-        scale = 1.0 / length if length > 0.0 else 0.0
+        size = length((x, y, z))
+        scale = 1.0 / size if size > 0.0 else 0.0
         means[f, 0], means[f, 1], means[f, 2] = scale * x, scale * y, scale * z
 
 
 @kernel
-def _squared_chord(normals, g, h):  # type: ignore[no-untyped-def]
-    x, y, z = normals[g, 0] - normals[h, 0], normals[g, 1] - normals[h, 1], normals[g, 2] - normals[h, 2]
-    return x * x + y * y + z * z
-
-
-@kernel
-def _choose_patch(start, stop, inconsistency, means, normals, indptr, indices, guide):  # type: ignore[no-untyped-def]
+def _choose_patch(
+    start: int,
+    stop: int,
+    inconsistency: Floats,
+    means: Vectors,
+    normals: Vectors,
+    rings: Csr,
+    guide: Vectors,
+) -> None:
     """The first of the least wins, the neighbours in their order and the face itself last; its own normal if zero."""
     for f in range(start, stop):
         best = f
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
             if inconsistency[g] < inconsistency[best] or (inconsistency[g] == inconsistency[best] and best == f):
                 best = g
-        length = means[best, 0] ** 2 + means[best, 1] ** 2 + means[best, 2] ** 2
-        guide[f] = means[best] if length > 0.0 else normals[f]
+        mean = row(means, best)
+        guide[f] = means[best] if dot(mean, mean) > 0.0 else normals[f]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -55,8 +55,8 @@ def l0(
     tolerance = len(vertices) * (ACCURACY * edge) ** 2
     for _ in track(math.ceil(math.log(LAST_BETA / FIRST_BETA, growth))):
         coefficients = edge_coefficients(vertices, system.quads, operator)
-        _assemble(*system[1:], mesh.vertices, vertices, coefficients, alpha, beta, price, values, right)
-        _conjugate_gradients(*system.pattern, values, right, vertices, tolerance, MOST_STEPS)
+        _assemble(system, mesh.vertices, vertices, coefficients, alpha, beta, price, values, right)
+        _conjugate_gradients(system.pattern, values, right, vertices, tolerance, MOST_STEPS)
         beta *= growth
         alpha *= 0.5
     return vertices
@@ -88,30 +88,42 @@ def edge_system(quads: NDArray[np.int32], vertex_count: int) -> EdgeSystem:
     matrix.sort_indices()
     pattern = Csr(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
     slots = np.empty(len(rows), np.int32)
-    parallel_for(len(rows), _find_slots, *pattern, rows, columns, slots)
+    parallel_for(len(rows), _find_slots, pattern, rows, columns, slots)
     return EdgeSystem(pattern, quads, slots[: 16 * len(quads)].reshape(-1, 4, 4), slots[16 * len(quads) :])
 
 
 @kernel
-def _find_slots(start, stop, indptr, indices, rows, columns, slots):  # type: ignore[no-untyped-def]
+def _find_slots(start: int, stop: int, pattern: Csr, rows: Ints32, columns: Ints32, slots: Ints32) -> None:
     for i in range(start, stop):
-        low, high = indptr[rows[i]], indptr[rows[i] + 1]
-        slots[i] = low + np.searchsorted(indices[low:high], columns[i])
+        low, high = pattern.indptr[rows[i]], pattern.indptr[rows[i] + 1]
+        slots[i] = low + np.searchsorted(pattern.indices[low:high], columns[i])
 
 
 @kernel
-def _assemble(quads, slots, diagonal, noisy, vertices, coefficients, alpha, beta, price, values, right):  # type: ignore[no-untyped-def]
+def _assemble(
+    system: EdgeSystem,
+    noisy: Vectors,
+    vertices: Vectors,
+    coefficients: Floats,
+    alpha: float,
+    beta: float,
+    price: float,
+    values: Floats,
+    right: Vectors,
+) -> None:
     """Fill the matrix I + αRᵀR + βDᵀD and the right-hand side x* + βDᵀδ, where δ is Dx on edges worth their price."""
     for k in range(len(values)):
         values[k] = 0.0
     for i in range(len(noisy)):
-        values[diagonal[i]] = 1.0
+        values[system.diagonal[i]] = 1.0
         for d in range(3):
             right[i, d] = noisy[i, d]
-    for e in range(len(quads)):
+
+    # each edge adds to the 4 × 4 entries of its corners; only where Dx is kept also to the right-hand side
+    for e in range(len(system.quads)):
         x = y = z = 0.0
         for a in range(4):
-            i, c = quads[e, a], coefficients[e, a]
+            i, c = system.quads[e, a], coefficients[e, a]
             x += c * vertices[i, 0]
             y += c * vertices[i, 1]
             z += c * vertices[i, 2]
@@ -119,32 +131,34 @@ def _assemble(quads, slots, diagonal, noisy, vertices, coefficients, alpha, beta
         for a in range(4):
             for b in range(4):
                 even = alpha if (a - b) % 2 == 0 else -alpha
-                values[slots[e, a, b]] += even + beta * coefficients[e, a] * coefficients[e, b]
+                values[system.slots[e, a, b]] += even + beta * coefficients[e, a] * coefficients[e, b]
             if stays:
-                i, c = quads[e, a], beta * coefficients[e, a]
+                i, c = system.quads[e, a], beta * coefficients[e, a]
                 right[i, 0] += c * x
                 right[i, 1] += c * y
                 right[i, 2] += c * z
 
 
 @kernel
-def _conjugate_gradients(indptr, indices, values, right, x, tolerance, most):  # type: ignore[no-untyped-def]
+def _conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors, tolerance: float, most: int) -> None:
     """Improve x until the squared residual is at most `tolerance`; so is the squared error, since the matrix is ≥ I.
 
     Preconditioned by the diagonal. The three columns are one system with common steps: so they turn with the mesh.
     """
+    # residual of the start, and one over the diagonal
     n = len(x)
     inverse, residual, direction, image = np.empty(n), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     for i in range(n):
         for d in range(3):
             residual[i, d], direction[i, d] = right[i, d], 0.0
-        for k in range(indptr[i], indptr[i + 1]):
+        for k in range(pattern.indptr[i], pattern.indptr[i + 1]):
             for d in range(3):
-                residual[i, d] -= values[k] * x[indices[k], d]
-            if indices[k] == i:
+                residual[i, d] -= values[k] * x[pattern.indices[k], d]
+            if pattern.indices[k] == i:
                 inverse[i] = 1.0 / values[k]
     before = np.inf
     for _ in range(most):
+        # stop, or turn the steepest descent so that it does not undo the steps before
         squared = energy = 0.0
         for i in range(n):
             size = residual[i, 0] ** 2 + residual[i, 1] ** 2 + residual[i, 2] ** 2
@@ -157,11 +171,13 @@ def _conjugate_gradients(indptr, indices, values, right, x, tolerance, most):  #
         for i in range(n):
             for d in range(3):
                 direction[i, d] = inverse[i] * residual[i, d] + share * direction[i, d]
+
+        # go along it to the least residual
         curvature = 0.0
         for i in range(n):
             a = b = c = 0.0
-            for k in range(indptr[i], indptr[i + 1]):
-                j, value = indices[k], values[k]
+            for k in range(pattern.indptr[i], pattern.indptr[i + 1]):
+                j, value = pattern.indices[k], values[k]
                 a += value * direction[j, 0]
                 b += value * direction[j, 1]
                 c += value * direction[j, 2]

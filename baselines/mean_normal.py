@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.vectors import dot, length, row, squared_distance
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -62,7 +63,7 @@ def random_walk_normal(
 def unilateral_pass(normals: Vectors, rings: Csr, threshold: float) -> Vectors:
     """One pass of the unilateral filter; the face itself takes part, so that the weights never vanish."""
     out = np.empty_like(normals)
-    parallel_for(len(normals), _unilateral_pass, normals, *rings, threshold, out)
+    parallel_for(len(normals), _unilateral_pass, normals, rings, threshold, out)
     return out
 
 
@@ -74,36 +75,36 @@ def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> 
     means: NDArray[np.float64] = normals
     for _ in range(length):
         following = np.empty_like(normals)
-        parallel_for(len(normals), _walk_step, means, normals, *rings, 0.5 / sigma_r**2, following)
+        parallel_for(len(normals), _walk_step, means, normals, rings, 0.5 / sigma_r**2, following)
         means = following
     return means
 
 
 @kernel
-def _unilateral_pass(start, stop, normals, indptr, indices, threshold, out):  # type: ignore[no-untyped-def]
+def _unilateral_pass(start: int, stop: int, normals: Vectors, rings: Csr, threshold: float, out: Vectors) -> None:
     for f in range(start, stop):
         own = (1.0 - threshold) ** 2
         x, y, z = own * normals[f, 0], own * normals[f, 1], own * normals[f, 2]
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            cosine = normals[f, 0] * normals[g, 0] + normals[f, 1] * normals[g, 1] + normals[f, 2] * normals[g, 2]
-            w = max(cosine - threshold, 0.0) ** 2
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
+            w = max(dot(row(normals, f), row(normals, g)) - threshold, 0.0) ** 2
             x += w * normals[g, 0]
             y += w * normals[g, 1]
             z += w * normals[g, 2]
-        length = np.sqrt(x * x + y * y + z * z)
-        scale = 1.0 / length if length > 0.0 else 0.0
+        size = length((x, y, z))
+        scale = 1.0 / size if size > 0.0 else 0.0
         out[f, 0], out[f, 1], out[f, 2] = scale * x, scale * y, scale * z
 
 
 @kernel
-def _walk_step(start, stop, values, normals, indptr, indices, spread, out):  # type: ignore[no-untyped-def]
+def _walk_step(
+    start: int, stop: int, values: Vectors, normals: Vectors, rings: Csr, spread: float, out: Vectors
+) -> None:
     for f in range(start, stop):
         x, y, z, total = values[f, 0], values[f, 1], values[f, 2], 1.0
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            dx, dy, dz = normals[g, 0] - normals[f, 0], normals[g, 1] - normals[f, 1], normals[g, 2] - normals[f, 2]
-            w = np.exp(-spread * (dx * dx + dy * dy + dz * dz))
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
+            w = np.exp(-spread * squared_distance(row(normals, g), row(normals, f)))
             x += w * values[g, 0]
             y += w * values[g, 1]
             z += w * values[g, 2]

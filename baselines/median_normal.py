@@ -6,7 +6,8 @@ import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import Passes
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import length, row, squared_distance, subtract
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -34,23 +35,22 @@ def median_pass(mesh: Mesh, normals: Vectors, *, median: Literal["vector", "angl
     rings = mesh.topology.face_rings(1)
     out = np.empty_like(normals)
     run = _vector_medians if median == "vector" else _angle_medians
-    parallel_for(len(normals), run, normals, mesh.areas, *rings, out)
+    parallel_for(len(normals), run, normals, mesh.areas, rings, out)
     return out
 
 
 @kernel
-def _vector_medians(start, stop, normals, areas, indptr, indices, out):  # type: ignore[no-untyped-def]
+def _vector_medians(start: int, stop: int, normals: Vectors, areas: Floats, rings: Csr, out: Vectors) -> None:
     for f in range(start, stop):
-        around = np.empty(indptr[f + 1] - indptr[f] + 1, np.int32)
+        around = np.empty(rings.indptr[f + 1] - rings.indptr[f] + 1, np.int32)
         around[0] = f
-        around[1:] = indices[indptr[f] : indptr[f + 1]]
+        around[1:] = rings.indices[rings.indptr[f] : rings.indptr[f + 1]]
         totals = np.zeros(len(around))
         for i in range(len(around)):
             g = around[i]
             for j in range(i):
                 h = around[j]
-                x, y, z = normals[g, 0] - normals[h, 0], normals[g, 1] - normals[h, 1], normals[g, 2] - normals[h, 2]
-                chord = np.sqrt(x * x + y * y + z * z)
+                chord = length(subtract(row(normals, g), row(normals, h)))
                 totals[i] += areas[h] * chord
                 totals[j] += areas[g] * chord
         best = 0
@@ -61,23 +61,22 @@ def _vector_medians(start, stop, normals, areas, indptr, indices, out):  # type:
 
 
 @kernel
-def _angle_medians(start, stop, normals, areas, indptr, indices, out):  # type: ignore[no-untyped-def]
+def _angle_medians(start: int, stop: int, normals: Vectors, areas: Floats, rings: Csr, out: Vectors) -> None:
     for f in range(start, stop):
         if areas[f] == 0.0:  # all are as far from it
             out[f] = normals[f]
             continue
-        count = indptr[f + 1] - indptr[f]
+        count = rings.indptr[f + 1] - rings.indptr[f]
         chords = np.empty(count)
         half = 0.5 * areas[f]
         for k in range(count):
-            g = indices[indptr[f] + k]
-            x, y, z = normals[g, 0] - normals[f, 0], normals[g, 1] - normals[f, 1], normals[g, 2] - normals[f, 2]
-            chords[k] = x * x + y * y + z * z  # grows with the angle
+            g = rings.indices[rings.indptr[f] + k]
+            chords[k] = squared_distance(row(normals, g), row(normals, f))  # grows with the angle
             half += 0.5 * areas[g]
         best, passed = f, areas[f]
         for k in np.argsort(chords, kind="mergesort"):
             if passed >= half:
                 break
-            best = indices[indptr[f] + k]
+            best = rings.indices[rings.indptr[f] + k]
             passed += areas[best]
         out[f] = normals[best]

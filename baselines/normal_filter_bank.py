@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Floats32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import length, row, squared_distance
 
 
 def filtered_normals(
@@ -29,40 +30,49 @@ def filtered_normals(
     spreads = 0.5 / np.array(sigma_r) ** 2
     parallel_for(
         len(mesh.faces), _filter_range, mesh.normals, np.ascontiguousarray(guides), mesh.centroids, mesh.areas,
-        neighbors.indptr, neighbors.indices, spatial, spreads, out,
+        neighbors, spatial, spreads, out,
     )  # fmt: skip
     return out
 
 
 @kernel
-def _filter_range(start, stop, normals, guides, centroids, areas, indptr, indices, spatial, spreads, out):  # type: ignore[no-untyped-def]
+def _filter_range(
+    start: int,
+    stop: int,
+    normals: Vectors,
+    guides: Floats,
+    centroids: Vectors,
+    areas: Floats,
+    rings: Csr,
+    spatial: Floats,
+    spreads: Floats,
+    out: Floats32,
+) -> None:
     """All filters of a face in one walk over its neighbours; iteration f alone writes out[f]."""
     count_s, count_r = len(spatial), len(spreads)
     total = np.empty((count_s, count_r, 3))
     for f in range(start, stop):
+        # the face itself, at no distance
         for s in range(count_s):
             for r in range(count_r):
                 for d in range(3):
                     total[s, r, d] = areas[f] * normals[f, d]
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
-            x = centroids[g, 0] - centroids[f, 0]
-            y = centroids[g, 1] - centroids[f, 1]
-            z = centroids[g, 2] - centroids[f, 2]
-            distance = x * x + y * y + z * z
+
+        # its neighbours: the spatial weight is the same for all range spreads, the chord for all of one guide
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
+            distance = squared_distance(row(centroids, g), row(centroids, f))
             for s in range(count_s):
                 near = areas[g] * np.exp(-spatial[s] * distance)
-                x = guides[s, g, 0] - guides[s, f, 0]
-                y = guides[s, g, 1] - guides[s, f, 1]
-                z = guides[s, g, 2] - guides[s, f, 2]
-                chord = x * x + y * y + z * z
+                chord = squared_distance(row(guides[s], g), row(guides[s], f))
                 for r in range(count_r):
                     w = near if spreads[r] == 0 else near * np.exp(-spreads[r] * chord)
                     for d in range(3):
                         total[s, r, d] += w * normals[g, d]
+
+        # at length 1
         for s in range(count_s):
             for r in range(count_r):
-                x, y, z = total[s, r]
-                length = np.sqrt(x * x + y * y + z * z)
+                size = length(row(total[s], r))
                 for d in range(3):
-                    out[f, s * count_r + r, d] = total[s, r, d] / length if length > 0 else normals[f, d]
+                    out[f, s * count_r + r, d] = total[s, r, d] / size if size > 0 else normals[f, d]

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh import Csr, Ints32, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.vectors import cross, length, row, subtract
 
 
 def smoothed_normals(
@@ -31,7 +32,7 @@ def smoothed_normals(
     positions, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
     out = np.empty((len(mesh.faces), len(passes), 3), np.float32)
     for done in range(1, passes[-1] + 1):
-        parallel_for(len(positions), _smooth_range, positions, directions, *neighbors, spread, after)
+        parallel_for(len(positions), _smooth_range, positions, directions, neighbors, spread, after)
         positions, after = after, positions
         if done in passes:
             parallel_for(len(out), _normal_range, positions, mesh.faces, mesh.normals, out[:, passes.index(done)])
@@ -44,12 +45,20 @@ def vertex_directions(mesh: Mesh, along: Vectors | NDArray[np.float32]) -> Vecto
 
 
 @kernel
-def _smooth_range(start, stop, positions, directions, indptr, indices, spread, after):  # type: ignore[no-untyped-def]
+def _smooth_range(
+    start: int,
+    stop: int,
+    positions: Vectors,
+    directions: Vectors,
+    neighbors: Csr,
+    spread: float,
+    after: Vectors,
+) -> None:
     """One pass; the weight (1 - u/8)^8 stands for e^-u; iteration i alone writes after[i]."""
     for i in range(start, stop):
         height, total = 0.0, 1.0
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
+        for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
+            j = neighbors.indices[k]
             rise, chord = 0.0, 0.0
             for d in range(3):
                 rise += directions[i, d] * (positions[j, d] - positions[i, d])
@@ -62,16 +71,14 @@ def _smooth_range(start, stop, positions, directions, indptr, indices, spread, a
 
 
 @kernel
-def _normal_range(start, stop, at, faces, otherwise, out):  # type: ignore[no-untyped-def]
+def _normal_range(start: int, stop: int, at: Vectors, faces: Ints32, otherwise: Vectors, out: Vectors) -> None:
     """Normals of the faces between vertices `at` their positions; iteration f alone writes out[f]."""
     for f in range(start, stop):
-        a, b, c = faces[f]
-        ux, uy, uz = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[b, 2] - at[a, 2]
-        vx, vy, vz = at[c, 0] - at[a, 0], at[c, 1] - at[a, 1], at[c, 2] - at[a, 2]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > 0:
-            out[f, 0], out[f, 1], out[f, 2] = x / length, y / length, z / length
+        a, b, c = row(at, faces[f, 0]), row(at, faces[f, 1]), row(at, faces[f, 2])
+        x, y, z = cross(subtract(b, a), subtract(c, a))
+        size = length((x, y, z))
+        if size > 0:
+            out[f, 0], out[f, 1], out[f, 2] = x / size, y / size, z / size
         else:
             for d in range(3):
                 out[f, d] = otherwise[f, d]

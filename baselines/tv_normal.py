@@ -8,7 +8,8 @@ from scipy import sparse
 
 from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.geometry.sparse_solvers import solver
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.vectors import length
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -82,14 +83,23 @@ def difference_operator(pairs: NDArray[np.int32], face_count: int) -> Any:
 
 
 @kernel
-def _shrink(start, stop, values, pairs, weights, penalty, splits, duals):  # type: ignore[no-untyped-def]
+def _shrink(
+    start: int,
+    stop: int,
+    values: Vectors,
+    pairs: Ints32,
+    weights: Floats,
+    penalty: float,
+    splits: Vectors,
+    duals: Vectors,
+) -> None:
     """Choose the best difference p of each edge, q = Dn + y/r shortened by w/r, then update its multiplier y."""
     for e in range(start, stop):
         f, g = pairs[e]
         x = values[f, 0] - values[g, 0] + duals[e, 0] / penalty
         y = values[f, 1] - values[g, 1] + duals[e, 1] / penalty
         z = values[f, 2] - values[g, 2] + duals[e, 2] / penalty
-        size = np.sqrt(x * x + y * y + z * z)
+        size = length((x, y, z))
         kept = max(0.0, 1.0 - weights[e] / (penalty * size)) if size > 0.0 else 0.0
         splits[e, 0], splits[e, 1], splits[e, 2] = kept * x, kept * y, kept * z
         rest = penalty * (1.0 - kept)  # y + r(Dn - p) = r(q - p)

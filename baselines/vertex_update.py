@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import add, cross, dot, row, subtract
 from cascadenorm.registry import Parameter
 
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
@@ -44,7 +45,7 @@ def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, weightin
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
             mine = colors.row(color)
-            parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, *around)
+            parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, around)
     return vertices
 
 
@@ -56,7 +57,17 @@ def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
 
 
 @kernel
-def _sweep_range(start, stop, movable, vertices, faces, normals, weights, relaxation, indptr, indices):  # type: ignore[no-untyped-def]
+def _sweep_range(
+    start: int,
+    stop: int,
+    movable: Ints32,
+    vertices: Vectors,
+    faces: Ints32,
+    normals: Vectors,
+    weights: Floats,
+    relaxation: float,
+    around: Csr,
+) -> None:
     """Move vertices that share no face, in place; those moved later see where these went.
 
     The area of a face along its normal is affine in the place of a corner: it is read once, for all lengths of a step.
@@ -64,33 +75,30 @@ def _sweep_range(start, stop, movable, vertices, faces, normals, weights, relaxa
     step = np.empty(3)
     areas, slopes = np.empty(64), np.empty((64, 3))
     for i in movable[start:stop]:
-        first, last = indptr[i], indptr[i + 1]
+        first, last = around.indptr[i], around.indptr[i + 1]
         if last - first > len(areas):
             areas, slopes = np.empty(last - first), np.empty((last - first, 3))
-        x, y, z = vertices[i]
+        place = row(vertices, i)
         step[:] = 0.0
         total, turned = 0.0, 0
         for k in range(last - first):
-            f = indices[first + k]
+            f = around.indices[first + k]
             a, b, c = faces[f]
             while a != i:
                 a, b, c = b, c, a
-            nx, ny, nz = normals[f]
-            ux, uy, uz = vertices[b, 0] - x, vertices[b, 1] - y, vertices[b, 2] - z
-            vx, vy, vz = vertices[c, 0] - x, vertices[c, 1] - y, vertices[c, 2] - z
-            pull = (nx * (ux + vx) + ny * (uy + vy) + nz * (uz + vz)) / 3.0 * weights[f]
+            normal = row(normals, f)
+            u, v = subtract(row(vertices, b), place), subtract(row(vertices, c), place)
+            pull = dot(normal, add(u, v)) / 3.0 * weights[f]
             total += weights[f]
-            step[0] += pull * nx
-            step[1] += pull * ny
-            step[2] += pull * nz
-            areas[k] = nx * (uy * vz - uz * vy) + ny * (uz * vx - ux * vz) + nz * (ux * vy - uy * vx)
-            slopes[k, 0] = ny * (vz - uz) - nz * (vy - uy)
-            slopes[k, 1] = nz * (vx - ux) - nx * (vz - uz)
-            slopes[k, 2] = nx * (vy - uy) - ny * (vx - ux)
+            areas[k] = dot(normal, cross(u, v))
+            slope = cross(normal, subtract(v, u))
+            for d in range(3):
+                step[d] += pull * normal[d]
+                slopes[k, d] = slope[d]
             turned += areas[k] < 0
         step /= total / relaxation
         if turned > 0:
-            _add_tangential_pull(vertices, faces, normals, indices[first:last], i, step)
+            _add_tangential_pull(vertices, faces, normals, around.indices[first:last], i, step)
         for _ in range(4):
             count = 0
             for k in range(last - first):
@@ -102,7 +110,9 @@ def _sweep_range(start, stop, movable, vertices, faces, normals, weights, relaxa
 
 
 @kernel
-def _add_tangential_pull(vertices, faces, normals, around, i, step):  # type: ignore[no-untyped-def]
+def _add_tangential_pull(
+    vertices: Vectors, faces: Ints32, normals: Vectors, around: Ints32, i: int, step: Floats
+) -> None:
     """Add half the way to the mean of the neighbours, less its part along the mean normal."""
     mean, normal = np.zeros(3), np.zeros(3)
     for f in around:

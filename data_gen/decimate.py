@@ -17,7 +17,8 @@ from cascadenorm.data_gen.half_edges import (
 )
 from cascadenorm.data_gen.remesh import faces_survive
 from cascadenorm.data_gen.surface import UnfitShapeError, fit
-from cascadenorm.mesh import Mesh, kernel
+from cascadenorm.mesh import Floats, Mesh, kernel
+from cascadenorm.mesh.vectors import length
 
 
 def thinned(mesh: Mesh, *, faces: int, evenness: float) -> Mesh:
@@ -51,7 +52,7 @@ def decimate(half_edges: HalfEdges, *, faces: int, evenness: float) -> None:
 
 
 @kernel
-def _quadrics(c):  # type: ignore[no-untyped-def]
+def _quadrics(c: HalfEdges) -> Floats:
     """Sum over the faces around each vertex of area · (n, d)(n, d)ᵀ, ten numbers, and the area."""
     quadrics = np.zeros((len(c.points), 11))
     for face in range(c.used[1]):
@@ -60,7 +61,7 @@ def _quadrics(c):  # type: ignore[no-untyped-def]
             continue
         p = c.points[c.origin[h]]
         x, y, z = area_vector(p, c.points[c.origin[h + 1]], c.points[c.origin[h + 2]])
-        size = np.sqrt(x * x + y * y + z * z)
+        size = length((x, y, z))
         if size == 0.0:
             continue
         plane = np.array([x / size, y / size, z / size, -(x * p[0] + y * p[1] + z * p[2]) / size])
@@ -75,17 +76,17 @@ def _quadrics(c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _miss(q, r, p):  # type: ignore[no-untyped-def]
+def _miss(q: Floats, r: Floats, p: Floats) -> float:
     """Value of the sum of two quadrics at a point."""
     x, y, z = p[0], p[1], p[2]
-    total = (q[0] + r[0]) * x * x + (q[4] + r[4]) * y * y + (q[7] + r[7]) * z * z + q[9] + r[9]
+    total: float = (q[0] + r[0]) * x * x + (q[4] + r[4]) * y * y + (q[7] + r[7]) * z * z + q[9] + r[9]
     total += 2 * ((q[1] + r[1]) * x * y + (q[2] + r[2]) * x * z + (q[5] + r[5]) * y * z)
     total += 2 * ((q[3] + r[3]) * x + (q[6] + r[6]) * y + (q[8] + r[8]) * z)
     return max(total, 0.0)
 
 
 @kernel
-def _best(c, quadrics, evenness, h):  # type: ignore[no-untyped-def]
+def _best(c: HalfEdges, quadrics: Floats, evenness: float, h: int) -> tuple[float, float]:
     """Cheapest place for the merged vertex, as a share of the way along h, and its cost."""
     a, b = c.origin[h], c.origin[after(h)]
     best, cost = 1.0, np.inf
@@ -100,7 +101,7 @@ def _best(c, quadrics, evenness, h):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _costs(c, quadrics, evenness):  # type: ignore[no-untyped-def]
+def _costs(c: HalfEdges, quadrics: Floats, evenness: float) -> Floats:
     costs = np.full(3 * c.used[1], np.inf)
     for h in range(len(costs)):
         if c.origin[h] != -1 and c.twin[h] > h:
@@ -109,7 +110,7 @@ def _costs(c, quadrics, evenness):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _collapse_cheap(c, quadrics, evenness, bound, surplus):  # type: ignore[no-untyped-def]
+def _collapse_cheap(c: HalfEdges, quadrics: Floats, evenness: float, bound: float, surplus: int) -> int:
     ring, other = np.empty(RING, np.int64), np.empty(RING, np.int64)
     done = 0
     for start in range(3 * c.used[1]):

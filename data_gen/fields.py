@@ -6,7 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh import Vectors, kernel
+from cascadenorm.mesh import Floats, Vectors, kernel
+from cascadenorm.mesh.vectors import dot, length, row, subtract
 
 Values = NDArray[np.float64]
 """(n,) float64, one value a point."""
@@ -180,7 +181,7 @@ def displaced(field: Field, pattern: Field, *, amplitude: float) -> Field:
 
 
 @kernel
-def _box(points, half, values):  # type: ignore[no-untyped-def]
+def _box(points: Vectors, half: Floats, values: Floats) -> None:
     for n in range(len(points)):
         inner, outer = -np.inf, 0.0
         for k in range(3):
@@ -191,22 +192,23 @@ def _box(points, half, values):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _polytope(points, normals, offsets, values):  # type: ignore[no-untyped-def]
+def _polytope(points: Vectors, normals: Vectors, offsets: Floats, values: Floats) -> None:
     for n in range(len(points)):
-        x, y, z, most = points[n, 0], points[n, 1], points[n, 2], -np.inf
+        most = -np.inf
         for k in range(len(offsets)):
-            most = max(most, x * normals[k, 0] + y * normals[k, 1] + z * normals[k, 2] - offsets[k])
+            most = max(most, dot(row(points, n), row(normals, k)) - offsets[k])
         values[n] = most
 
 
 @kernel
-def _tube(points, starts, axes, length2, thickness, growth, values):  # type: ignore[no-untyped-def]
+def _tube(
+    points: Vectors, starts: Vectors, axes: Vectors, length2: Floats, thickness: Floats, growth: Floats, values: Floats
+) -> None:
     for n in range(len(points)):
         least = np.inf
         for k in range(len(starts)):
-            x, y, z = points[n, 0] - starts[k, 0], points[n, 1] - starts[k, 1], points[n, 2] - starts[k, 2]
-            along = (x * axes[k, 0] + y * axes[k, 1] + z * axes[k, 2]) / length2[k]
-            along = min(max(along, 0.0), 1.0)
-            x, y, z = x - along * axes[k, 0], y - along * axes[k, 1], z - along * axes[k, 2]
-            least = min(least, np.sqrt(x * x + y * y + z * z) - thickness[k] - along * growth[k])
+            x, y, z = subtract(row(points, n), row(starts, k))
+            along = min(max(dot((x, y, z), row(axes, k)) / length2[k], 0.0), 1.0)
+            away = (x - along * axes[k, 0], y - along * axes[k, 1], z - along * axes[k, 2])
+            least = min(least, length(away) - thickness[k] - along * growth[k])
         values[n] = least

@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 
 from cascadenorm.data_gen.fields import Field, Values
-from cascadenorm.mesh import Vectors, kernel
+from cascadenorm.mesh import Floats, Vectors, kernel
 
 Form = Literal["smooth", "ridged", "billowed"]
 """Octaves as they are, with sharp crests (folds of cloth, wrinkles), or with sharp valleys (clouds, pebbles)."""
@@ -95,7 +95,7 @@ def masked(pattern: Field, mask: Field, *, width: float = 0.2) -> Field:
 
 
 @kernel
-def _hash(x, y, z, seed):  # type: ignore[no-untyped-def]
+def _hash(x: int, y: int, z: int, seed: int) -> int:
     h = (x * 374761393 + y * 668265263 + z * 2147483647 + seed * 1274126177) & 0xFFFFFFFF
     h = ((h ^ (h >> 13)) * 1274126177) & 0xFFFFFFFF
     h = ((h ^ (h >> 16)) * 2246822519) & 0xFFFFFFFF
@@ -103,7 +103,7 @@ def _hash(x, y, z, seed):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _slope(h, dx, dy, dz):  # type: ignore[no-untyped-def]
+def _slope(h: int, dx: float, dy: float, dz: float) -> float:
     """Product of the offset with one of 12 directions to the edges of a cube (Perlin 2002)."""
     side = h % 12
     a = dx if side < 8 else dy
@@ -112,7 +112,7 @@ def _slope(h, dx, dy, dz):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _gradient_noise(x, y, z, seed):  # type: ignore[no-untyped-def]
+def _gradient_noise(x: float, y: float, z: float, seed: int) -> float:
     i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
     u, v, w = x - i, y - j, z - k
     total = 0.0
@@ -126,7 +126,7 @@ def _gradient_noise(x, y, z, seed):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _octaves(points, seed, octaves, gain, code, values):  # type: ignore[no-untyped-def]
+def _octaves(points: Vectors, seed: int, octaves: int, gain: float, code: int, values: Floats) -> None:
     for n in range(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         total, size = 0.0, 1.0
@@ -144,7 +144,7 @@ def _octaves(points, seed, octaves, gain, code, values):  # type: ignore[no-unty
 
 
 @kernel
-def _nearest(points, seed, nearest):  # type: ignore[no-untyped-def]
+def _nearest(points: Vectors, seed: int, nearest: Floats) -> None:
     """Distances to the nearest and second nearest of points scattered one a unit cell."""
     for n in range(len(points)):
         i, j, k = int(np.floor(points[n, 0])), int(np.floor(points[n, 1])), int(np.floor(points[n, 2]))

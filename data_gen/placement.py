@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.data_gen.fields import Field, Values
-from cascadenorm.mesh import Vectors, kernel, unit
+from cascadenorm.mesh import Floats, Vectors, kernel, unit
+from cascadenorm.mesh.vectors import row, subtract
 
 
 def random_rotation(*, rng: np.random.Generator) -> Vectors:
@@ -107,8 +108,8 @@ def warped(field: Field, warps: tuple[Field, Field, Field], *, amplitude: float)
 
 
 @kernel
-def _into_frame(points, shift, turn, local):  # type: ignore[no-untyped-def]
+def _into_frame(points: Vectors, shift: Floats, turn: Floats, local: Vectors) -> None:
     for n in range(len(points)):
-        x, y, z = points[n, 0] - shift[0], points[n, 1] - shift[1], points[n, 2] - shift[2]
+        x, y, z = subtract(row(points, n), shift)
         for k in range(3):
             local[n, k] = x * turn[0, k] + y * turn[1, k] + z * turn[2, k]

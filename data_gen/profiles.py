@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.data_gen.fields import Blend, Field, Values, intersection, norm
-from cascadenorm.mesh import Vectors, kernel
+from cascadenorm.mesh import Floats, Vectors, kernel
 
 Profile = Callable[[NDArray[np.float64]], Values]
 """(n, 2) positions to signed distances."""
@@ -85,7 +85,7 @@ def revolved(profile: Profile) -> Field:
 
 
 @kernel
-def _polygon(points, corners, values):  # type: ignore[no-untyped-def]
+def _polygon(points: Vectors, corners: Floats, values: Floats) -> None:
     count = len(corners)
     for n in range(len(points)):
         nearest, inside = np.inf, False

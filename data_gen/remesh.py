@@ -22,7 +22,8 @@ from cascadenorm.data_gen.half_edges import (
     shape,
     split,
 )
-from cascadenorm.mesh import kernel
+from cascadenorm.mesh import Floats, Ints, Vectors, kernel
+from cascadenorm.mesh.vectors import add, dot, length
 
 LONG, SHORT = 4 / 3, 4 / 5  # bounds around the target length (Botsch and Kobbelt 2004)
 THIN = 0.06  # triangles of less quality than this are mended
@@ -57,7 +58,7 @@ def slide(half_edges: HalfEdges, *, share: float) -> None:
 
 
 @kernel
-def _split_long(c, bound):  # type: ignore[no-untyped-def]
+def _split_long(c: HalfEdges, bound: float) -> None:
     face = 0
     while face < c.used[1]:
         h, longest = -1, bound
@@ -82,7 +83,7 @@ def _split_long(c, bound):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _collapse_short(c, bound):  # type: ignore[no-untyped-def]
+def _collapse_short(c: HalfEdges, bound: float) -> None:
     ring, other = np.empty(RING, np.int64), np.empty(RING, np.int64)
     for k in range(3 * c.used[1]):
         h = k
@@ -110,7 +111,7 @@ def _collapse_short(c, bound):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def faces_survive(c, v, gone, place, longest, ring):  # type: ignore[no-untyped-def]
+def faces_survive(c: HalfEdges, v: int, gone: int, place: Floats, longest: float, ring: Ints) -> bool:
     """Whether the faces around v, but for those with `gone`, keep their side and shape when v moves to place."""
     count, _ = leaving(c, v, ring)
     for i in range(count):
@@ -119,11 +120,9 @@ def faces_survive(c, v, gone, place, longest, ring):  # type: ignore[no-untyped-
             continue
         if distance(place, c.points[p]) > longest:
             return False
-        x, y, z = area_vector(c.points[v], c.points[p], c.points[q])
-        u, v_, w = area_vector(place, c.points[p], c.points[q])
-        old, new = np.sqrt(x * x + y * y + z * z), np.sqrt(u * u + v_ * v_ + w * w)
+        old, new = area_vector(c.points[v], c.points[p], c.points[q]), area_vector(place, c.points[p], c.points[q])
         quality = shape(c.points[v], c.points[p], c.points[q])
-        if quality > 0.05 and x * u + y * v_ + z * w < 0.8 * old * new:
+        if quality > 0.05 and dot(old, new) < 0.8 * length(old) * length(new):
             return False
         if shape(place, c.points[p], c.points[q]) < min(0.2, quality):
             return False
@@ -131,7 +130,7 @@ def faces_survive(c, v, gone, place, longest, ring):  # type: ignore[no-untyped-
 
 
 @kernel
-def _flip_edges(c, by_valence):  # type: ignore[no-untyped-def]
+def _flip_edges(c: HalfEdges, by_valence: bool) -> None:
     ring = np.empty(RING, np.int64)
     for h in range(3 * c.used[1]):
         g = c.twin[h]
@@ -140,11 +139,9 @@ def _flip_edges(c, by_valence):  # type: ignore[no-untyped-def]
         a, b = c.origin[h], c.origin[after(h)]
         left, right = c.origin[before(h)], c.origin[before(g)]
         pa, pb, pl, pr = c.points[a], c.points[b], c.points[left], c.points[right]
-        x, y, z = area_vector(pa, pb, pl)
-        u, v, w = area_vector(pb, pa, pr)
-        sizes = np.sqrt((x * x + y * y + z * z) * (u * u + v * v + w * w))
+        one, other = area_vector(pa, pb, pl), area_vector(pb, pa, pr)
         worst = min(shape(pa, pb, pl), shape(pb, pa, pr))
-        if worst > 0.05 and x * u + y * v + z * w < 0.9 * sizes:
+        if worst > 0.05 and dot(one, other) < 0.9 * np.sqrt(dot(one, one) * dot(other, other)):
             continue
         new_worst = min(shape(pa, pr, pl), shape(pr, pb, pl))
         if by_valence:
@@ -159,16 +156,14 @@ def _flip_edges(c, by_valence):  # type: ignore[no-untyped-def]
                 continue
         elif new_worst <= worst + 1e-9 or leaving(c, a, ring)[0] < 5 or leaving(c, b, ring)[0] < 5:
             continue
-        x2, y2, z2 = area_vector(pa, pr, pl)
-        u2, v2, w2 = area_vector(pr, pb, pl)
-        sx, sy, sz = x + u, y + v, z + w
-        keeps_side = x2 * sx + y2 * sy + z2 * sz > 0 and u2 * sx + v2 * sy + w2 * sz > 0
+        whole = add(one, other)
+        keeps_side = dot(area_vector(pa, pr, pl), whole) > 0 and dot(area_vector(pr, pb, pl), whole) > 0
         if keeps_side and not joined(c, left, right, ring):
             flip(c, h)
 
 
 @kernel
-def _parted(c, a, b, ring):  # type: ignore[no-untyped-def]
+def _parted(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
     """Move a, which lies upon b and cannot be merged with it, a little along its longest edge."""
     count, closed = leaving(c, a, ring)
     longest, far = 0.0, -1
@@ -184,7 +179,7 @@ def _parted(c, a, b, ring):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _mend(c):  # type: ignore[no-untyped-def]
+def _mend(c: HalfEdges) -> int:
     ring, other = np.empty(RING, np.int64), np.empty(RING, np.int64)
     mended = 0
     for face in range(c.used[1]):
@@ -218,10 +213,9 @@ def _mend(c):  # type: ignore[no-untyped-def]
             continue
         a, b, left, right = c.origin[long], c.origin[after(long)], c.origin[before(long)], c.origin[before(g)]
         pa, pb, pl, pr = c.points[a], c.points[b], c.points[left], c.points[right]
-        x, y, z = area_vector(pb, pa, pr)
-        x1, y1, z1 = area_vector(pa, pr, pl)
-        x2, y2, z2 = area_vector(pr, pb, pl)
-        if min(x * x1 + y * y1 + z * z1, x * x2 + y * y2 + z * z2) <= 0 or joined(c, left, right, ring):
+        beyond = area_vector(pb, pa, pr)
+        least = min(dot(beyond, area_vector(pa, pr, pl)), dot(beyond, area_vector(pr, pb, pl)))
+        if least <= 0 or joined(c, left, right, ring):
             continue
         if leaving(c, a, ring)[0] < 4 or leaving(c, b, ring)[0] < 4:
             continue
@@ -238,7 +232,7 @@ def _mend(c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _slide(c, share):  # type: ignore[no-untyped-def]
+def _slide(c: HalfEdges, share: float) -> Vectors:
     ring = np.empty(RING, np.int64)
     moved = c.points.copy()
     for v in range(c.used[0]):
@@ -255,9 +249,9 @@ def _slide(c, share):  # type: ignore[no-untyped-def]
                     goal += q - p
                     total += 1.0
                 continue
-            x, y, z = area_vector(p, q, r)
-            normal += np.array([x, y, z])
-            area = np.sqrt(x * x + y * y + z * z)
+            vector = area_vector(p, q, r)
+            normal += np.array(vector)
+            area = length(vector)
             wanted = 0.5 * (c.length[c.origin[after(ring[i])]] + c.length[c.origin[before(ring[i])]])
             area /= max(wanted, 1e-300) ** 2
             goal += area * ((q + r) / 3 - 2 * p / 3)

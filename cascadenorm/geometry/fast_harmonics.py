@@ -9,7 +9,8 @@ from scipy.linalg import eigh
 
 from cascadenorm.geometry.harmonics import Harmonics, check_count, manifold_harmonics
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.mesh import Csr, Mesh, kernel, one_blas_thread, parallel_for
+from cascadenorm.mesh import Bools, Csr, Floats, Ints, Mesh, Vectors, kernel, one_blas_thread, parallel_for
+from cascadenorm.mesh.vectors import length, row, subtract
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # how many local functions reach a point, on average
@@ -91,9 +92,7 @@ def farthest_points(
 def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> sparse.csr_array:
     """Return (n, d) the local function of each centre, rows divided by their sum."""
     neighbors, n = mesh.topology.vertex_neighbors, len(mesh.vertices)
-    parts = parallel_for(
-        len(centers), _local_range, neighbors.indptr, neighbors.indices, mesh.vertices, centers, reach, smallest=16
-    )
+    parts = parallel_for(len(centers), _local_range, neighbors, mesh.vertices, centers, reach, smallest=16)
     counts = np.concatenate([counts for counts, _, _ in parts])
     rows = np.concatenate([found for _, found, _ in parts])
     values = np.concatenate([weights for _, _, weights in parts])
@@ -104,7 +103,9 @@ def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> sp
 
 
 @kernel
-def _farthest_points(indptr, indices, lengths, choosable, samples, distances):  # type: ignore[no-untyped-def]
+def _farthest_points(
+    indptr: Ints, indices: Ints, lengths: Floats, choosable: Bools, samples: Ints, distances: Floats
+) -> int:
     """Relax distances from one sample after the other; only vertices that come nearer are visited again."""
     for s in range(len(samples)):
         farthest, center = -1.0, -1
@@ -129,9 +130,11 @@ def _farthest_points(indptr, indices, lengths, choosable, samples, distances):  
 
 
 @kernel
-def _local_range(start, stop, indptr, indices, positions, centers, reach):  # type: ignore[no-untyped-def]
+def _local_range(
+    start: int, stop: int, neighbors: Csr, positions: Vectors, centers: Ints, reach: float
+) -> tuple[Ints, Ints, Floats]:
     """Vertices of the connected patch within reach of each centre, and 1 - 3r² + 2r³ there, row after row."""
-    seen = np.full(len(indptr) - 1, -1, np.int64)
+    seen = np.full(len(neighbors.indptr) - 1, -1, np.int64)
     counts = np.zeros(stop - start, np.int64)
     found, weights = np.empty(1024, np.int64), np.empty(1024)
     end = 0
@@ -146,14 +149,12 @@ def _local_range(start, stop, indptr, indices, positions, centers, reach):  # ty
         while next_one < end:
             i = found[next_one]
             next_one += 1
-            for k in range(indptr[i], indptr[i + 1]):
-                j = indices[k]
+            for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
+                j = neighbors.indices[k]
                 if seen[j] == c:
                     continue
                 seen[j] = c
-                x, y = positions[j, 0] - positions[center, 0], positions[j, 1] - positions[center, 1]
-                z = positions[j, 2] - positions[center, 2]
-                r = np.sqrt(x * x + y * y + z * z) / reach
+                r = length(subtract(row(positions, j), row(positions, center))) / reach
                 if r >= 1:
                     continue
                 if end == len(found):

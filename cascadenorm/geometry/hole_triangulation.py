@@ -5,7 +5,8 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Vectors, kernel
+from cascadenorm.mesh import Bools, Floats, Ints32, Vectors, kernel
+from cascadenorm.mesh.vectors import cross, length, row, subtract
 
 LARGEST_OPTIMAL = 300  # vertices of a loop; the best triangulation takes cubic time
 
@@ -61,19 +62,18 @@ def _cut_ears(points: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
 
 
 @kernel
-def _normal(points, i, m, k, normal):  # type: ignore[no-untyped-def]
+def _normal(points: Vectors, i: int, m: int, k: int, normal: Floats) -> float:
     """Write the unit normal of a triangle, zero if it has none; return its area."""
-    ux, uy, uz = points[m, 0] - points[i, 0], points[m, 1] - points[i, 1], points[m, 2] - points[i, 2]
-    vx, vy, vz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
-    normal[0], normal[1], normal[2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    length = np.sqrt((normal * normal).sum())
-    if length > 0:
-        normal /= length
-    return 0.5 * length
+    u, v = subtract(row(points, m), row(points, i)), subtract(row(points, k), row(points, i))
+    normal[0], normal[1], normal[2] = cross(u, v)
+    size = length(cross(u, v))
+    if size > 0:
+        normal /= size
+    return 0.5 * size
 
 
 @kernel
-def _least_bend(points, outside, taken, choice):  # type: ignore[no-untyped-def]
+def _least_bend(points: Vectors, outside: Vectors, taken: Bools, choice: Ints32) -> None:
     """Fill choice[i, k]: the third corner over the chord i k of the best triangulation of the points i … k.
 
     Bend is the largest 1 - cos of the angle across an edge; a chord that is taken counts as worse than any bend.

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
 LEAF = 4  # triangles in a box of the lowest level
 CURVE_BITS = 16  # cells along each axis of the curve that orders the triangles, as a power of two
@@ -71,12 +72,14 @@ def _curve(points: Vectors) -> NDArray[np.uint64]:
 
 
 @kernel
-def _search(start, stop, points, corners, order, boxes, squared, faces):  # type: ignore[no-untyped-def]
+def _search(
+    start: int, stop: int, points: Vectors, corners: Floats, order: Ints, boxes: Floats, squared: Floats, faces: Ints
+) -> None:
     """Visit the nearer child first, and no box that is farther than the best triangle so far."""
     first_leaf = len(boxes) // 2
     stack, away = np.empty(64, np.int64), np.empty(64)  # boxes to visit, and how far they are
     for i in range(start, stop):
-        p = (points[i, 0], points[i, 1], points[i, 2])
+        p = row(points, i)
         best, face = np.inf, -1
         stack[0], away[0], top = 0, 0.0, 1
         while top > 0:
@@ -102,7 +105,7 @@ def _search(start, stop, points, corners, order, boxes, squared, faces):  # type
 
 
 @kernel
-def _box_distance2(p, boxes, node):  # type: ignore[no-untyped-def]
+def _box_distance2(p: Vector, boxes: Floats, node: int) -> float:
     total = 0.0
     for d in range(3):
         outside = max(boxes[node, 0, d] - p[d], p[d] - boxes[node, 1, d], 0.0)
@@ -111,44 +114,27 @@ def _box_distance2(p, boxes, node):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _triangle_distance2(p, corner):  # type: ignore[no-untyped-def]
+def _triangle_distance2(p: Vector, corner: Vectors) -> float:
     """Distance to the plane where the foot lies inside the triangle, else to the nearest of its sides."""
-    a = (corner[0, 0] - p[0], corner[0, 1] - p[1], corner[0, 2] - p[2])
-    b = (corner[1, 0] - p[0], corner[1, 1] - p[1], corner[1, 2] - p[2])
-    c = (corner[2, 0] - p[0], corner[2, 1] - p[1], corner[2, 2] - p[2])
-    normal = _cross(_minus(b, a), _minus(c, a))
-    length2 = _dot(normal, normal)
+    a, b, c = subtract(row(corner, 0), p), subtract(row(corner, 1), p), subtract(row(corner, 2), p)
+    normal = cross(subtract(b, a), subtract(c, a))
+    length2 = dot(normal, normal)
     if (
         length2 > 0
-        and _dot(_cross(a, b), normal) >= 0
-        and _dot(_cross(b, c), normal) >= 0
-        and _dot(_cross(c, a), normal) >= 0
+        and dot(cross(a, b), normal) >= 0
+        and dot(cross(b, c), normal) >= 0
+        and dot(cross(c, a), normal) >= 0
     ):
-        height = _dot(a, normal)
+        height = dot(a, normal)
         return height * height / length2
     return min(_side_distance2(a, b), _side_distance2(b, c), _side_distance2(c, a))
 
 
 @kernel
-def _side_distance2(a, b):  # type: ignore[no-untyped-def]
+def _side_distance2(a: Vector, b: Vector) -> float:
     """Squared distance of the origin to the segment from a to b."""
-    along = _minus(b, a)
-    length2 = _dot(along, along)
-    t = min(max(-_dot(a, along) / length2, 0.0), 1.0) if length2 > 0 else 0.0
+    along = subtract(b, a)
+    length2 = dot(along, along)
+    t = min(max(-dot(a, along) / length2, 0.0), 1.0) if length2 > 0 else 0.0
     foot = (a[0] + t * along[0], a[1] + t * along[1], a[2] + t * along[2])
-    return _dot(foot, foot)
-
-
-@kernel
-def _minus(u, v):  # type: ignore[no-untyped-def]
-    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
-
-
-@kernel
-def _dot(u, v):  # type: ignore[no-untyped-def]
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-@kernel
-def _cross(u, v):  # type: ignore[no-untyped-def]
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+    return dot(foot, foot)

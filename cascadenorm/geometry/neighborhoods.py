@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import row, squared_distance
 
 
 def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr) -> Csr:
@@ -21,7 +22,7 @@ def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph:
     k rows: the points at most radii[i] from centers[i], in the order in which they are found
     """
     count = len(centers)
-    parts = parallel_for(count, _within_range, centers, radii, points, *graph, *seeds)
+    parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds)
     indptr = np.zeros(count + 1, np.int64)
     np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
     return Csr(indptr, np.concatenate([found for _, found in parts]))
@@ -33,7 +34,15 @@ def each_alone(count: int) -> Csr:
 
 
 @kernel
-def _within_range(start, stop, centers, radii, points, indptr, indices, seed_indptr, seed_indices):  # type: ignore[no-untyped-def]
+def _within_range(
+    start: int,
+    stop: int,
+    centers: Vectors,
+    radii: Floats,
+    points: Vectors,
+    neighbors: Csr,
+    seeds: Csr,
+) -> tuple[Ints, Ints32]:
     """Search breadth first from the seeds of each centre in start … stop; the counts, and what is found."""
     seen = np.full(len(points), -1, np.int32)
     counts = np.empty(stop - start, np.int64)
@@ -45,18 +54,19 @@ def _within_range(start, stop, centers, radii, points, indptr, indices, seed_ind
         current = first - 1  # the seeds stand before the first point found
         while current < end:
             if current < first:
-                low, high, source = seed_indptr[i], seed_indptr[i + 1], seed_indices
+                low, high, source = seeds.indptr[i], seeds.indptr[i + 1], seeds.indices
             else:
-                low, high, source = indptr[found[current]], indptr[found[current] + 1], indices
+                low, high, source = (
+                    neighbors.indptr[found[current]],
+                    neighbors.indptr[found[current] + 1],
+                    neighbors.indices,
+                )
             for k in range(low, high):
                 j = source[k]
                 if seen[j] == i:
                     continue
                 seen[j] = i
-                x = points[j, 0] - centers[i, 0]
-                y = points[j, 1] - centers[i, 1]
-                z = points[j, 2] - centers[i, 2]
-                if x * x + y * y + z * z > limit:
+                if squared_distance(row(points, j), row(centers, i)) > limit:
                     continue
                 if end == len(found):
                     larger = np.empty(2 * len(found), np.int32)

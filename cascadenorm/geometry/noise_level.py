@@ -5,7 +5,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 
 SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
 FEWEST = 30  # edges below which nothing is said
@@ -49,8 +49,7 @@ def noise_level(mesh: Mesh) -> float | None:
         mesh.vertices,
         mesh.vertex_area_vectors,  # they do not depend on where the vertices themselves are
         edges,
-        around.indptr,
-        around.indices,
+        around,
         differences,
     )
     known = differences[np.isfinite(differences)]
@@ -77,13 +76,24 @@ def _clipped_deviation(differences: NDArray[np.float64]) -> float:
 
 
 @kernel
-def _differences(start, stop, vertices, vectors, edges, indptr, indices, out):  # type: ignore[no-untyped-def]
+def _differences(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    vectors: Vectors,
+    edges: Ints32,
+    neighbors: Csr,
+    out: Floats,
+) -> None:
     normal = np.empty(3)
     for e in range(start, stop):
         i, j = edges[e]
         normal[:] = vectors[i] + vectors[j]
         length = np.sqrt((normal * normal).sum())
-        around_i, around_j = indices[indptr[i] : indptr[i + 1]], indices[indptr[j] : indptr[j + 1]]
+        around_i, around_j = (
+            neighbors.indices[neighbors.indptr[i] : neighbors.indptr[i + 1]],
+            neighbors.indices[neighbors.indptr[j] : neighbors.indptr[j + 1]],
+        )
         spread_i, spread_j = _spread(vertices, i, around_i), _spread(vertices, j, around_j)
         if length == 0 or spread_i == 0 or spread_j == 0:
             out[e] = np.nan
@@ -107,7 +117,7 @@ def _differences(start, stop, vertices, vectors, edges, indptr, indices, out):  
 
 
 @kernel
-def _spread(vertices, i, around):  # type: ignore[no-untyped-def]
+def _spread(vertices: Vectors, i: int, around: Ints32) -> float:
     """Mean of the squared distances of the neighbours."""
     total = 0.0
     for v in around:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
-from cascadenorm.mesh import MeshError, kernel, one_blas_thread
+from cascadenorm.mesh import Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread
 
 DIRECT_LIMIT = 1_000_000  # unknowns of a matrix with about 7 entries a row: some 2 GB of factors
 DENSE_LIMIT = 10_000_000  # entries of a matrix of two or three rings that is still factorised: some 3 GB of factors
@@ -108,7 +108,7 @@ def conjugate_gradients(matrix: Any, right: Vector, precondition: Callable[[Vect
 
 
 @kernel
-def _nested_dissection(indptr, indices, positions, leaf, order):  # type: ignore[no-untyped-def]
+def _nested_dissection(indptr: Ints, indices: Ints32, positions: Vectors, leaf: int, order: Ints) -> None:
     """Order unknowns so that either half of a box comes before the unknowns that separate the two, recursively."""
     n = len(positions)
     for i in range(n):

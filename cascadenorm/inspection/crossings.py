@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.nearest import LEAF, Surface
-from cascadenorm.mesh import Mesh, kernel, parallel_for
+from cascadenorm.mesh import Bools, Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
 MOST_NEAR = 1000  # faces around one face that are looked at before it is given up
 ROUNDING = 1e-14  # a determinant that small, relative to the sides that it is made of, may be zero
@@ -38,7 +39,7 @@ def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 @kernel
-def _crossing(start, stop, corners, named, boxes, found):  # type: ignore[no-untyped-def]
+def _crossing(start: int, stop: int, corners: Floats, named: Ints, boxes: Floats, found: Bools) -> None:
     """Walk down the tree of boxes with each face, until one is found that it crosses."""
     first_leaf = len(boxes) // 2
     stack = np.empty(64, np.int64)
@@ -67,7 +68,7 @@ def _crossing(start, stop, corners, named, boxes, found):  # type: ignore[no-unt
 
 
 @kernel
-def _overlap(lower, upper, box):  # type: ignore[no-untyped-def]
+def _overlap(lower: Floats, upper: Floats, box: Floats) -> bool:
     apart = False
     for d in range(3):
         apart |= lower[d] > box[1, d] or upper[d] < box[0, d]
@@ -75,7 +76,7 @@ def _overlap(lower, upper, box):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cross(ours, our_names, theirs, their_names):  # type: ignore[no-untyped-def]
+def _cross(ours: Vectors, our_names: Ints, theirs: Vectors, their_names: Ints) -> bool:
     """Tell whether two triangles cross; of sides that end at a common corner only the opposite one can."""
     shared = our_shared = their_shared = 0
     for i in range(3):
@@ -86,19 +87,18 @@ def _cross(ours, our_names, theirs, their_names):  # type: ignore[no-untyped-def
         return False
     if shared == 1:
         i, j = our_shared, their_shared
-        return _pierces(ours[(i + 1) % 3], ours[(i + 2) % 3], theirs) or _pierces(
-            theirs[(j + 1) % 3], theirs[(j + 2) % 3], ours
-        )
-    for i in range(3):
-        if _pierces(ours[i], ours[(i + 1) % 3], theirs) or _pierces(theirs[i], theirs[(i + 1) % 3], ours):
+        return _pierces(ours, i + 1, theirs) or _pierces(theirs, j + 1, ours)
+    for i in range(3):  # noqa: SIM110, numba compiles no generators
+        if _pierces(ours, i, theirs) or _pierces(theirs, i, ours):
             return True
     return False
 
 
 @kernel
-def _pierces(p, q, triangle):  # type: ignore[no-untyped-def]
-    """Tell whether the segment from p to q goes through a triangle, from one side of its plane to the other."""
-    a, b, c = triangle[0], triangle[1], triangle[2]
+def _pierces(other: Vectors, side: int, triangle: Vectors) -> bool:
+    """Tell whether a side of another triangle goes through a triangle, from one side of its plane to the other."""
+    p, q = row(other, side % 3), row(other, (side + 1) % 3)
+    a, b, c = row(triangle, 0), row(triangle, 1), row(triangle, 2)
     if _side(a, b, c, p) * _side(a, b, c, q) >= 0:
         return False
     u, v, w = _side(p, q, a, b), _side(p, q, b, c), _side(p, q, c, a)
@@ -106,13 +106,16 @@ def _pierces(p, q, triangle):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _side(a, b, c, d):  # type: ignore[no-untyped-def]
+def _side(a: Vector, b: Vector, c: Vector, d: Vector) -> int:
     """Sign of the determinant of b - a, c - a, d - a; 0 where rounding may have made it."""
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    wx, wy, wz = d[0] - a[0], d[1] - a[1], d[2] - a[2]
-    determinant = wx * (uy * vz - uz * vy) + wy * (uz * vx - ux * vz) + wz * (ux * vy - uy * vx)
-    size = (abs(ux) + abs(uy) + abs(uz)) * (abs(vx) + abs(vy) + abs(vz)) * (abs(wx) + abs(wy) + abs(wz))
+    u, v, w = subtract(b, a), subtract(c, a), subtract(d, a)
+    determinant = dot(w, cross(u, v))
+    size = _sum_of_sizes(u) * _sum_of_sizes(v) * _sum_of_sizes(w)
     if abs(determinant) <= ROUNDING * size:
         return 0
     return 1 if determinant > 0 else -1
+
+
+@kernel
+def _sum_of_sizes(u: Vector) -> float:
+    return abs(u[0]) + abs(u[1]) + abs(u[2])

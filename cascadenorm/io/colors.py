@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.text import Places, Text
+from cascadenorm.io.text import Text
+from cascadenorm.io.tokenizer import Places
 
 CHANNELS = ("red", "green", "blue", "alpha")
 

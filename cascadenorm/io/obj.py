@@ -14,7 +14,8 @@ from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.text import Places, Text, blocks, rows_of, spelled
+from cascadenorm.io.text import Text, blocks, rows_of, spelled
+from cascadenorm.io.tokenizer import Places
 
 KEPT_ELSEWHERE = {
     "vn": "normals",

@@ -11,7 +11,8 @@ from cascadenorm.io.base import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.text import Places, Text, rows_of, spelled
+from cascadenorm.io.text import Text, rows_of, spelled
+from cascadenorm.io.tokenizer import Places
 
 MAGIC = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")  # in linear time
 

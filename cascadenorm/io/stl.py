@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.base import Content, MeshFile, Piece, ReadError
 from cascadenorm.io.polygons import Polygons, area_vectors, triangulate
-from cascadenorm.io.text import Places, Text, spelled
+from cascadenorm.io.text import Text, spelled
+from cascadenorm.io.tokenizer import Places
 from cascadenorm.mesh import unit
 
 RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

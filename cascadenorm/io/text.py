@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.base import ReadError
-from cascadenorm.io.tokenizer import cut, decimals, splice
+from cascadenorm.io.tokenizer import Places, cut, decimals, splice
 from cascadenorm.mesh import parallel_for
-
-Places = NDArray[np.signedinteger[Any]]
 
 NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries spell it
 BLOCK = 1 << 18  # words worked on at a time
@@ -32,10 +30,11 @@ class Text:
         self.bytes = np.frombuffer(data, np.uint8)
         continued = continued and b"\\" in data
         kind = np.int32 if len(data) < 2**31 else np.int64
-        none = np.zeros(0, kind)
+        none: Places = np.zeros(0, kind)
         words, lines = cut(self.bytes, start, continued, none, none, none)
-        self.starts, self.ends = np.zeros(words, kind), np.zeros(words, kind)
-        borders = np.full(lines + 1, words, kind)
+        self.starts: Places = np.zeros(words, kind)
+        self.ends: Places = np.zeros(words, kind)
+        borders: Places = np.full(lines + 1, words, kind)
         cut(self.bytes, start, continued, self.starts, self.ends, borders)
         self.first, self.stop = borders[:-1], borders[1:]
 

@@ -1,19 +1,24 @@
 """Compiled passes over the bytes of a text: find words, read decimals, replace words."""
 
-import numpy as np
+from typing import Any
 
-from cascadenorm.mesh import kernel
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Bools, Bytes, Floats, Ints, kernel
+
+Places = NDArray[np.signedinteger[Any]]
 
 POWERS = np.array([10.0**e for e in range(23)])  # all exact, so one division or product by them rounds correctly
 
 
 @kernel
-def _is_space(byte):  # type: ignore[no-untyped-def]
+def _is_space(byte: int) -> bool:
     return byte == 32 or 9 <= byte <= 13 or byte == 0
 
 
 @kernel
-def _join(data, i):  # type: ignore[no-untyped-def]
+def _join(data: Bytes, i: int) -> int:
     """Length of a backslash and the line end after it; 0 if this is none."""
     if data[i] != 92 or i + 1 == len(data):
         return 0
@@ -23,7 +28,7 @@ def _join(data, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def cut(data, start, continued, starts, ends, lines):  # type: ignore[no-untyped-def]
+def cut(data: Bytes, start: int, continued: bool, starts: Places, ends: Places, lines: Places) -> tuple[int, int]:
     """Find the words from a byte on, and the first word of each line that has any; comments from # on have none.
 
     Fills the arrays, or only counts where they are empty. A backslash at the end of a line joins it to the next
@@ -58,7 +63,7 @@ def cut(data, start, continued, starts, ends, lines):  # type: ignore[no-untyped
 
 
 @kernel
-def decimals(start, stop, data, starts, ends, values, simple):  # type: ignore[no-untyped-def]
+def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, values: Floats, simple: Bools) -> None:
     """Read plain decimals whose digits and power of ten are exact in double precision; leave the others."""
     for k in range(start, stop):
         i, end = starts[k], ends[k]
@@ -100,7 +105,7 @@ def decimals(start, stop, data, starts, ends, values, simple):  # type: ignore[n
 
 
 @kernel
-def splice(data, starts, ends, letters, lengths, out):  # type: ignore[no-untyped-def]
+def splice(data: Bytes, starts: Places, ends: Places, letters: Bytes, lengths: Ints, out: Bytes) -> int:
     """Copy the data with words at these places replaced by the first letters of each row; the length of the copy."""
     at = last = 0
     for k in range(len(starts)):

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import kernel, parallel_for
+from cascadenorm.mesh import Floats, kernel, parallel_for
 
 SMALLEST_BAND = 16
 
@@ -33,7 +33,9 @@ def rasterize(
 
 
 @kernel
-def _paint_rows(start, stop, screen, colors, width, samples, picture):  # type: ignore[no-untyped-def]
+def _paint_rows(
+    start: int, stop: int, screen: Floats, colors: Floats, width: int, samples: int, picture: Floats
+) -> None:
     rows, columns = (stop - start) * samples, width * samples
     depth = np.full((rows, columns), -np.inf)
     seen = np.full((rows, columns), -1, np.int32)
