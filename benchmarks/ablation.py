@@ -91,8 +91,8 @@ def write_table(rows: dict[str, list[list[float]]], count: int, seeds: int, ship
         "# Ablation of `auto`",
         "",
         f"Each row changes one part of `configs/auto.toml` and trains on {count} shapes in place of {shipped}, with "
-        f"{seeds} seeds. The figures are the mean angle between face normals and the true ones in degrees, and half the range "
-        "over the seeds; differences within that range say nothing. The public models are those of "
+        f"{seeds} seeds. The figures are the mean angle between face normals and the true ones in degrees, and half "
+        "the range over the seeds; differences within that range say nothing. The public models are those of "
         "[data.md](data.md#the-public-models-of-modelsmd). Generated shapes, depth views (one depth image) and fused "
         "scans come from a seed that no training has. `python benchmarks/ablation.py DIR` writes this page.",
         "",

@@ -82,8 +82,8 @@ def main() -> None:
     lines = [
         "# Time and memory of the methods",
         "",
-        "Wall time, CPU time of all threads in brackets, and peak memory of the process. Each method runs at its defaults on a "
-        f"torus with noise of {NOISE} mean edge lengths; {thread_count()} threads, {platform.machine()}, "
+        "Wall time, CPU time of all threads in brackets, and peak memory of the process. Each method runs at its "
+        f"defaults on a torus with noise of {NOISE} mean edge lengths; {thread_count()} threads, {platform.machine()}, "
         f"Python {platform.python_version()}. `python benchmarks/methods.py` writes this page.",
         "",
         "| method | " + " | ".join(f"{faces:,} faces" for faces in options.faces) + " |",

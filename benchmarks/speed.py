@@ -61,7 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     lines = [
         "# Time and memory of whole commands",
         "",
-        f"Reading and writing included, kernels compiled before; {machine}{where}. `python benchmarks/speed.py` writes this page.",
+        f"Reading and writing included, kernels compiled before; {machine}{where}. "
+        "`python benchmarks/speed.py` writes this page.",
         "",
         "| command | seconds | peak memory, GiB |",
         "| --- | ---: | ---: |",
