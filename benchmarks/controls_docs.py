@@ -4,7 +4,6 @@ import re
 import shlex
 from pathlib import Path
 
-from cascadenorm.cli.options import option_name
 from cascadenorm.controls import CONTROLS, ControlSetting
 
 PAGE = Path(__file__).parent.parent / "docs" / "controls.md"
@@ -57,7 +56,7 @@ def _on_the_command_line(setting: ControlSetting) -> str:
     if setting.about.hidden:
         return ""
     value = "" if setting.about.flag else f" {shlex.quote(str(setting.about.example))}"
-    return f"`{option_name(setting)}{value}`".replace("'", '"')
+    return f"`{setting.option}{value}`".replace("'", '"')
 
 
 def _default(setting: ControlSetting) -> str:

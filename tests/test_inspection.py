@@ -8,9 +8,10 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.cli.tables import FINDINGS, counted
+from cascadenorm.cli.tables import counted
 from cascadenorm.data_gen.families import FAMILIES
-from cascadenorm.inspection import Found, Inspection, inspect, noise_level
+from cascadenorm.geometry.noise_level import local_noise
+from cascadenorm.inspection import FINDINGS, Found, Inspection, inspect, noise_level
 from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh
@@ -357,3 +358,23 @@ def test_a_length_beyond_all_numbers_is_none_in_json(capsys, tmp_path):
 def test_a_polygon_counts_once(tmp_path):
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 0 1 0\nf 1 2 3 4\nf 1 2 5\n")
     assert inspect(tmp_path / "flat.obj").zero_area == Found(1, (1,))
+
+
+# noise, place by place
+
+
+def test_local_noise_is_as_strong_as_the_noise_there():
+    ball = icosphere(5)
+    level = np.where(ball.vertices[:, 2] > 0, 0.05, 0.3)
+    heights = np.random.default_rng(0).normal(size=len(level)) * level * ball.mean_edge_length
+    local = local_noise(ball.moved(ball.vertices * (1 + heights[:, None])))
+    for above, strength in ((ball.vertices[:, 2] > 0.2, 0.05), (ball.vertices[:, 2] < -0.2, 0.3)):
+        assert np.sqrt(np.square(local[above]).mean()) == pytest.approx(strength, rel=0.15)
+
+
+def test_local_noise_is_none_of_a_clean_plane_and_unknown_at_its_boundary():
+    local = local_noise(grid(6, 6))
+    known = ~np.isnan(local)
+    np.testing.assert_allclose(local[known], 0, atol=1e-12)
+    assert known.reshape(7, 7)[3, 3] and not known.reshape(7, 7)[0, 6]
+    assert np.isnan(local_noise(grid(1, 1))).all()

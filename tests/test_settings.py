@@ -50,7 +50,7 @@ def test_the_command_line_has_an_option_for_every_control(capsys, monkeypatch):
     text = " ".join(capsys.readouterr().out.split())
     assert set(CONTROLS) - set(options.OPTIONS) == {"progress"}
     for setting in options.OPTIONS.values():
-        assert re.search(rf"{options.option_name(setting)}(?![\w-])", text), setting.name
+        assert re.search(rf"{setting.option}(?![\w-])", text), setting.name
         assert " ".join(setting.about.help.split()[:4]) in text
 
 

@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable
 from functools import wraps
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -12,6 +13,10 @@ from cascadenorm.controls import CONTROLS, ControlSetting
 Method = Annotated[str, typer.Option(help="One of those that `cascadenorm methods` lists.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+ReportFile = Annotated[
+    Path | None,
+    typer.Option("--report", metavar="FILE", help="Write a report as well, an HTML file."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, as docs/json.md describes it.")]
 
 OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
@@ -23,14 +28,9 @@ Command = Callable[..., None]
 def spelled(name: str, value: object = None) -> str:
     """Return what the command line calls a setting, for messages; parameters of methods keep their names."""
     if name in OPTIONS:
-        option = option_name(OPTIONS[name])
+        option = OPTIONS[name].option
         return option if value is None or OPTIONS[name].about.flag else f"{option} {value}"
     return "--force" if name == "force" else name
-
-
-def option_name(setting: ControlSetting) -> str:
-    """Return the option of a control, such as --keep-detail."""
-    return setting.about.flag or f"--{setting.name.replace('_', '-')}"
 
 
 def takes_controls(*names: str) -> Callable[[Command], Command]:
@@ -54,7 +54,7 @@ def _option(setting: ControlSetting) -> inspect.Parameter:
     """Return the argument of a command that typer makes the option of a control from."""
     about = setting.about
     option = typer.Option(
-        option_name(setting),
+        setting.option,
         help=setting.help(about.words),
         metavar=about.metavar or (None if about.flag else "|".join(map(str, setting.choices))),
         rich_help_panel="Controls",

@@ -12,10 +12,10 @@ from rich.table import Table
 
 from cascadenorm.api import Report
 from cascadenorm.cli.errors import complain
-from cascadenorm.cli.options import OPTIONS, option_name
+from cascadenorm.cli.options import OPTIONS
 from cascadenorm.evaluation.harness import COLUMNS, Evaluation, Result
 from cascadenorm.evaluation.metrics import Measures
-from cascadenorm.inspection import Inspection
+from cascadenorm.inspection import FINDINGS, Inspection
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.messages import counted
 from cascadenorm.registry import Method, Setting
@@ -46,7 +46,7 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
 
 
 def _option(name: str, value: object) -> str:
-    option = option_name(OPTIONS[name]).removeprefix("--")
+    option = OPTIONS[name].option.removeprefix("--")
     return option if OPTIONS[name].about.flag else f"{option} {value}"
 
 
@@ -54,39 +54,6 @@ def print_left_out(losses: Sequence[str]) -> None:
     """Print what an output could not keep."""
     for loss in losses:
         complain(f"left out: {loss}")
-
-
-FINDINGS = {
-    "bad_indices": ("face references a vertex that does not exist", "faces reference vertices that do not exist"),
-    "not_finite": ("vertex is not finite", "vertices are not finite"),
-    "repeated_corners": ("face repeats a vertex", "faces repeat a vertex"),
-    "non_manifold_edges": ("edge has more than two faces", "edges have more than two faces"),
-    "non_manifold_vertices": (
-        "vertex is non-manifold, its faces not all connected by edges there",
-        "vertices are non-manifold, their faces not all connected by edges there",
-    ),
-    "turned_edges": (
-        "edge has two faces of inconsistent orientation, one of them flipped",
-        "edges have two faces of inconsistent orientation, one of them flipped",
-    ),
-    "inside_out": (
-        "closed component is inside out, or a cavity",
-        "closed components are inside out, or cavities",
-    ),
-    "zero_area": ("face has no area", "faces have no area"),
-    "slivers": (
-        "face is a sliver, its height below 1 % of its longest edge",
-        "faces are slivers, their heights below 1 % of their longest edges",
-    ),
-    "duplicate_faces": ("face duplicates an earlier one", "faces duplicate an earlier one"),
-    "unreferenced": ("vertex is unreferenced", "vertices are unreferenced"),
-    "duplicate_vertices": (
-        "vertex coincides with an earlier one, but is not merged with it",
-        "vertices coincide with an earlier one, but are not merged with it",
-    ),
-    "crossing_faces": ("face intersects others", "faces intersect others"),
-}
-"""What is said of each finding of an inspection after its count: of one, and of several."""
 
 
 def print_inspection(found: Inspection) -> None:
@@ -140,16 +107,7 @@ def print_measures(measures: Measures) -> None:
     table = Table()
     table.add_column("measure")
     table.add_column("value", justify="right")
-    ratio = measures.volume_ratio
-    for name, value in (
-        ("normal error E_a, mean", f"{measures.normal_error_deg:.3f} deg"),
-        ("normal error, root mean square", f"{measures.normal_error_rms_deg:.3f} deg"),
-        ("normal error, 95 % of the faces", f"{measures.normal_error_p95_deg:.3f} deg"),
-        ("faces flipped (off by more than 90 deg)", f"{measures.turned_percent:.3f} %"),
-        ("vertex error E_v, mean", f"{measures.vertex_error_edges:.4f} mean edge lengths"),
-        ("Hausdorff distance", f"{measures.hausdorff_diagonal:.5f} diagonals"),
-        ("volume ratio", "open" if ratio is None else f"{ratio:.6f}"),
-    ):
+    for name, value in measures.in_words().items():
         table.add_row(name, value)
     print_table(table)
 

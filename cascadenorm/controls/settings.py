@@ -186,6 +186,11 @@ class ControlSetting(Setting):
 
     about: Control
 
+    @property
+    def option(self) -> str:
+        """The option of the command line, such as --keep-detail."""
+        return self.about.flag or f"--{self.name.replace('_', '-')}"
+
     def help(self, takes: str) -> str:
         """Return what the control does and what it takes, as sentences."""
         return f"{self.about.help} {takes[0].upper()}{takes[1:]}." if takes else self.about.help

@@ -1,13 +1,14 @@
 """How far a denoised mesh is from the true one: in the directions of its faces, in its vertices, in its volume."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.nearest import Nearest, Surface
+from cascadenorm.geometry.nearest import Surface
 from cascadenorm.geometry.volume import is_closed
-from cascadenorm.mesh import Mesh, MeshError, angles_between, scaled_alike
+from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, scaled_alike
 
 SMALLEST = 1e-90
 """Size of a mesh, as a share of the other's, whose cube is still a number."""
@@ -37,6 +38,18 @@ class Measures:
     hausdorff_diagonal: float
     volume_ratio: float | None
 
+    def in_words(self) -> dict[str, str]:
+        """Each measure by what it is, with its unit."""
+        return {
+            "normal error E_a, mean": f"{self.normal_error_deg:.3f} deg",
+            "normal error, root mean square": f"{self.normal_error_rms_deg:.3f} deg",
+            "normal error, 95 % of the faces": f"{self.normal_error_p95_deg:.3f} deg",
+            "faces flipped (off by more than 90 deg)": f"{self.turned_percent:.3f} %",
+            "vertex error E_v, mean": f"{self.vertex_error_edges:.4f} mean edge lengths",
+            "Hausdorff distance": f"{self.hausdorff_diagonal:.5f} diagonals",
+            "volume ratio": "open" if self.volume_ratio is None else f"{self.volume_ratio:.6f}",
+        }
+
 
 def measure(mesh: Mesh, reference: Mesh) -> Measures:
     """Measure a mesh against the true one.
@@ -57,38 +70,56 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
         raise MeshError(f"one mesh is over {1 / SMALLEST:.0e} times as large as the other: bring them to one unit")
     if reference.diagonal == 0 or reference.mean_edge_length == 0:
         raise MeshError("all vertices of the reference mesh are at one place: give a mesh that has an extent")
-    surface = Surface(reference)
-    there = surface.nearest(_used_vertices(mesh))
-    back = Surface(mesh).nearest(_used_vertices(reference))
-    angles = _angles(mesh, reference, surface)
+    away = errors(mesh, reference)
+    angles = away.angles[~np.isnan(away.angles)]
+    if not len(angles):
+        raise MeshError("no face has an area in both meshes: there are no normals to compare")
+    there = away.distances[mesh.topology.used_vertices]
+    back = Surface(mesh).nearest(_used_vertices(reference)).distances
     return Measures(
         normal_error_deg=float(angles.mean()),
         normal_error_rms_deg=float(np.sqrt(np.square(angles).mean())),
         normal_error_p95_deg=float(np.percentile(angles, 95)),
         turned_percent=float(100 * (angles > 90).mean()),
-        vertex_error_edges=float(there.distances.mean() / reference.mean_edge_length),
-        hausdorff_diagonal=float(max(_largest(there), _largest(back)) / reference.diagonal),
+        vertex_error_edges=float(there.mean() / reference.mean_edge_length),
+        hausdorff_diagonal=float(max(there.max(), back.max()) / reference.diagonal),
         volume_ratio=_volume_ratio(mesh, reference),
     )
 
 
-def _angles(mesh: Mesh, reference: Mesh, surface: Surface) -> NDArray[np.float64]:
-    """Angles in degrees between normals that belong together."""
+class Errors(NamedTuple):
+    """Errors of a mesh against the true one, place by place.
+
+    Parameters
+    ----------
+    angles : (m,) between the normal of each face and the true one, in degrees; NaN where one of them has no area
+    distances : (n,) of each vertex to the true surface; NaN for a vertex without a face
+    """
+
+    angles: NDArray[np.float64]
+    distances: NDArray[np.float64]
+
+
+def errors(mesh: Mesh, reference: Mesh) -> Errors:
+    """Measure each face and vertex of a mesh against the true one, as `measure` does; both of about unit size."""
+    surface = Surface(reference)
+    distances = np.full(len(mesh.vertices), np.nan)
+    distances[mesh.topology.used_vertices] = surface.nearest(_used_vertices(mesh)).distances
     ours, theirs = mesh.normals, reference.normals
     if not np.array_equal(mesh.faces, reference.faces):
         theirs = theirs[surface.nearest(mesh.centroids).faces]
-    angles = angles_between(ours, theirs)
-    if not len(angles):
-        raise MeshError("no face has an area in both meshes: there are no normals to compare")
-    return np.asarray(np.degrees(angles))
+    return Errors(angles_at_faces(ours, theirs), distances)
+
+
+def angles_at_faces(ours: Vectors, theirs: Vectors) -> NDArray[np.float64]:
+    """Return the angle between the normals of each face, (m,) in degrees; NaN where one of them is zero."""
+    angles = np.full(len(ours), np.nan)
+    angles[ours.any(axis=1) & theirs.any(axis=1)] = np.degrees(angles_between(ours, theirs))
+    return angles
 
 
 def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:
     return mesh.vertices[mesh.topology.used_vertices]
-
-
-def _largest(nearest: Nearest) -> float:
-    return float(nearest.distances.max())
 
 
 def _volume_ratio(mesh: Mesh, reference: Mesh) -> float | None:

@@ -41,6 +41,35 @@ def noise_level(mesh: Mesh) -> float | None:
     if len(edges) < FEWEST:
         return None
     edges = edges[np.linspace(0, len(edges) - 1, min(SAMPLES, len(edges))).astype(np.int64)]
+    differences = _differences_along(mesh, edges)
+    known = differences[np.isfinite(differences)]
+    return _clipped_deviation(known) / mesh.mean_edge_length if len(known) >= FEWEST else None
+
+
+def local_noise(mesh: Mesh) -> NDArray[np.float64]:
+    """Estimate the noise along the normal around each vertex, in mean edge lengths of the mesh.
+
+    The root mean square of the differences that `noise_level` describes, over the edges of a vertex and of its
+    neighbours. Creases count in full here.
+
+    Returns
+    -------
+    (n,); NaN where no edge is away from the boundary
+    """
+    edges = _inner_edges(mesh)
+    squares = np.square(_differences_along(mesh, edges)) if len(edges) else np.empty(0)
+    edges, squares = edges[np.isfinite(squares)], squares[np.isfinite(squares)]
+    count = len(mesh.vertices)
+    total = np.bincount(edges.ravel(), np.repeat(squares, 2), count)
+    number = np.bincount(edges.ravel(), minlength=count).astype(np.float64)
+    a, b = mesh.topology.edges.T
+    around, numbers = (x + np.bincount(a, x[b], count) + np.bincount(b, x[a], count) for x in (total, number))
+    variance = np.divide(around, numbers, out=np.full(count, np.nan), where=numbers > 0)
+    return np.asarray(np.sqrt(variance) / mesh.mean_edge_length)
+
+
+def _differences_along(mesh: Mesh, edges: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return e of each edge; NaN where a vertex has no extent around it."""
     around = mesh.topology.vertex_neighbors
     differences = np.empty(len(edges))
     parallel_for(
@@ -52,8 +81,7 @@ def noise_level(mesh: Mesh) -> float | None:
         around,
         differences,
     )
-    known = differences[np.isfinite(differences)]
-    return _clipped_deviation(known) / mesh.mean_edge_length if len(known) >= FEWEST else None
+    return differences
 
 
 def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:

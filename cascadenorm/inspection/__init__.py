@@ -1,6 +1,7 @@
 """What is wrong with a mesh, and how noisy it is."""
 
 from cascadenorm.geometry.noise_level import noise_level
+from cascadenorm.inspection.findings import FINDINGS
 from cascadenorm.inspection.inspection import Found, Inspection, inspect
 
-__all__ = ["Found", "Inspection", "inspect", "noise_level"]
+__all__ = ["FINDINGS", "Found", "Inspection", "inspect", "noise_level"]

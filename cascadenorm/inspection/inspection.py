@@ -153,8 +153,8 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
 
     Parameters
     ----------
-    mesh : vertices as an (n, 3) array, with `faces`; or alone a path, a stream of bytes, a `cascadenorm.Mesh`, or a
-        mesh of trimesh, pyvista, open3d or meshio
+    mesh : vertices as an (n, 3) array, with `faces`; or alone a path, a stream of bytes, a file that was read, a
+        `cascadenorm.Mesh`, or a mesh of trimesh, pyvista, open3d or meshio
     faces : (m, 3) integers
     self_intersections : whether to look for faces that cross each other; None: up to MOST_FACES_CROSSED faces
 
@@ -244,6 +244,8 @@ def _given(mesh: Any, faces: ArrayLike | None) -> Given:
     if faces is None and (isinstance(mesh, str | PathLike) or hasattr(mesh, "read")):
         name = fspath(mesh) if isinstance(mesh, str | PathLike) else str(getattr(mesh, "name", "the stream"))
         return _given_file(io.read(mesh).isolating(), name)
+    if isinstance(mesh, io.MeshFile):
+        return _given_file(mesh.isolating(), f"the {mesh.format} file")
     if faces is not None:
         arrays, source = (mesh, faces), "arrays"
     else:

@@ -1,0 +1,33 @@
+"""What an inspection may find, in words."""
+
+FINDINGS = {
+    "bad_indices": ("face references a vertex that does not exist", "faces reference vertices that do not exist"),
+    "not_finite": ("vertex is not finite", "vertices are not finite"),
+    "repeated_corners": ("face repeats a vertex", "faces repeat a vertex"),
+    "non_manifold_edges": ("edge has more than two faces", "edges have more than two faces"),
+    "non_manifold_vertices": (
+        "vertex is non-manifold, its faces not all connected by edges there",
+        "vertices are non-manifold, their faces not all connected by edges there",
+    ),
+    "turned_edges": (
+        "edge has two faces of inconsistent orientation, one of them flipped",
+        "edges have two faces of inconsistent orientation, one of them flipped",
+    ),
+    "inside_out": (
+        "closed component is inside out, or a cavity",
+        "closed components are inside out, or cavities",
+    ),
+    "zero_area": ("face has no area", "faces have no area"),
+    "slivers": (
+        "face is a sliver, its height below 1 % of its longest edge",
+        "faces are slivers, their heights below 1 % of their longest edges",
+    ),
+    "duplicate_faces": ("face duplicates an earlier one", "faces duplicate an earlier one"),
+    "unreferenced": ("vertex is unreferenced", "vertices are unreferenced"),
+    "duplicate_vertices": (
+        "vertex coincides with an earlier one, but is not merged with it",
+        "vertices coincide with an earlier one, but are not merged with it",
+    ),
+    "crossing_faces": ("face intersects others", "faces intersect others"),
+}
+"""What is said of each finding of an inspection after its count: of one, and of several."""

@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, noisy
+
+from cascadenorm.geometry.curvature import mean_curvature, mixed_areas
+from cascadenorm.mesh import Mesh
+
+
+@pytest.mark.parametrize("radius", [0.01, 1.0, 30.0])
+def test_a_sphere_has_one_over_its_radius_everywhere(radius):
+    sphere = icosphere(4)
+    np.testing.assert_allclose(mean_curvature(sphere.moved(radius * sphere.vertices)), 1 / radius, rtol=0.02)
+
+
+def test_a_sphere_seen_from_inside_is_curved_the_other_way():
+    sphere = icosphere(3)
+    inward = Mesh(sphere.vertices, sphere.faces[:, ::-1])
+    np.testing.assert_allclose(mean_curvature(inward), -mean_curvature(sphere))
+
+
+def test_mixed_areas_are_the_area_in_all():
+    rough = noisy(icosphere(3), 0.4)
+    assert mixed_areas(rough).sum() == pytest.approx(rough.area, rel=1e-12)
+    assert (mixed_areas(rough) > 0).all()
+
+
+def test_a_plane_is_not_curved_and_its_boundary_has_no_curvature():
+    plane = grid(4, 5)
+    x, y, _ = plane.vertices.T
+    border = (x == 0) | (x == 5) | (y == 0) | (y == 4)
+    curvature = mean_curvature(plane)
+    np.testing.assert_array_equal(np.isnan(curvature), border)
+    np.testing.assert_allclose(curvature[~border], 0, atol=1e-12)
+
+
+def test_a_cube_is_curved_along_its_edges_alone():
+    box = cube(6)
+    on_edge = (np.abs(box.vertices) == 1).sum(axis=1) > 1
+    curvature = mean_curvature(box)
+    np.testing.assert_allclose(curvature[~on_edge], 0, atol=1e-12)
+    assert (curvature[on_edge] > 0.1).all()
+
+
+def test_vertices_without_a_face_have_no_curvature():
+    sphere = icosphere(2)
+    more = Mesh(np.vstack([sphere.vertices, [[9, 9, 9]]]), sphere.faces)
+    curvature = mean_curvature(more)
+    assert np.isnan(curvature[-1])
+    np.testing.assert_allclose(curvature[:-1], mean_curvature(sphere))
