@@ -1,4 +1,4 @@
-"""The ablation of the model `auto`: python benchmarks/ablation.py DIR
+"""What each part of the model `auto` brings: python benchmarks/ablation.py DIR
 
     python benchmarks/ablation.py DIR [--count 60] [--seeds 0 1 2] [--keep FOLDER]
 
@@ -27,7 +27,7 @@ from cascadenorm.workers import Map, side_by_side
 
 ROOT = Path(__file__).parents[1]
 UNSEEN = 1_000_003  # seed of the generated pairs that are measured on
-WHOLE = "all parts"
+WHOLE = "all of it"
 
 Meshes = list[tuple[Mesh, Mesh]]
 """Noisy and clean meshes."""
@@ -38,15 +38,15 @@ def variants(config: TrainConfig) -> dict[str, TrainConfig]:
     data, fit = config.data, config.fit
     return {
         WHOLE: config,
-        "without context features": replace(config, context=0),
+        "without what surrounds a face": replace(config, context=0),
         "one hidden layer": replace(config, fit=replace(fit, hidden=fit.hidden[:1])),
-        "four clusters, a network each": replace(config, clusters=4),
+        "a network for each of four clusters": replace(config, clusters=4),
         "without smoothed vertices": replace(config, descriptors=("reach", "near", "near")),
-        "filters of the first stage in every stage": replace(config, descriptors=config.descriptors[:1] * 3),
-        "B-FND and G-FND, the filters of the paper": replace(config, descriptors=TrainConfig().descriptors),
-        "half of the shapes": replace(config, data=replace(data, count=data.count // 2)),
-        "without fused scans": replace(config, data=without(data, "fused")),
-        "without fused scans and depth views": replace(config, data=without(data, "fused", "view")),
+        "the filters of the first stage in every stage": replace(config, descriptors=config.descriptors[:1] * 3),
+        "the filters of the paper": replace(config, descriptors=TrainConfig().descriptors),
+        "half the shapes": replace(config, data=replace(data, count=data.count // 2)),
+        "no fused scans": replace(config, data=without(data, "fused")),
+        "no scans at all": replace(config, data=without(data, "fused", "view")),
     }
 
 
@@ -88,13 +88,14 @@ def cell(values: Iterable[float]) -> str:
 def write_table(rows: dict[str, list[list[float]]], count: int, seeds: int, shipped: int) -> None:
     """Write what is known so far."""
     lines = [
-        "# Ablation of `auto`",
+        "# What each part of `auto` brings",
         "",
-        f"Each row changes one part of `configs/auto.toml` and trains on {count} shapes in place of {shipped}, with "
-        f"{seeds} seeds. The figures are the mean angle between face normals and the true ones in degrees, and half "
-        "the range over the seeds; differences within that range say nothing. The public models are those of "
-        "[data.md](data.md#the-public-models-of-modelsmd). Generated shapes, depth views (one depth image) and fused "
-        "scans come from a seed that no training has. `python benchmarks/ablation.py DIR` writes this page.",
+        "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over "
+        f"{seeds} seeds. Each model was trained with `configs/auto.toml` on {count} shapes in "
+        f"place of {shipped}, with one part changed. Public models are "
+        "those of the validation set of the standard synthetic benchmark; shapes, views of one depth camera and scans "
+        "fused from several are generated from a seed that no training has. "
+        "Made by `python benchmarks/ablation.py DIR`.",
         "",
         "| | public models | generated shapes | depth views | fused scans |",
         "| --- | ---: | ---: | ---: | ---: |",

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from cascadenorm.learned.config import TrainConfig, read_config
     from cascadenorm.mesh import Mesh
     from cascadenorm.models import Denoiser, train
+    from cascadenorm.reports import report
 
 __version__ = "0.1.0"
 
@@ -63,6 +64,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "methods": "api",
     "read": "io",
     "read_config": "learned.config",
+    "report": "reports",
     "shape_dna": "geometry.harmonics",
     "train": "models",
     "write": "io",
@@ -97,6 +99,7 @@ __all__ = [
     "methods",
     "read",
     "read_config",
+    "report",
     "shape_dna",
     "train",
     "write",

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,6 +74,14 @@ class Report:
     left_out: tuple[str, ...]
 
 
+class Denoised(NamedTuple):
+    """What was done to a file, with the file as it was read and as it was written."""
+
+    report: Report
+    before: io.MeshFile
+    after: io.MeshFile
+
+
 @overload  # with the controls alone, for editors; parameters of the method are those of the last two
 def denoise(mesh: AnyMesh, faces: None = None, *, method: str = ..., **controls: Unpack[Controls]) -> AnyMesh: ...
 @overload
@@ -115,7 +123,7 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
         if faces is not None:
             return _denoised(chosen, mesh, faces, parameters, controls)
         if isinstance(mesh, str | PathLike):
-            return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).output)
+            return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).report.output)
         if isinstance(mesh, Mesh):
             return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls))
         return _denoised_object(chosen, mesh, parameters, controls)
@@ -153,6 +161,19 @@ def denoise_file(
     ------
     ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`; nothing is written then
     """
+    return denoised_file(source, output, method=method, force=force, parameters=parameters, **controls).report
+
+
+def denoised_file(
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None = None,
+    *,
+    method: str = DEFAULT_METHOD,
+    force: bool = False,
+    parameters: dict[str, Any] | None = None,
+    **controls: Unpack[Controls],
+) -> Denoised:
+    """Denoise a mesh file as `denoise_file` does; the meshes are returned as well."""
     every = checked(controls)
     with limit_threads(every["threads"]):
         return _denoised_file(find(method), source, output, parameters or {}, every, force=force)
@@ -258,7 +279,7 @@ def _denoised_file(
     controls: Controls,
     *,
     force: bool,
-) -> Report:
+) -> Denoised:
     # Everything that can be refused before reading is refused
     method.checked(parameters)
     output = _checked_output(source, output, force=force)
@@ -281,13 +302,14 @@ def _denoised_file(
         framed = framed_length("max_displacement", controls["max_displacement"], small, exponent)
         limit = float(np.ldexp(framed, exponent))
     try:
-        left_out = io.write(file.with_vertices(vertices, limit=limit), output, format=format, force=force)
+        moved = file.with_vertices(vertices, limit=limit)
+        left_out = io.write(moved, output, format=format, force=force)
     except ReadError as error:  # a fault of the source that only other formats need to know
         raise error.within(source_name(source)) from error.__cause__
 
     moves = np.linalg.norm(np.ldexp(vertices - mesh.vertices, -exponent), axis=1)
     in_edges = moves / small.mean_edge_length if small.mean_edge_length > 0 else moves
-    return Report(
+    report = Report(
         source=source_name(source),
         output=source_name(output),
         method=method.name,
@@ -304,6 +326,7 @@ def _denoised_file(
         seconds=seconds,
         left_out=tuple(left_out),
     )
+    return Denoised(report, file, moved)
 
 
 def _checked_output(

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, cast
 import typer
 
 from cascadenorm.cli.errors import PARTLY, complain, worded
-from cascadenorm.cli.options import Force, Json, Method, Set, takes_controls
+from cascadenorm.cli.options import Force, Json, Method, ReportFile, Set, takes_controls
 from cascadenorm.messages import counted
 
 app = typer.Typer(
@@ -45,20 +45,26 @@ def denoise(
     method: Method = "auto",
     model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
     settings: Set = None,
+    report: ReportFile = None,
+    truth: Annotated[Path | None, typer.Option(metavar="FILE", help="The true mesh, for the report.")] = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
 ) -> None:
     """Denoise a mesh file; by default into <stem>_denoised<suffix> beside it."""
-    from cascadenorm import api
+    from cascadenorm import api, reports
     from cascadenorm.cli import json_output, progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
     parameters = _parameters(settings)
     if model is not None:
         parameters["model"] = model
+    if truth is not None and report is None:
+        raise typer.BadParameter("--truth is for a report: give --report as well")
+    if report is not None:
+        reports.check_report(report, force=force)
     with progress_bars.progress_bar("denoising") as progress:
-        done = api.denoise_file(
+        denoised = api.denoised_file(
             sys.stdin.buffer if source == "-" else source,
             sys.stdout.buffer if target == "-" else target,
             method=method,
@@ -67,6 +73,9 @@ def denoise(
             progress=progress,
             **controls,
         )
+    if report is not None:
+        reports.report_denoised(report, denoised, truth=truth, force=force)
+    done = denoised.report
     out = sys.stderr if target == "-" else sys.stdout
     if as_json:
         json_output.print_json("denoise", json_output.denoised(done), file=out)
@@ -82,13 +91,19 @@ def inspect(
         bool | None,
         typer.Option(help="Look for self-intersections, or do not; by default only in meshes of moderate size."),
     ] = None,
+    report: ReportFile = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Report what a mesh is, its defects and where they are, and how noisy it is."""
-    from cascadenorm import inspection
+    from cascadenorm import inspection, reports
     from cascadenorm.cli import json_output, tables
 
-    found = inspection.inspect(sys.stdin.buffer if source == "-" else source, self_intersections=self_intersections)
+    mesh = sys.stdin.buffer if source == "-" else source
+    if report is None:
+        found = inspection.inspect(mesh, self_intersections=self_intersections)
+    else:
+        found = reports.report(report, mesh, self_intersections=self_intersections, force=force).inspections["mesh"]
     if as_json:
         json_output.print_json("inspect", json_output.inspected(found))
     else:
@@ -100,13 +115,19 @@ def compare(
     mesh: Annotated[str, typer.Argument(metavar="MESH", help="The mesh to judge, or - for stdin.")],
     reference: Annotated[str, typer.Argument(metavar="REFERENCE", help="The true mesh.")],
     *,
+    report: ReportFile = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Measure a mesh against the true one."""
-    from cascadenorm import api
+    from cascadenorm import api, reports
     from cascadenorm.cli import json_output, tables
 
-    measures = api.compare(sys.stdin.buffer if mesh == "-" else mesh, reference)
+    judged = sys.stdin.buffer if mesh == "-" else mesh
+    if report is None:
+        measures = api.compare(judged, reference)
+    else:
+        measures = reports.report(report, judged, truth=reference, force=force).measures["mesh"]
     if as_json:
         json_output.print_json("compare", json_output.compared(mesh, reference, measures))
     else:

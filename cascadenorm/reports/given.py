@@ -1,0 +1,62 @@
+"""The meshes that a report is about."""
+
+import hashlib
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cascadenorm import io
+from cascadenorm.interop import adapter, mesh_of_file, source_name
+from cascadenorm.mesh import Mesh
+
+LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"}
+"""What the meshes of a report are called."""
+
+
+class Given(NamedTuple):
+    """A mesh with the name that it has in a report.
+
+    Parameters
+    ----------
+    key : one of LABELS
+    name : of the file, or of the kind of mesh
+    file : as it was read, or moved
+    from_file : whether `file` holds the bytes of a file, which have a checksum
+    """
+
+    key: str
+    name: str
+    file: io.MeshFile
+    from_file: bool = True
+
+    @property
+    def mesh(self) -> Mesh:
+        """The triangles; errors begin with the name."""
+        return mesh_of_file(self.file, self.name)
+
+    @property
+    def label(self) -> str:
+        """What the mesh is called."""
+        return LABELS[self.key]
+
+    def checksum(self) -> tuple[int, str] | None:
+        """Return the size of the file in bytes and its SHA-256; None for a mesh that is in no file."""
+        if not self.from_file:
+            return None
+        if Path(self.name).is_file():
+            data = Path(self.name).read_bytes()
+        elif self.file.has_moved:  # written to a stream
+            return None
+        else:
+            data = self.file.data
+        return len(data), hashlib.sha256(data).hexdigest()
+
+
+def given(key: str, source: Any) -> Given:
+    """Take a mesh of any kind that `denoise` takes, or one that was taken already."""
+    if isinstance(source, Given):
+        return source
+    if isinstance(source, str | PathLike) or hasattr(source, "read"):
+        return Given(key, source_name(source), io.read(source))
+    arrays = (source.vertices, source.faces) if isinstance(source, Mesh) else adapter(source).arrays(source)
+    return Given(key, type(source).__name__, io.from_arrays(*arrays), from_file=False)

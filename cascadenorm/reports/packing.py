@@ -1,0 +1,65 @@
+"""Whole numbers as text, small: differences, split into bytes of equal weight, deflated, base64."""
+
+import zlib
+from base64 import b64encode
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEVEL = 6
+CODES = 1 << 16
+STEPS = 500
+"""Steps of a quantity up to the value that 99 % of its values are below."""
+
+
+class Steps(NamedTuple):
+    """Real numbers as whole ones: value = start + step · (code - 1), and code 0 is no value."""
+
+    codes: NDArray[np.int64]
+    start: float
+    step: float
+
+
+def in_steps(values: NDArray[np.float64]) -> Steps:
+    """Round values, of which NaN are none, to steps of 1 / STEPS of their usual range.
+
+    The step is longer where the largest value would need more than CODES, so no value is cut off.
+    """
+    known = np.isfinite(values)
+    if not known.any():
+        return Steps(np.zeros(values.shape, np.int64), 0.0, 1.0)
+    start, stop = float(values[known].min()), float(values[known].max())
+    usual = float(np.quantile(np.abs(values[known]), 0.99))
+    step = max(usual / STEPS, (stop - start) / (CODES - 2)) or 1.0
+    codes = np.rint((np.where(known, values, start) - start) / step).astype(np.int64) + 1
+    return Steps(np.where(known, codes, 0), start, step)
+
+
+def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str, Any]:
+    """Pack integers, (k,) or (k, c), column by column.
+
+    Parameters
+    ----------
+    differences : each value but the first of a column is kept as its difference from the one before; smaller where
+        neighbours are alike
+
+    Returns
+    -------
+    shape, differences, bytes : number of bytes of each value; data : base64 of the deflated bytes, first the lowest
+    byte of every value, then the next one
+    """
+    columns = values.reshape(len(values), -1).T
+    if differences:
+        columns = np.diff(columns, axis=1, prepend=0)
+    folded = (columns << 1) ^ (columns >> 63)  # 0, -1, 1, -2, … to 0, 1, 2, 3, …
+    width = max(1, -(-int(folded.max(initial=0)).bit_length() // 8))
+    planes = np.ascontiguousarray(folded, "<i8").view(np.uint8).reshape(-1, 8)[:, :width].T
+    data = b64encode(zlib.compress(planes.tobytes(), LEVEL)).decode("ascii")
+    return {"shape": list(values.shape), "differences": differences, "bytes": width, "data": data}
+
+
+def packed_faces(faces: NDArray[np.int32]) -> dict[str, Any]:
+    """Pack triangles: the first corner of each less that of the one before, and the others less the first."""
+    first, second, third = faces.astype(np.int64).T
+    return packed(np.stack([np.diff(first, prepend=0), second - first, third - first], axis=1))

@@ -1,0 +1,82 @@
+"""One self-contained page of HTML: text and a picture, and the viewer where scripts run."""
+
+import json
+from base64 import b64encode
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+"""What browsers enforce: the page loads nothing from elsewhere."""
+
+
+def page(
+    title: str,
+    summary: Iterable[str],
+    sections: Iterable[tuple[str, str]],
+    *,
+    picture: bytes,
+    caption: str,
+    scene: Mapping[str, Any],
+) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    title, summary : text; sentences, a paragraph each
+    sections : titles and their HTML
+    picture, caption : a PNG file, and what it shows
+    scene : of the viewer
+    """
+    here = files(__package__)
+    style, script = (here.joinpath(name).read_text(encoding="utf-8") for name in ("report.css", "viewer.js"))
+    data = json.dumps(scene, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    paragraphs = "".join(f"<p>{escape(line)}</p>" for line in summary)
+    body = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
+    image = f'<img src="data:image/png;base64,{b64encode(picture).decode("ascii")}" alt="{escape(caption)}">'
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta http-equiv="Content-Security-Policy" content="{POLICY}">
+<title>{escape(title)}</title>
+<link rel="icon" href="data:,">
+<style>{style}</style>
+</head>
+<body>
+<header class="top"><h1>{escape(title)}</h1>{paragraphs}</header>
+<main>
+<div id="viewer"><figure>{image}<figcaption>{escape(caption)}</figcaption></figure></div>
+{body}
+</main>
+<script type="application/json" id="scene">{data}</script>
+<script>{script}</script>
+</body>
+</html>
+"""
+
+
+def table(rows: Sequence[Sequence[str]], *, head: bool = True) -> str:
+    """Return a table, the first cell of each row and the first row, if it is a head, naming the others."""
+    lines = []
+    for number, row in enumerate(rows):
+        if head and number == 0:
+            cells = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in row)
+        else:
+            cells = f'<th scope="row">{escape(row[0])}</th>' + "".join(f"<td>{escape(cell)}</td>" for cell in row[1:])
+        lines.append(f"<tr>{cells}</tr>")
+    start, rest = (f"<thead>{lines[0]}</thead>", lines[1:]) if head else ("", lines)
+    return f'<div class="table"><table>{start}<tbody>{"".join(rest)}</tbody></table></div>'
+
+
+def listed(lines: Iterable[str]) -> str:
+    """Return a list of sentences."""
+    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>"
+
+
+def code(text: str) -> str:
+    """Return text to be copied."""
+    return f"<pre><code>{escape(text)}</code></pre>"

@@ -1,0 +1,68 @@
+"""Where the defects of a mesh lie."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.inspection import Inspection
+from cascadenorm.reports.given import Given
+
+AT_FACES = {
+    "bad_indices",
+    "repeated_corners",
+    "inside_out",
+    "zero_area",
+    "slivers",
+    "duplicate_faces",
+    "crossing_faces",
+}
+"""Findings whose places are faces; those of the others are vertices, or edges."""
+
+
+class Place(NamedTuple):
+    """A place to look at.
+
+    Parameters
+    ----------
+    mesh, finding, label : the mesh and the finding, and what it is called, such as "face 17"
+    at : in the unit of the mesh
+    radius : of what lies there
+    """
+
+    mesh: str
+    finding: str
+    label: str
+    at: tuple[float, ...]
+    radius: float
+
+
+def places(given: Given, found: Inspection) -> list[Place]:
+    """Return the places that an inspection names and that have finite positions."""
+    positions = np.asarray(given.file.positions, np.float64)
+    listed = []
+    for name, finding in found.findings.items():
+        for number in finding.first:
+            corners = _corners(given, name, number)
+            points = positions[corners[(corners >= 0) & (corners < len(positions))]]
+            if len(points) and np.isfinite(points).all():
+                middle = points.mean(axis=0)
+                radius = float(np.linalg.norm(points - middle, axis=1).max())
+                label = _label(name, number)
+                listed.append(Place(given.key, name, label, tuple(middle.tolist()), radius))
+    return listed
+
+
+def _corners(given: Given, name: str, number: Any) -> NDArray[np.int64]:
+    """Rows of the positions of a face, an edge or a vertex."""
+    numbers = np.atleast_1d(np.asarray(number, np.int64)) - given.file.counts_from
+    if name not in AT_FACES:
+        return numbers
+    polygons = given.file.polygons
+    return polygons.corners[polygons.indptr[numbers[0]] : polygons.indptr[numbers[0] + 1]]
+
+
+def _label(name: str, number: Any) -> str:
+    if name in AT_FACES:
+        return f"face {number}"
+    return f"edge {number[0]}–{number[1]}" if isinstance(number, tuple) else f"vertex {number}"

@@ -1,0 +1,178 @@
+"""A report: one file of HTML that shows meshes, and says what they are, what was done, and how to do it again."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cascadenorm.api import Denoised, Report
+from cascadenorm.evaluation.metrics import Measures, measure
+from cascadenorm.inspection import FINDINGS, Inspection, inspect
+from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.mesh import scaled_alike
+from cascadenorm.messages import counted
+from cascadenorm.registry import find
+from cascadenorm.render import Camera, png, render, side_by_side
+from cascadenorm.render.pillow import require_pillow
+from cascadenorm.reports import facts
+from cascadenorm.reports.given import Given, given
+from cascadenorm.reports.page import code, listed, page, table
+from cascadenorm.reports.places import Place, places
+from cascadenorm.reports.scene import scene
+
+Inspected = Sequence[tuple[Given, Inspection]]
+Measured = Sequence[tuple[Given, Measures]]
+PICTURE = (560, 560)
+"""Size of each picture of a mesh, in pixels."""
+
+
+class Contents(NamedTuple):
+    """What a report says, by the meshes that it is about: "mesh", or "before" and "after".
+
+    Parameters
+    ----------
+    inspections : what each mesh is and what is wrong with it
+    measures : how far each is from the truth; empty without one
+    """
+
+    inspections: dict[str, Inspection]
+    measures: dict[str, Measures]
+
+
+def check_report(output: str | PathLike[str], *, force: bool) -> Path:
+    """Return where a report is written; raises what `report` does where it cannot be."""
+    require_pillow()
+    check_output(Path(output), force=force)
+    return Path(output)
+
+
+def report(
+    output: str | PathLike[str],
+    mesh: Any,
+    result: Any = None,
+    *,
+    truth: Any = None,
+    done: Report | None = None,
+    self_intersections: bool | None = None,
+    force: bool = False,
+) -> Contents:
+    """Write a report on a mesh, on what was made of it, and on how far both are from the truth.
+
+    It is one file of HTML that needs nothing else: meshes to be turned around, heat maps, findings, and, with `done`,
+    what makes the result again. Without scripts or WebGL it is text and a picture.
+
+    Parameters
+    ----------
+    output : HTML file
+    mesh : of any kind that `denoise` takes; where it is alone, bad vertices and faces are left out of the view
+    result : the denoised mesh
+    truth : the true mesh
+    done : what `denoise_file` returned for `result`
+    self_intersections : whether to look for faces that cross each other, as in `inspect`
+    force : replace an existing file
+
+    Returns
+    -------
+    What was found, as `inspect` and `compare` return it
+
+    Raises
+    ------
+    ReadError, MeshError : a mesh that cannot be read or drawn, or no mesh
+    OutputError : the file exists and force is not given, or it cannot be written
+    MissingDependencyError : Pillow is not installed
+    """
+    output = check_report(output, force=force)
+    judged = [given("mesh" if result is None else "before", mesh)]
+    if result is not None:
+        judged.append(given("after", result))
+    shown = judged if truth is None else [*judged, given("truth", truth)]
+    if len(shown) == 1:
+        shown = judged = [judged[0]._replace(file=judged[0].file.isolating())]
+    inspected = [
+        (one, replace(inspect(one.file, self_intersections=self_intersections), source=one.name)) for one in judged
+    ]
+    measured = [] if truth is None else [(one, measure(one.mesh, shown[-1].mesh)) for one in judged]
+    write_atomically(output, [written(shown, inspected, measured, done).encode()], force=force)
+    return Contents({one.key: found for one, found in inspected}, {one.key: found for one, found in measured})
+
+
+def report_denoised(
+    output: str | PathLike[str], denoised: Denoised, *, truth: Any = None, force: bool = False
+) -> Contents:
+    """Write a report on what `denoised_file` did."""
+    done, before, after = denoised
+    shown = Given("before", done.source, before), Given("after", done.output, after)
+    return report(output, *shown, truth=truth, done=done, force=force)
+
+
+def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, done: Report | None) -> str:
+    """Return the page of a report."""
+    found = [place for one, inspection in inspected for place in places(one, inspection)]
+    warnings = facts.warnings(done, inspected)
+    sections = [("Warnings", listed(warnings))] if warnings else []
+    if measured:
+        sections.append(("Errors against the truth", table(facts.measure_rows(measured))))
+    sections.append(("Shape", table(facts.shape_rows(inspected))))
+    sections.append(("Findings", "".join(_findings(*one, len(inspected) > 1, found) for one in inspected)))
+    if done is not None:
+        method = find(done.method)
+        about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
+        sections.append(("Method and settings", about + table(facts.setting_rows(done))))
+        again = code(facts.command_line(done)) + code(facts.python_call(done))
+        sections.append(("Make it again", again))
+    sections.append(("Files", table(facts.file_rows(shown))))
+    sections.append(("Versions", table(facts.version_rows(done), head=False)))
+    names = ", ".join(f"{one.label.lower()}: {one.name}" for one in shown)
+    return page(
+        f"{Path(shown[0].name).name} – {'denoised' if done else 'mesh report'}",
+        _summary(inspected, measured, done),
+        sections,
+        picture=_picture(shown),
+        caption=names[0].upper() + names[1:],
+        scene=scene(shown, found),
+    )
+
+
+def _summary(inspected: Inspected, measured: Measured, done: Report | None) -> list[str]:
+    """What matters most, in a sentence each."""
+    said = []
+    if done is not None:
+        said.append(
+            f"{done.method} moved {done.moved:,} of {counted(done.vertices, 'vertex', 'vertices')} by "
+            f"{done.mean_displacement:.3g} mean edge lengths on average and {done.largest_displacement:.3g} at most, "
+            f"in {done.seconds:.1f} s."
+        )
+    if measured:
+        errors = [f"{one.label.lower()} {measures.normal_error_deg:.2f}°" for one, measures in measured]
+        said.append(f"Mean angle between the normals and the true ones: {', '.join(errors)}.")
+    for one, found in inspected:
+        noise = "noise unknown" if found.noise is None else f"noise of about {found.noise:.2g} mean edge lengths"
+        kinds = counted(len(found.findings), "kind of defect", "kinds of defects") if found.findings else "no defects"
+        said.append(f"{one.label}: {counted(found.faces, 'face')}, {noise}, {kinds}.")
+    return said
+
+
+def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequence[Place]) -> str:
+    """The defects of a mesh, each with the places that are known; the viewer makes buttons of them."""
+    rows = []
+    for name, finding in found.findings.items():
+        there = [
+            f'<li data-place="{number}">{escape(place.label)}</li>'
+            for number, place in enumerate(listed_places)
+            if (place.mesh, place.finding) == (one.key, name)
+        ]
+        more = "<li>…</li>" if finding.count > len(finding.first) else ""
+        sentence = escape(counted(finding.count, *FINDINGS[name]))
+        rows.append(f'<dt>{sentence}</dt><dd><ul class="places">{"".join(there)}{more}</ul></dd>')
+    title = f"<h3>{escape(one.label)}</h3>" if named else ""
+    return title + (f"<dl>{''.join(rows)}</dl>" if rows else "<p>No defects.</p>")
+
+
+def _picture(shown: Sequence[Given]) -> bytes:
+    """All meshes side by side, from where the last is seen well."""
+    meshes = scaled_alike(*(one.mesh for one in shown))
+    view = Camera.looking_at(meshes[-1])
+    pictures = [render(mesh, view=view, size=PICTURE) for mesh in meshes]
+    return png(side_by_side(pictures, [one.label for one in shown]))

@@ -1,0 +1,26 @@
+// Bundle the viewer into one file, with the licences of what is in it. `node build.mjs FILE` writes to another place.
+
+import { build } from "esbuild";
+import { readFileSync } from "node:fs";
+import { dirname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+
+const here = dirname(fileURLToPath(import.meta.url));
+const licences = ["three", "three-mesh-bvh"].map((name) => {
+  const { version } = JSON.parse(readFileSync(join(here, "node_modules", name, "package.json"), "utf8"));
+  const text = readFileSync(join(here, "node_modules", name, "LICENSE"), "utf8").trim();
+  return `${name} ${version}\n\n${text}`;
+});
+
+await build({
+  absWorkingDir: here,
+  entryPoints: ["src/main.ts"],
+  outfile: process.argv[2] ?? join(here, "..", "cascadenorm", "reports", "viewer.js"),
+  bundle: true,
+  minify: true,
+  format: "iife",
+  target: "es2022",
+  charset: "ascii",
+  legalComments: "none",
+  banner: { js: `/*!\nThis file contains:\n\n${licences.join("\n\n")}\n*/` },
+});

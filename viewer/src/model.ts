@@ -1,0 +1,109 @@
+// The meshes of a report and the quantities on them, unpacked, in a frame of about unit size around the origin.
+
+import { PackedMesh, PackedScene, Place, unpacked, unpackedTriangles } from "./format";
+
+export interface Surface {
+  name: string;
+  label: string;
+  file: string;
+  faces: number; // of the file; fewer are shown of a large one
+  positions: Float32Array; // (n, 3)
+  triangles: Uint32Array; // (m, 3)
+  colors: Uint8Array | null; // (n, 4)
+  numbers: Int32Array | null; // (m,) of the faces in the file, where they do not count from 0
+}
+
+export interface Field {
+  name: string;
+  label: string;
+  unit: string;
+  at: "face" | "vertex";
+  signed: boolean;
+  limits: [number, number];
+  values: Map<string, Float32Array>; // by the name of the surface; NaN where there is none
+}
+
+export interface Model {
+  surfaces: Surface[];
+  fields: Field[];
+  places: Place[];
+  center: [number, number, number];
+  size: number; // what is 1 in the frame, in the unit of the mesh
+  radius: number; // of the sphere around all surfaces, in the frame
+  view: [number, number, number];
+}
+
+export async function modelOf(scene: PackedScene): Promise<Model> {
+  const codes = new Map<string, Int32Array>();
+  const surfaces: Surface[] = [];
+  const size = Math.max(...scene.extent) || 1;
+  for (const mesh of scene.meshes) {
+    const like = surfaces.find((surface) => surface.name === mesh.like);
+    const code = await unpacked(mesh.positions);
+    if (like) {
+      const base = codes.get(like.name)!;
+      for (let i = 0; i < code.length; i++) code[i] += base[i];
+    }
+    codes.set(mesh.name, code);
+    surfaces.push({
+      name: mesh.name,
+      label: mesh.label,
+      file: mesh.file,
+      faces: mesh.faces,
+      positions: placed(code, scene, size),
+      triangles: like ? like.triangles : await unpackedTriangles(mesh.triangles!),
+      colors: await colorsOf(mesh),
+      numbers: mesh.numbers && (await unpacked(mesh.numbers)),
+    });
+  }
+  return {
+    surfaces,
+    fields: await fieldsOf(scene),
+    places: scene.places,
+    center: scene.lower.map((low, axis) => low + scene.extent[axis] / 2) as Model["center"],
+    size,
+    radius: Math.hypot(...scene.extent) / size / 2 || 1,
+    view: scene.view,
+  };
+}
+
+function placed(code: Int32Array, scene: PackedScene, size: number): Float32Array {
+  const count = code.length / 3;
+  const out = new Float32Array(code.length);
+  for (let axis = 0; axis < 3; axis++) {
+    const length = scene.extent[axis] / size;
+    for (let i = 0; i < count; i++) out[3 * i + axis] = (code[axis * count + i] / scene.levels - 0.5) * length;
+  }
+  return out;
+}
+
+async function colorsOf(mesh: PackedMesh): Promise<Uint8Array | null> {
+  if (!mesh.colors) return null;
+  const columns = await unpacked(mesh.colors);
+  const count = mesh.colors.shape[0];
+  const out = new Uint8Array(4 * count).fill(255);
+  for (let i = 0; i < count; i++) for (let c = 0; c < 3; c++) out[4 * i + c] = columns[c * count + i];
+  return out;
+}
+
+async function fieldsOf(scene: PackedScene): Promise<Field[]> {
+  const fields: Field[] = [];
+  for (const { values, of, ...about } of scene.fields) {
+    const arrays = await Promise.all(
+      values.map(async ({ start, step, codes }) =>
+        Float32Array.from(await unpacked(codes), (code) => (code === 0 ? NaN : start + step * (code - 1))),
+      ),
+    );
+    fields.push({ ...about, values: new Map(Object.entries(of).map(([name, row]) => [name, arrays[row]])) });
+  }
+  return fields;
+}
+
+// A quantity on a face; that of the vertices is the mean of its corners.
+export function valueAt(field: Field, surface: Surface, face: number): number {
+  const values = field.values.get(surface.name);
+  if (!values) return NaN;
+  if (field.at === "face") return values[face];
+  const [a, b, c] = surface.triangles.subarray(3 * face, 3 * face + 3);
+  return (values[a] + values[b] + values[c]) / 3;
+}

@@ -1,0 +1,188 @@
+// The controls beside the canvas; each shows the state and changes it.
+
+import { checkbox, choice, make, selection, short, withUnit } from "./dom";
+import { Histogram } from "./histogram";
+import { Model, valueAt } from "./model";
+import { Stage } from "./stage";
+import { Light, Mode, renderCommand, State } from "./state";
+
+const KEYS: [string, string][] = [
+  ["drag, arrow keys", "turn"],
+  ["right drag, two fingers", "move"],
+  ["wheel, + and −", "nearer, farther"],
+  ["click", "figures of a face"],
+  ["B", "blink: the other mesh"],
+  ["1, 2, 3", "one, split, side by side"],
+  ["S, W", "smooth shading, wireframe"],
+  ["F", "the whole mesh"],
+];
+
+export class Panel {
+  readonly element = make("div", { class: "panel" });
+  private readonly updates: (() => void)[] = [];
+  private readonly histogram: Histogram;
+  private readonly figures = make("div", { class: "figures", "aria-live": "polite" });
+
+  constructor(
+    private readonly model: Model,
+    private readonly stage: Stage,
+    private readonly change: (change: Partial<State>) => void,
+  ) {
+    this.histogram = new Histogram((range) => change({ range }));
+    if (model.surfaces.length > 1) this.element.append(this.compared());
+    this.element.append(this.painted(), this.lit(), this.picked(), this.links(), keys());
+  }
+
+  private get state(): State {
+    return this.stage.state;
+  }
+
+  update(): void {
+    for (const update of this.updates) update();
+  }
+
+  private add(control: { element: HTMLElement; update: () => void }): HTMLElement {
+    this.updates.push(control.update);
+    return control.element;
+  }
+
+  private compared(): HTMLElement {
+    const names = this.model.surfaces.map(({ name, label }) => [name, label] as const);
+    const modes: (readonly [Mode, string])[] = [["one", "One"], ["split", "Split"], ["side", "Side by side"]];
+    const left = this.add(selection("Left", names, () => this.state.left, (left) => this.change({ left })));
+    const right = this.add(selection("Right", names, () => this.state.right, (right) => this.change({ right })));
+    this.updates.push(() => {
+      left.querySelector("span")!.textContent = this.state.mode === "one" ? "Shown" : "Left";
+      right.querySelector("span")!.textContent = this.state.mode === "one" ? "On B" : "Right";
+    });
+    return make(
+      "section",
+      {},
+      this.add(choice("Compare", modes, () => this.state.mode, (mode) => this.change({ mode }))),
+      make("div", { class: "pair" }, left, right),
+    );
+  }
+
+  private painted(): HTMLElement {
+    const options: [string, string][] = [["", "None"]];
+    if (this.model.surfaces.some(({ colors }) => colors)) options.push(["vertex", "Vertex colours"]);
+    options.push(...this.model.fields.map(({ name, label }) => [name, label] as [string, string]));
+    const color = this.add(
+      selection("Colour", options, () => this.state.color, (color) => this.change({ color, limits: null, range: null })),
+    );
+    const ends = [0, 1].map((end) =>
+      make("input", { type: "number", step: "any", "aria-label": end ? "Colours end at" : "Colours begin at" }),
+    );
+    const typed = () => {
+      const [low, high] = ends.map((input) => Number(input.value));
+      this.change({ limits: Number.isFinite(low) && low < high ? [low, high] : null, range: null });
+    };
+    for (const input of ends) input.addEventListener("change", typed);
+    const scale = make("div", { class: "range" }, make("span", {}, "Colours"), ends[0], "to", ends[1]);
+    const reset = make("button", { type: "button", click: () => this.change({ limits: null }) }, "Reset");
+    scale.append(reset);
+    this.updates.push(() => {
+      const { field } = this.stage;
+      this.histogram.element.hidden = scale.hidden = field === null;
+      if (!field) return;
+      const shown = [...new Set(this.stage.panes().map(({ name }) => name))];
+      const series = shown.flatMap((name) => {
+        const values = field.values.get(name);
+        return values ? [{ label: this.label(name), values }] : [];
+      });
+      const apart = series.filter(({ values }, i) => series.findIndex((one) => one.values === values) === i);
+      this.histogram.element.hidden = apart.length === 0;
+      if (apart.length) this.histogram.show(field, apart, this.stage.limits, this.state.range);
+      ends.forEach((input, end) => (input.value = short(this.stage.limits[end])));
+      reset.disabled = this.state.limits === null;
+    });
+    return make("section", {}, color, this.histogram.element, scale);
+  }
+
+  private lit(): HTMLElement {
+    const lights: (readonly [Light, string])[] = [
+      ["clay", "Clay"],
+      ["matcap", "Matcap"],
+      ["raking", "Raking"],
+      ["unlit", "Unlit"],
+    ];
+    const slider = make("input", { type: "range", min: 0, max: 360, step: 5 });
+    slider.addEventListener("input", () => this.change({ angle: Number(slider.value) }));
+    const angle = make("label", { class: "row" }, make("span", {}, "Direction"), slider);
+    this.updates.push(() => {
+      angle.hidden = this.state.light !== "raking";
+      slider.value = String(this.state.angle);
+    });
+    return make(
+      "section",
+      {},
+      this.add(choice("Light", lights, () => this.state.light, (light) => this.change({ light }))),
+      angle,
+      make(
+        "div",
+        { class: "checks" },
+        this.add(checkbox("Smooth shading", () => this.state.smooth, (smooth) => this.change({ smooth }))),
+        this.add(checkbox("Wireframe", () => this.state.wireframe, (wireframe) => this.change({ wireframe }))),
+      ),
+    );
+  }
+
+  private picked(): HTMLElement {
+    this.describe(null);
+    return make("section", {}, make("h3", {}, "Face"), this.figures);
+  }
+
+  // Say what is known of a face.
+  describe(picked: { name: string; face: number } | null): void {
+    if (!picked) {
+      this.figures.replaceChildren(make("p", { class: "note" }, "Click a face for its figures."));
+      return;
+    }
+    const surface = this.model.surfaces.find(({ name }) => name === picked.name)!;
+    const triangle = this.stage.picker(picked.name).triangle(picked.face);
+    const middle = triangle.a.clone().add(triangle.b).add(triangle.c).divideScalar(3);
+    const at = middle.toArray().map((value, axis) => short(value * this.model.size + this.model.center[axis]));
+    const whole = surface.faces === surface.triangles.length / 3;
+    const number = surface.numbers ? surface.numbers[picked.face] : whole ? picked.face : null;
+    const rows: [string, string][] = [
+      [surface.label, number === null ? "face of the display mesh" : `face ${number}`],
+      ["Centroid", at.join(", ")],
+      ["Area", `${short(triangle.getArea() * this.model.size ** 2)} units²`],
+      ...this.model.fields
+        .filter(({ values }) => values.has(picked.name))
+        .map((field) => [field.label, withUnit(valueAt(field, surface, picked.face), field.unit)] as [string, string]),
+    ];
+    this.figures.replaceChildren(
+      make("dl", {}, ...rows.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)])),
+    );
+  }
+
+  private links(): HTMLElement {
+    const said = make("p", { class: "note", role: "status" });
+    const copy = async (text: string) => {
+      try {
+        await navigator.clipboard.writeText(text);
+        said.textContent = "Copied.";
+      } catch {
+        said.replaceChildren("Copy this: ", make("code", {}, text));
+      }
+    };
+    const files = () => this.stage.panes().map(({ name }) => this.model.surfaces.find((one) => one.name === name)!.file);
+    const command = () => renderCommand([...new Set(files())], this.stage.view());
+    const buttons = [
+      make("button", { type: "button", click: () => this.stage.look(this.stage.home()) }, "Whole mesh"),
+      make("button", { type: "button", click: () => void copy(location.href) }, "Copy link to this view"),
+      make("button", { type: "button", click: () => void copy(command()) }, "Copy as command line"),
+    ];
+    return make("section", {}, make("div", { class: "buttons" }, ...buttons), said);
+  }
+
+  private label(name: string): string {
+    return this.model.surfaces.find((one) => one.name === name)!.label;
+  }
+}
+
+function keys(): HTMLElement {
+  const rows = KEYS.flatMap(([key, does]) => [make("dt", {}, key), make("dd", {}, does)]);
+  return make("details", {}, make("summary", {}, "Keys and gestures"), make("dl", { class: "keys" }, ...rows));
+}

@@ -1,0 +1,262 @@
+// The canvas: surfaces drawn from one camera, alone, on both sides of a line, or side by side.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { colorMap, STEPS } from "./colors";
+import { Drawn } from "./drawn";
+import { Field, Model } from "./model";
+import { Picker } from "./picking";
+import { LIGHTS, State, View } from "./state";
+
+const FIELD_OF_VIEW = 30; // degrees
+
+export interface Pane {
+  name: string; // of the surface
+  x: number; // in CSS pixels, as the others
+  width: number;
+  from: number; // the camera looks at the middle of x … x + width, and what is seen is from … to of it
+  to: number;
+}
+
+export class Stage {
+  readonly camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
+  readonly controls: OrbitControls;
+  readonly canvas: HTMLCanvasElement;
+  onMove: () => void = () => {};
+  onFrame: () => void = () => {};
+  private readonly renderer: THREE.WebGLRenderer;
+  private readonly scene = new THREE.Scene();
+  private readonly drawn: Map<string, Drawn>;
+  private readonly pickers = new Map<string, Picker>();
+  private readonly maps: Record<"signed" | "unsigned", THREE.DataTexture>;
+  private readonly shared: Record<string, THREE.IUniform>;
+  private waiting = false;
+  private flight = 0;
+
+  constructor(
+    private readonly model: Model,
+    public state: State,
+  ) {
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, powerPreference: "high-performance" });
+    this.canvas = this.renderer.domElement;
+    this.maps = { signed: mapTexture(true), unsigned: mapTexture(false) };
+    this.shared = {
+      colorMap: { value: this.maps.unsigned },
+      smoothShading: { value: false },
+      wireframe: { value: false },
+      hasRange: { value: false },
+      limits: { value: new THREE.Vector2(0, 1) },
+      range: { value: new THREE.Vector2() },
+      light: { value: 0 },
+      angle: { value: 0 },
+      accent: { value: new THREE.Vector3(1, 0.5, 0) },
+    };
+    this.drawn = new Map(model.surfaces.map((surface) => [surface.name, new Drawn(surface, this.shared)]));
+    for (const drawn of this.drawn.values()) this.scene.add(drawn.object);
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.zoomToCursor = true;
+    this.controls.addEventListener("change", () => this.moved());
+    this.look(state.view);
+  }
+
+  get field(): Field | null {
+    return this.model.fields.find((field) => field.name === this.state.color) ?? null;
+  }
+
+  get limits(): [number, number] {
+    return this.state.limits ?? this.field?.limits ?? [0, 1];
+  }
+
+  panes(): Pane[] {
+    const { mode, left, right, split } = this.state;
+    const width = this.canvas.clientWidth;
+    if (mode === "one") return [{ name: left, x: 0, width, from: 0, to: width }];
+    if (mode === "split") {
+      return [
+        { name: left, x: 0, width, from: 0, to: split * width },
+        { name: right, x: 0, width, from: split * width, to: width },
+      ];
+    }
+    const half = width / 2;
+    return [
+      { name: left, x: 0, width: half, from: 0, to: half },
+      { name: right, x: half, width: half, from: half, to: width },
+    ];
+  }
+
+  // Where the camera is, in the words of the state.
+  view(): View {
+    const from = this.camera.position.clone().sub(this.controls.target);
+    const distance = from.length();
+    return { from: from.divideScalar(distance).toArray(), target: this.controls.target.toArray(), distance };
+  }
+
+  home(): View {
+    const aspect = this.panes()[0].width / Math.max(this.canvas.clientHeight, 1) || 1;
+    const half = (FIELD_OF_VIEW / 2) * (Math.PI / 180);
+    const narrow = Math.min(half, Math.atan(Math.tan(half) * aspect));
+    return { from: this.model.view, target: [0, 0, 0], distance: (0.92 * this.model.radius) / Math.sin(narrow) };
+  }
+
+  look({ from, target, distance }: View): void {
+    this.controls.target.fromArray(target);
+    this.camera.position.fromArray(from).setLength(distance).add(this.controls.target);
+    this.controls.update();
+    this.draw();
+  }
+
+  // Turn by angles in radians, and come nearer by a factor.
+  turn(right: number, up: number, nearer = 1): void {
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    const place = new THREE.Spherical().setFromVector3(offset);
+    place.theta -= right;
+    place.phi = Math.min(Math.max(place.phi - up, 0.01), Math.PI - 0.01);
+    place.radius /= nearer;
+    this.camera.position.setFromSpherical(place).add(this.controls.target);
+    this.controls.update();
+    this.moved();
+  }
+
+  // Go to a point of a surface and look at it along its normal.
+  fly(name: string, point: THREE.Vector3, radius: number): void {
+    const { normal, spacing } = this.picker(name).near(point);
+    const start = this.view();
+    const from = normal.lengthSq() > 0 ? normal.toArray() : start.from;
+    const distance = Math.min(Math.max(8 * radius, 24 * spacing), this.home().distance);
+    const end: View = { from, target: point.toArray(), distance };
+    const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const began = performance.now();
+    cancelAnimationFrame(this.flight);
+    const step = () => {
+      const time = still ? 1 : Math.min((performance.now() - began) / 600, 1);
+      const part = time * time * (3 - 2 * time);
+      const mix = (a: number[], b: number[]) => a.map((value, i) => value + part * (b[i] - value));
+      const between = mix(start.from, end.from);
+      this.look({
+        from: Math.hypot(...between) > 1e-3 ? between : end.from,
+        target: mix(start.target, end.target),
+        distance: start.distance * (end.distance / start.distance) ** part,
+      });
+      if (time < 1) this.flight = requestAnimationFrame(step);
+      else this.onMove();
+    };
+    step();
+  }
+
+  picker(name: string): Picker {
+    const picker = this.pickers.get(name) ?? new Picker(this.drawn.get(name)!.surface);
+    this.pickers.set(name, picker);
+    return picker;
+  }
+
+  // The surface and the face under a point of the canvas, in CSS pixels.
+  pick(x: number, y: number): { name: string; face: number } | null {
+    const pane = this.panes().find(({ from, to }) => x >= from && x < to);
+    if (!pane) return null;
+    this.shape(pane);
+    const at = new THREE.Vector2(((x - pane.x) / pane.width) * 2 - 1, 1 - (y / this.canvas.clientHeight) * 2);
+    const caster = new THREE.Raycaster();
+    caster.setFromCamera(at, this.camera);
+    const face = this.picker(pane.name).face(caster.ray);
+    return face === null ? null : { name: pane.name, face };
+  }
+
+  mark(picked: { name: string; face: number } | null): void {
+    for (const [name, drawn] of this.drawn) {
+      const alike = picked && drawn.surface.triangles === this.drawn.get(picked.name)!.surface.triangles;
+      drawn.uniforms.picked.value = picked && (name === picked.name || alike) ? picked.face : -1;
+    }
+    this.draw();
+  }
+
+  // Where a point of the frame is on the canvas, pane by pane; null where it is not seen.
+  project(point: THREE.Vector3): ({ x: number; y: number } | null)[] {
+    return this.panes().map((pane) => {
+      this.shape(pane);
+      const at = point.clone().project(this.camera);
+      const x = pane.x + ((at.x + 1) / 2) * pane.width;
+      const seen = at.z < 1 && x >= pane.from && x <= pane.to && Math.abs(at.y) <= 1;
+      return seen ? { x, y: ((1 - at.y) / 2) * this.canvas.clientHeight } : null;
+    });
+  }
+
+  set background(color: string) {
+    this.renderer.setClearColor(new THREE.Color(color));
+    this.draw();
+  }
+
+  set accent(color: string) {
+    (this.shared.accent.value as THREE.Vector3).setFromColor(new THREE.Color().setStyle(color, THREE.LinearSRGBColorSpace));
+    this.draw();
+  }
+
+  // Draw with the next frame of the browser.
+  draw(): void {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.drawNow();
+      this.onFrame();
+    });
+  }
+
+  private moved(): void {
+    this.draw();
+    this.onMove();
+  }
+
+  private drawNow(): void {
+    const width = this.canvas.parentElement!.clientWidth;
+    const height = this.canvas.parentElement!.clientHeight;
+    if (!width || !height) return;
+    const ratio = Math.min(devicePixelRatio, 2);
+    if (this.canvas.clientWidth !== width || this.canvas.clientHeight !== height || this.renderer.getPixelRatio() !== ratio) {
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height);
+    }
+    this.adjust();
+    this.renderer.setScissorTest(true);
+    for (const pane of this.panes()) {
+      this.shape(pane);
+      for (const [name, drawn] of this.drawn) drawn.object.visible = name === pane.name;
+      this.renderer.setViewport(pane.x, 0, pane.width, height);
+      this.renderer.setScissor(pane.from, 0, Math.max(pane.to - pane.from, 0), height);
+      if (pane.to - pane.from >= 1) this.renderer.render(this.scene, this.camera);
+    }
+  }
+
+  // Take over the state.
+  private adjust(): void {
+    const { state, field, shared } = this;
+    shared.colorMap.value = field?.signed ? this.maps.signed : this.maps.unsigned;
+    shared.smoothShading.value = state.smooth;
+    shared.wireframe.value = state.wireframe;
+    shared.hasRange.value = state.range !== null;
+    (shared.limits.value as THREE.Vector2).fromArray(this.limits);
+    if (state.range) (shared.range.value as THREE.Vector2).fromArray(state.range);
+    shared.light.value = LIGHTS.indexOf(state.light);
+    shared.angle.value = state.angle * (Math.PI / 180);
+    for (const { name } of this.panes()) {
+      const drawn = this.drawn.get(name)!;
+      drawn.paint(field, state.color === "vertex");
+      if (state.smooth) drawn.needsNormals();
+    }
+  }
+
+  private shape(pane: Pane): void {
+    const away = this.camera.position.length(); // the model is around the origin
+    const reach = 1.05 * this.model.radius;
+    this.camera.near = Math.max(away - reach, 0.002 * this.model.radius);
+    this.camera.far = away + reach;
+    this.camera.aspect = pane.width / Math.max(this.canvas.clientHeight, 1);
+    this.camera.updateProjectionMatrix();
+    this.camera.updateMatrixWorld();
+  }
+}
+
+function mapTexture(signed: boolean): THREE.DataTexture {
+  const texture = new THREE.DataTexture(colorMap(signed), STEPS, 1, THREE.RGBAFormat);
+  texture.needsUpdate = true;
+  return texture;
+}
