@@ -12,18 +12,27 @@ from cascadenorm.registry import Parameter
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
 Weighting = Literal["heights", "angles"]
 """What the vertex update makes small; see `recover_vertices`."""
+Foldovers = Literal["avoid", "ignore"]
+"""What the vertex update does about faces that a step turns against their normal; see `recover_vertices`."""
 OVER_RELAXATION: dict[Weighting, float] = {"heights": 1.0, "angles": 2.3}
 """Steps of the update, against the published ones."""
 LEAST_HEIGHT = 0.05
 """In mean edge lengths: flatter faces count no more than those of this height."""
 
 
-def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, weighting: Weighting = "heights") -> Vectors:
+def recover_vertices(
+    mesh: Mesh,
+    normals: Vectors,
+    *,
+    sweeps: int = 20,
+    weighting: Weighting = "heights",
+    foldovers: Foldovers = "avoid",
+) -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
     With weighting = "angles" it is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, w_f from `face_weights`.
-    A step that would turn a face against its normal is shortened; the vertices of a face that is turned already are
-    pulled toward the middle of their neighbours until it lies right.
+    Unless foldovers are ignored, a step that would turn a face against its normal is shortened, and the vertices of a
+    face that is turned already are pulled toward the middle of their neighbours until it lies right.
 
     Parameters
     ----------
@@ -34,6 +43,7 @@ def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, weightin
     weighting : "heights", as published, minimises the distances of corners from the plane of their face, which are
         small for a thin face even where its normal is far off; "angles" divides them by the height of the face, and
         over-relaxes, so that 20 sweeps converge as far as 100
+    foldovers : "avoid", or "ignore", as published, where each step is the whole sum whatever faces it turns
 
     Returns
     -------
@@ -41,11 +51,11 @@ def recover_vertices(mesh: Mesh, normals: Vectors, *, sweeps: int = 20, weightin
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
-    weights, step = face_weights(mesh, weighting), OVER_RELAXATION[weighting]
+    weights, step, avoid = face_weights(mesh, weighting), OVER_RELAXATION[weighting], foldovers == "avoid"
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
             mine = colors.row(color)
-            parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, around)
+            parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, avoid, around)
     return vertices
 
 
@@ -66,6 +76,7 @@ def _sweep_range(
     normals: Vectors,
     weights: Floats,
     relaxation: float,
+    avoid: bool,
     around: Csr,
 ) -> None:
     """Move vertices that share no face, in place; those moved later see where these went.
@@ -97,6 +108,9 @@ def _sweep_range(
                 slopes[k, d] = slope[d]
             turned += areas[k] < 0
         step /= total / relaxation
+        if not avoid:
+            vertices[i] += step
+            continue
         if turned > 0:
             _add_tangential_pull(vertices, faces, normals, around.indices[first:last], i, step)
         for _ in range(4):

@@ -12,7 +12,7 @@ import numpy as np
 from cascadenorm.interop import as_mesh
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.learned.cascade import shipped
-from cascadenorm.learned.descriptors import SIGMA_R, SIGMA_S
+from cascadenorm.learned.descriptors import SIGMA_R, SIGMA_S, bilateral_descriptor
 from cascadenorm.learned.regression import nearest, stage_stack
 from cascadenorm.mesh import angles_between
 from cascadenorm.render import Camera, png, render, side_by_side
@@ -35,9 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     noisy, clean = as_mesh(PART / "noisy.ply"), as_mesh(PART / "clean.ply")
     model = shipped("cascade")
     stage = model.stages[0]
-    stack = stage_stack(stage.descriptor, noisy, noisy)
-    context = stage.standard.context(stack, noisy)
-    cluster = nearest(stage.standard.numbers(stack, context), stage.centers)
+    stack = stage_stack(stage.settings, noisy, noisy)
+    context = stage.scaler.context(stack, noisy)
+    cluster = nearest(stage.scaler.features(stack, context), stage.centers)
+    bilateral = bilateral_descriptor(noisy, stage.settings.neighborhood)
     normals = stage.normals(noisy, stack)
     first, *_, last = model.steps(noisy)
 
@@ -48,8 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return render(clean, view=view, size=PANEL, colors=0.5 + 0.5 * values)
 
     def filtered(sigma_s, sigma_r):  # type: ignore[no-untyped-def]
-        number = 1 + len(SIGMA_R) * SIGMA_S.index(sigma_s) + SIGMA_R.index(sigma_r)
-        return field(stack[:, number].astype(np.float64))
+        number = len(SIGMA_R) * SIGMA_S.index(sigma_s) + SIGMA_R.index(sigma_r)
+        return field(bilateral[:, number].astype(np.float64))
 
     def off(mesh):  # type: ignore[no-untyped-def]
         return f"{np.degrees(angles_between(mesh.normals, clean.normals)).mean():.1f}°"

@@ -13,7 +13,7 @@ from cascadenorm.evaluation.pairs import Places, training_pairs
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
-from cascadenorm.learned.launch import Progress, leads, silent, tells
+from cascadenorm.learned.launch import Progress, is_local_main, is_main, silent
 from cascadenorm.mesh import limit_threads
 from cascadenorm.registry import ParameterError
 
@@ -109,8 +109,8 @@ def train(
     with limit_threads(threads):
         own = training_pairs(shapes, noisy, config.data)
         cascade = training.train(config, checkpoint, own=own, progress=progress)
-    if tells():
+    if is_main():
         write_atomically(output, [cascade.to_bytes()], force=force)
-    if leads():
+    if is_local_main():
         shutil.rmtree(checkpoint, ignore_errors=True)  # machines may share a disk
     return Denoiser(cascade)

@@ -1,4 +1,6 @@
 import json
+from dataclasses import asdict, replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from safetensors.numpy import save_file
 from scipy.spatial.transform import Rotation
 from shapes import cube, grid, icosphere, noisy
 
+from cascadenorm.baselines import normal_filter_bank
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.baselines.iterated_bilateral import (
     LANES,
@@ -16,26 +19,29 @@ from cascadenorm.baselines.iterated_bilateral import (
     _reach_range,
     reaching_stack,
 )
+from cascadenorm.baselines.normal_filter_bank import RINGS, SPREADS, Neighborhood
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
-from cascadenorm.learned.cascade import FORMAT, Cascade
+from cascadenorm.learned.cascade import CONSTANTS, FORMAT, Cascade
 from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import (
-    CONSTANTS,
-    CONTEXT_STEPS,
     DESCRIPTORS,
     FILTERS,
-    FLOOR,
-    RING,
     SIGMA_R,
     SIGMA_S,
-    bilateral_stack,
-    guided_stack,
+    bilateral_descriptor,
+    guided_descriptor,
+)
+from cascadenorm.learned.features import (
+    CONTEXT_STEPS,
+    FLOOR,
+    FeatureScaler,
+    context_features,
     openness,
-    pose_free,
-    surroundings,
+    pairwise_features,
 )
 from cascadenorm.learned.networks import Network
-from cascadenorm.learned.regression import Regression, Standard, stage_stack
+from cascadenorm.learned.regression import Regression, stage_stack
+from cascadenorm.learned.stage_settings import StageSettings
 from cascadenorm.mesh import Mesh, angles_between, in_blocks, limit_threads, unit
 from cascadenorm.mesh.threads import BLOCK
 from cascadenorm.registry import ParameterError
@@ -44,8 +50,8 @@ MESH = noisy(icosphere(2), 0.2)
 TURN = Rotation.from_euler("xyz", [0.4, -1.1, 2.0]).as_matrix()
 
 
-def twin_stack(mesh: Mesh) -> np.ndarray:
-    """The descriptors as the paper writes them: B-FND, then G-FND, face by face."""
+def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
+    """The descriptors as the paper writes them: B-FND, then G-FND, face by face; "distance" cuts the Gaussian."""
     n, c, a, l = mesh.normals, mesh.centroids, mesh.areas, mesh.mean_edge_length
 
     def gauss(x, sigma):
@@ -54,35 +60,40 @@ def twin_stack(mesh: Mesh) -> np.ndarray:
     def filtered(sigma_s, sigma_r, guide):
         rows = []
         for f in range(len(n)):
-            g = np.append(mesh.topology.face_rings(RING).row(f), f)
-            w = a[g] * gauss(np.linalg.norm(c[g] - c[f], axis=1), sigma_s * l)
+            distance = np.linalg.norm(c - c[f], axis=1)
+            near = np.flatnonzero(distance <= SPREADS * sigma_s * l)
+            g = near if neighborhood == "distance" else np.append(mesh.topology.face_rings(RINGS).row(f), f)
+            w = a[g] * gauss(distance[g], sigma_s * l)
             w *= gauss(np.linalg.norm(guide[g] - guide[f], axis=1), sigma_r)
             rows.append(w @ n[g])
         return unit(np.array(rows))
 
     plain = [filtered(s, r, n) for s in SIGMA_S for r in SIGMA_R]
     guided = [filtered(s, r, filtered(s, np.inf, n)) for s in SIGMA_S for r in SIGMA_R[:-1]]
-    return np.stack([n, *plain, *guided], axis=1)
+    return np.stack([*plain, *guided], axis=1)
+
+
+def stage_settings(descriptor: str, *, later: bool = False, activation: str = "tanh") -> StageSettings:
+    """Settings of a stage; a later one sees the noisy normals too."""
+    return StageSettings(
+        descriptor=descriptor, neighborhood="distance", sees_noisy=later, activation=activation, weighting="heights",
+        foldovers="ignore",
+    )  # fmt: skip
 
 
 def random_regression(descriptor: str, *, later: bool = False, seed: int = 0, activation: str = "tanh") -> Regression:
-    """A stage with random weights; a later one sees the noisy normals too."""
+    """A stage with random weights."""
     rng = np.random.default_rng(seed)
-    k, hidden, clusters, p = (
-        sum(part.shape[1] for part in DESCRIPTORS[descriptor](MESH, MESH, FILTERS)) + later,
-        7,
-        3,
-        5,
-    )
+    parts = DESCRIPTORS[descriptor](MESH, MESH, FILTERS, "distance")
+    k, hidden, clusters, p = sum(part.shape[1] for part in parts) + later, 7, 3, 5
     d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1) + 1
 
     def random(*shape: int) -> np.ndarray:
         return rng.normal(size=shape).astype(np.float32)
 
     return Regression(
-        descriptor=descriptor,
-        activation=activation,
-        standard=Standard(
+        settings=stage_settings(descriptor, later=later, activation=activation),
+        scaler=FeatureScaler(
             mean=random(d), scale=np.full(d, 0.3, np.float32), projection=random(d, p) / d,
             context_mean=random(context), context_scale=np.ones(context, np.float32),
         ),
@@ -95,31 +106,58 @@ def random_regression(descriptor: str, *, later: bool = False, seed: int = 0, ac
     )  # fmt: skip
 
 
-def test_descriptors_equal_their_formula():
-    np.testing.assert_allclose(guided_stack(MESH), twin_stack(MESH), atol=3e-6)
-    np.testing.assert_array_equal(bilateral_stack(MESH), guided_stack(MESH)[:, : 1 + len(SIGMA_S) * len(SIGMA_R)])
+@pytest.mark.parametrize("neighborhood", get_args(Neighborhood))
+def test_descriptors_equal_their_formula(neighborhood, monkeypatch):
+    monkeypatch.setattr(normal_filter_bank, "FACES_AT_A_TIME", 100)
+    guided = guided_descriptor(MESH, neighborhood)
+    np.testing.assert_allclose(guided, reference_descriptor(MESH, neighborhood), atol=3e-6)
+    plain = bilateral_descriptor(MESH, neighborhood)
+    np.testing.assert_array_equal(plain, guided[:, : len(SIGMA_S) * len(SIGMA_R)])
 
 
-def test_descriptors_of_a_plane_are_its_normal_and_pose_free_zero_angles():
+def test_a_neighborhood_by_distance_holds_the_gaussian_and_two_rings_do_not():
+    """On an even triangulation, where Σ A exp(-d²/2σ²) of all faces is 2πσ²."""
+    ball = icosphere(4)
+    sigma_s, held = 2 * ball.mean_edge_length, []
+    for radius in (np.inf, SPREADS * sigma_s):
+        ((_, near),) = normal_filter_bank._neighbors(ball, radius)
+        distance = np.linalg.norm(ball.centroids[near.indices] - ball.centroids[near.rows], axis=1)
+        distance[distance > SPREADS * sigma_s] = np.inf
+        weights = np.bincount(near.rows, ball.areas[near.indices] * np.exp(-0.5 * (distance / sigma_s) ** 2))
+        held.append(weights.mean() / (2 * np.pi * sigma_s**2))
+    assert held[0] < 0.5 and held[1] > 0.94
+
+
+def test_the_own_and_the_noisy_normal_stand_before_and_behind_the_filtered_ones():
+    before = MESH.moved(1.1 * MESH.vertices + 0.1 * icosphere(2).vertices)
+    plain = stage_stack(stage_settings("B"), before, MESH)
+    np.testing.assert_array_equal(plain, bilateral_descriptor(before, "distance"))
+    both = stage_stack(stage_settings("n+B", later=True), before, MESH)
+    np.testing.assert_array_equal(both[:, 1:-1], plain)
+    np.testing.assert_array_equal(both[:, 0], before.normals.astype(np.float32))
+    np.testing.assert_array_equal(both[:, -1], MESH.normals.astype(np.float32))
+
+
+def test_descriptors_of_a_plane_are_its_normal_and_their_angles_vanish():
     side = cube(6)
-    flat = side.topology.face_rings(RING)
+    flat = side.topology.face_rings(RINGS)
     inside = [f for f in range(len(side.faces)) if np.ptp(side.normals[flat.row(f)], axis=0).max() == 0]
-    stack = guided_stack(side)[inside]
+    stack = guided_descriptor(side, "rings")[inside]
     np.testing.assert_allclose(stack, np.broadcast_to(side.normals[inside][:, None], stack.shape), atol=1e-6)
-    np.testing.assert_allclose(pose_free(stack), np.log(FLOOR), atol=2e-2)
+    np.testing.assert_allclose(pairwise_features(stack), np.log(FLOOR), atol=2e-2)
 
 
-def test_pose_free_descriptors_do_not_see_rotation_scale_or_place():
+def test_pairwise_features_do_not_see_rotation_scale_or_place():
     turned = Mesh(3 * MESH.vertices @ TURN.T + (5, -2, 9), MESH.faces)
     np.testing.assert_allclose(
-        np.exp(pose_free(guided_stack(turned))), np.exp(pose_free(guided_stack(MESH))), atol=2e-6
+        *(np.exp(pairwise_features(guided_descriptor(mesh, "distance"))) for mesh in (turned, MESH)), atol=2e-6
     )
 
 
-def test_pose_free_is_in_order_of_pairs():
+def test_pairwise_features_are_in_order_of_pairs():
     angles = np.array([0.0, 0.3, 1.0])
     stack = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)[None].astype(np.float32)
-    np.testing.assert_allclose(np.exp(pose_free(stack))[0] - FLOOR, 1 - np.cos([0.3, 1.0, 0.7]), atol=1e-6)
+    np.testing.assert_allclose(np.exp(pairwise_features(stack))[0] - FLOOR, 1 - np.cos([0.3, 1.0, 0.7]), atol=1e-6)
 
 
 def test_reaching_stack_holds_the_bilateral_filter_after_its_passes():
@@ -197,16 +235,16 @@ def test_faces_without_area_keep_their_normals_between_smoothed_vertices():
     np.testing.assert_array_equal(found, [[[0, 0, 0]] * 2, [[0, 0, 1]] * 2])
 
 
-def test_surroundings_average_a_face_with_those_it_touches_and_with_all_that_is_connected():
+def test_context_features_are_means_over_rings_and_over_the_connected_component():
     two = Mesh(
         np.concatenate([MESH.vertices, MESH.vertices + 5]),
         np.concatenate([MESH.faces, MESH.faces[:200] + len(MESH.vertices)]),
     )
     values = np.random.default_rng(0).normal(size=(len(two.faces), 3)).astype(np.float32)
     once = np.array([values[[f, *two.topology.face_rings(1).row(f)]].mean(axis=0) for f in range(len(values))])
-    found = surroundings(values, two)
+    found = context_features(values, two)
     np.testing.assert_allclose(found[0], once, atol=1e-6)
-    twice = surroundings(once.astype(np.float32), two)[0]
+    twice = context_features(once.astype(np.float32), two)[0]
     np.testing.assert_allclose(found[1], twice, atol=1e-6)
     cut = len(MESH.faces)
     parts = [np.broadcast_to(part.mean(axis=0), part.shape) for part in (values[:cut], values[cut:])]
@@ -214,7 +252,7 @@ def test_surroundings_average_a_face_with_those_it_touches_and_with_all_that_is_
     np.testing.assert_allclose(found[-1], np.concatenate(parts), atol=1e-6)
 
 
-def test_openness_is_nothing_for_a_closed_part_and_one_for_a_flat_sheet():
+def test_openness_is_zero_for_a_closed_component_and_one_for_a_flat_sheet():
     closed, sheet = cube(4), Mesh([[0, 0, 3], [9, 0, 3], [9, 9, 3], [0, 9, 3]], [[0, 1, 2], [0, 2, 3]])
     roof = Mesh([[0, 0, 5], [1, 0, 5], [0, 1, 5], [0, 0, 6]], [[0, 2, 1], [0, 1, 3]])  # two unit triangles, upright
     vertices, faces = [closed.vertices], [closed.faces]
@@ -229,8 +267,9 @@ def test_openness_is_nothing_for_a_closed_part_and_one_for_a_flat_sheet():
 @pytest.mark.parametrize("activation", ["tanh", "silu"])
 def test_array_path_equals_torch(activation):
     stage = random_regression("B+G", activation=activation)
-    stack = stage_stack("B+G", MESH, MESH)
-    x = stage.standard.numbers(stack, stage.standard.context(stack, MESH))
+    stack = stage_stack(stage.settings, MESH, MESH)
+    x = stage.scaler.features(stack, stage.scaler.context(stack, MESH))
+    stage = replace(stage, centers=x[[0, 9, 99]])
     distances = np.linalg.norm(x[:, None] - stage.centers, axis=2)
     expected = np.empty((len(x), 3))
     for c in range(len(stage.centers)):
@@ -245,19 +284,19 @@ def test_array_path_equals_torch(activation):
     np.testing.assert_allclose(stage.normals(MESH, stack), expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("descriptor", ["B", "near+smooth"])
+@pytest.mark.parametrize("descriptor", ["B", "iterated-16+smoothed"])
 def test_regression_turns_with_the_mesh(descriptor):
     stage = random_regression(descriptor, later=True)
     before = MESH.moved(0.9 * MESH.vertices + 0.1 * icosphere(2).vertices)
     turned, turned_before = (Mesh(m.vertices @ TURN.T, m.faces) for m in (MESH, before))
-    expected = stage.normals(before, stage_stack(descriptor, before, MESH)) @ TURN.T
-    found = stage.normals(turned_before, stage_stack(descriptor, turned_before, turned))
+    expected = stage.normals(before, stage_stack(stage.settings, before, MESH)) @ TURN.T
+    found = stage.normals(turned_before, stage_stack(stage.settings, turned_before, turned))
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
 def test_same_bytes_for_any_number_of_threads():
     mesh = noisy(icosphere(5), 0.2)
-    cascade = Cascade((random_regression("B+G"), random_regression("near+smooth", later=True)), {})
+    cascade = Cascade((random_regression("B+G"), random_regression("iterated-16+smoothed", later=True)), {})
     with limit_threads(1):
         one = cascade.vertices(mesh)
     with limit_threads(5):
@@ -297,15 +336,15 @@ def test_files_that_hold_no_cascade_are_refused(tmp_path):
     partial = tmp_path / "partial.safetensors"
     arrays = {f"stage0.{name}": a for name, a in random_regression("B").arrays().items() if name != "projection"}
     constants = json.loads(json.dumps(CONSTANTS))
-    stage = {"descriptor": "B", "activation": "tanh"}
+    stage = asdict(stage_settings("B"))
     header = {"format": FORMAT, "constants": constants, "stages": [stage], "card": {}}
     save_file(arrays, partial, {"cascadenorm": json.dumps(header)})
     with pytest.raises(ParameterError, match="lacks 'projection' of stage 1"):
         Cascade.load(partial)
-    for stage, lacks in (({"descriptor": "C"}, "descriptor 'C'"), ({"activation": "relu"}, "activation 'relu'")):
-        later = header | {"stages": [header["stages"][0] | stage]}
+    for name, value in (("descriptor", "C"), ("activation", "relu"), ("neighborhood", "all"), ("foldovers", "mend")):
+        later = header | {"stages": [stage | {name: value}]}
         save_file(arrays, partial, {"cascadenorm": json.dumps(later)})
-        with pytest.raises(ParameterError, match=f"needs the {lacks}, which this version lacks"):
+        with pytest.raises(ParameterError, match=f"needs the {name} '{value}', which this version lacks"):
             Cascade.load(partial)
     other_filters = header | {"constants": constants | {"smooth_passes": [1, 2, 4]}}
     save_file(arrays, partial, {"cascadenorm": json.dumps(other_filters)})

@@ -32,8 +32,8 @@ def card(request, monkeypatch):
 
 @pytest.mark.parametrize("passes", [NEAR_PASSES, REACH_PASSES])
 def test_filters_equal_those_of_the_processor(card, passes):
-    reach = PROCESSOR.filters.reaching(MESH, passes)
-    np.testing.assert_array_equal(card.filters.reaching(MESH, passes), reach)
+    reach = PROCESSOR.filters.iterated_bilateral(MESH, passes)
+    np.testing.assert_array_equal(card.filters.iterated_bilateral(MESH, passes), reach)
     for sigma_r in (np.inf, 0.35):
         expected = PROCESSOR.filters.smoothed(MESH, reach[:, 1], (1, 2, 5), sigma_r=sigma_r)
         found = card.filters.smoothed(MESH, reach[:, 1], (1, 2, 5), sigma_r=sigma_r)
@@ -42,18 +42,22 @@ def test_filters_equal_those_of_the_processor(card, passes):
 
 @pytest.mark.parametrize("activation", ["tanh", "silu"])
 def test_regression_equals_that_of_the_processor(card, activation):
-    stage = random_regression("near+smooth", later=True, activation=activation)
+    stage = random_regression("iterated-16+smoothed", later=True, activation=activation)
     smooth = MESH.moved(0.9 * MESH.vertices + 0.1 * icosphere(3).vertices)
-    stack = stage_stack(stage.descriptor, smooth, MESH)
+    stack = stage_stack(stage.settings, smooth, MESH)
     np.testing.assert_allclose(card.regress(stage, smooth, stack), stage.normals(smooth, stack), atol=1e-5)
 
 
 @pytest.mark.parametrize("weighting", ["heights", "angles"])
-def test_vertices_equal_those_of_the_processor(card, weighting):
+@pytest.mark.parametrize("foldovers", ["avoid", "ignore"])
+def test_vertices_equal_those_of_the_processor(card, weighting, foldovers):
     folded = noisy(cube(6), 1.0)
     for normals in (folded.normals, cube(6).normals):
-        expected = PROCESSOR.recover(folded, normals, sweeps=5, weighting=weighting)
-        np.testing.assert_allclose(card.recover(folded, normals, sweeps=5, weighting=weighting), expected, atol=1e-12)
+        here, there = (
+            engine.recover(folded, normals, sweeps=5, weighting=weighting, foldovers=foldovers)
+            for engine in (PROCESSOR, card)
+        )
+        np.testing.assert_allclose(there, here, atol=1e-12)
 
 
 def test_mean_meshes_come_out_as_on_the_processor(card):
@@ -63,8 +67,8 @@ def test_mean_meshes_come_out_as_on_the_processor(card):
             found = card.recover(mesh, mesh.normals, sweeps=2, weighting=weighting)
             np.testing.assert_allclose(found, expected, atol=1e-12)
         if mesh.mean_edge_length > 0:
-            reach = PROCESSOR.filters.reaching(mesh, NEAR_PASSES)
-            np.testing.assert_array_equal(card.filters.reaching(mesh, NEAR_PASSES), reach)
+            reach = PROCESSOR.filters.iterated_bilateral(mesh, NEAR_PASSES)
+            np.testing.assert_array_equal(card.filters.iterated_bilateral(mesh, NEAR_PASSES), reach)
             smooth = PROCESSOR.filters.smoothed(mesh, reach[:, 1], (1, 4))
             np.testing.assert_array_equal(card.filters.smoothed(mesh, reach[:, 1], (1, 4)), smooth)
 
@@ -74,7 +78,7 @@ def test_each_stage_of_shipped_models_agrees(card, name):
     mesh = before = noisy(cube(20), 0.3)
     model = shipped(name)
     for stage, after in zip(model.stages, model.steps(mesh), strict=True):
-        stack = stage_stack(stage.descriptor, before, mesh)
+        stack = stage_stack(stage.settings, before, mesh)
         angles = np.degrees(angles_between(stage.normals(before, stack), card.regress(stage, before, stack)))
         assert angles.mean() < 1e-5
         assert angles.max() < 1e-3

@@ -12,10 +12,10 @@ from cascadenorm.data_gen import DatasetConfig, pairs
 from cascadenorm.learned import distributed, training
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
-from cascadenorm.learned.descriptors import bilateral_stack, pose_free
-from cascadenorm.learned.launch import leads, tells
-from cascadenorm.learned.networks import Faces, Numbers, chords, train_network
-from cascadenorm.learned.regression import Standard
+from cascadenorm.learned.descriptors import bilateral_descriptor
+from cascadenorm.learned.features import FeatureScaler, pairwise_features
+from cascadenorm.learned.launch import is_local_main, is_main
+from cascadenorm.learned.networks import Faces, TorchFeatures, chords, train_network
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
 
@@ -61,39 +61,39 @@ def trained(tmp_path_factory):
     return train(TINY, tmp_path_factory.mktemp("tiny"))
 
 
-def to_learn_from(clean, level) -> tuple[Faces, Standard]:
-    """All faces of a mesh with noise, and a standard that leaves their numbers as they are."""
-    stack = bilateral_stack(noisy(clean, level))
-    inputs = pose_free(stack).shape[1]
+def to_learn_from(clean, level) -> tuple[Faces, FeatureScaler]:
+    """All faces of a mesh with noise, and a scaler that leaves their features as they are."""
+    stack = bilateral_descriptor(noisy(clean, level), "rings")
+    inputs = pairwise_features(stack).shape[1]
     zero, one, none = np.zeros(inputs, np.float32), np.ones(inputs, np.float32), np.zeros(0, np.float32)
-    standard = Standard(
+    scaler = FeatureScaler(
         mean=zero, scale=one, projection=np.zeros((inputs, 0), np.float32), context_mean=none, context_scale=none
     )
     context = np.zeros((len(stack), 0), np.float32)
-    return Faces(*map(torch.from_numpy, (stack, context, clean.normals.astype(np.float32)))), standard
+    return Faces(*map(torch.from_numpy, (stack, context, clean.normals.astype(np.float32)))), scaler
 
 
 def test_training_lowers_the_loss():
-    faces, standard = to_learn_from(cube(10), 0.25)
+    faces, scaler = to_learn_from(cube(10), 0.25)
     losses: list[float] = []
     rows, fit = np.arange(len(faces.truth)), Fit(epochs=8, batch=64)
-    train_network(faces, rows, standard, fit, seed=0, log=lambda *said: losses.append(said[-1]))
+    train_network(faces, rows, scaler, fit, seed=0, log=lambda *said: losses.append(said[-1]))
     assert losses[-1] < 0.95 * losses[0]
 
 
-def test_numbers_to_learn_from_are_those_at_run_time():
+def test_features_to_learn_from_are_those_at_run_time():
     mesh = noisy(icosphere(2), 0.3)
-    stack = bilateral_stack(mesh)
+    stack = bilateral_descriptor(mesh, "distance")
     rng = np.random.default_rng(0)
-    mean, scale, context_mean, context_scale = (rng.uniform(0.5, 2, n).astype(np.float32) for n in (55, 55, 11, 11))
-    standard = Standard(
-        mean=mean, scale=scale, projection=rng.normal(size=(55, 2)).astype(np.float32),
+    mean, scale, context_mean, context_scale = (rng.uniform(0.5, 2, n).astype(np.float32) for n in (45, 45, 11, 11))
+    scaler = FeatureScaler(
+        mean=mean, scale=scale, projection=rng.normal(size=(45, 2)).astype(np.float32),
         context_mean=context_mean, context_scale=context_scale,
     )  # fmt: skip
-    context = standard.context(stack, mesh)
+    context = scaler.context(stack, mesh)
     together = torch.from_numpy(np.concatenate(context, axis=1))
-    learned = Numbers(standard, torch.device("cpu"))(torch.from_numpy(stack), together)
-    np.testing.assert_allclose(learned, standard.numbers(stack, context), rtol=0, atol=1e-5)
+    learned = TorchFeatures(scaler, torch.device("cpu"))(torch.from_numpy(stack), together)
+    np.testing.assert_allclose(learned, scaler.features(stack, context), rtol=0, atol=1e-5)
 
 
 def test_chord_is_twice_the_sine_of_half_the_angle():
@@ -104,10 +104,10 @@ def test_chord_is_twice_the_sine_of_half_the_angle():
 
 
 def test_early_stopping_returns_the_best_pass():
-    faces, standard = to_learn_from(icosphere(2), 0.3)
+    faces, scaler = to_learn_from(icosphere(2), 0.3)
     seen: list[float] = []
     rows, fit = np.arange(len(faces.truth)), Fit(epochs=200, batch=16, hidden=(64,), patience=3)
-    train_network(faces, rows, standard, fit, seed=0, log=lambda *said: seen.append(said[-1]))
+    train_network(faces, rows, scaler, fit, seed=0, log=lambda *said: seen.append(said[-1]))
     assert len(seen) < 200
     assert np.argmin(seen) == len(seen) - 1 - fit.patience
 
@@ -169,8 +169,8 @@ def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path
     assert read_config(settings) == TINY
     two = trained_by_two(settings)
     assert two.card["faces_trained_on"] == trained.card["faces_trained_on"]
-    for f in fields(Standard):
-        ours, theirs = (getattr(cascade.stages[0].standard, f.name) for cascade in (two, trained))
+    for f in fields(FeatureScaler):
+        ours, theirs = (getattr(cascade.stages[0].scaler, f.name) for cascade in (two, trained))
         np.testing.assert_allclose(ours, theirs, atol=1e-4)
     clean = icosphere(3)
     mesh = noisy(clean, 0.15, seed=5)
@@ -208,11 +208,11 @@ def test_the_folder_of_another_version_is_refused(tmp_path, monkeypatch):
         train(TINY, tmp_path)
 
 
-def test_more_directions_than_numbers_are_all_of_them(tmp_path):
+def test_more_directions_than_features_are_all_of_them(tmp_path):
     one = replace(
         TINY, descriptors=("B",), context=60, fit=Fit(hidden=(4,), epochs=1), data=replace(TINY.data, count=1)
     )
-    assert train(one, tmp_path).stages[0].standard.projection.shape == (55, 55)
+    assert train(one, tmp_path).stages[0].scaler.projection.shape == (45, 45)
 
 
 def test_more_clusters_than_faces_are_refused_in_words(tmp_path):
@@ -221,21 +221,21 @@ def test_more_clusters_than_faces_are_refused_in_words(tmp_path):
         train(few, tmp_path)
 
 
-def test_a_training_that_comes_to_no_number_says_so():
-    faces, standard = to_learn_from(cube(4), 0.25)
-    with pytest.raises(ConfigError, match="come to no number"):
-        train_network(faces, np.arange(len(faces.truth)), standard, Fit(epochs=2, batch=16, learning_rate=1e30), seed=0)
+def test_a_training_that_diverges_is_refused():
+    faces, scaler = to_learn_from(cube(4), 0.25)
+    with pytest.raises(ConfigError, match="the training diverged"):
+        train_network(faces, np.arange(len(faces.truth)), scaler, Fit(epochs=2, batch=16, learning_rate=1e30), seed=0)
 
 
 def test_a_process_that_a_scheduler_has_numbered_is_alone_all_the_same(monkeypatch):
     for name in ("RANK", "LOCAL_RANK"):
         monkeypatch.setenv(name, "3")
-    assert tells() and leads()
+    assert is_main() and is_local_main()
     monkeypatch.setenv("WORLD_SIZE", "4")
     with pytest.raises(ConfigError, match="LOCAL_WORLD_SIZE is not"):
-        tells()
+        is_main()
     monkeypatch.setenv("LOCAL_WORLD_SIZE", "4")
-    assert not tells() and not leads()
+    assert not is_main() and not is_local_main()
 
 
 @pytest.mark.parametrize(("cards", "expected"), [(0, "cpu"), (1, "cpu"), (2, "cuda:1")])
@@ -272,6 +272,10 @@ def test_settings_are_read_from_toml(tmp_path):
         ('clusters = "many"', "clusters is 'many'; it must be of type int"),
         ("clusters = 0", "clusters is 0"),
         ('descriptors = ["C"]', "descriptors are"),
+        ('neighborhood = "all"', "neighborhood is 'all'; it must be one of distance, rings"),
+        ('last_weighting = "areas"', "last_weighting is 'areas'"),
+        ('foldovers = "mend"', "foldovers is 'mend'; it must be one of avoid, ignore"),
+        ("sees_noisy = 1", "sees_noisy is 1; it must be of type bool"),
         ("[fit]\nepochs = 0", "epochs is 0"),
         ("[fit]\nhidden = []", r"fit\.hidden is \[\]"),
         ('[fit]\nactivation = "relu"', "fit.activation is 'relu'"),

@@ -1,6 +1,7 @@
 from typing import get_args
 
 import numpy as np
+import pytest
 from shapes import cube, grid, icosphere, mean_angle, noisy
 
 from cascadenorm.baselines.vertex_update import Weighting, face_weights, recover_vertices
@@ -26,6 +27,21 @@ def test_a_face_pulls_by_its_height_but_not_without_end():
     np.testing.assert_array_equal(face_weights(sheet, "heights"), 1)
     point = Mesh(np.zeros((3, 3)), [[0, 1, 2]])
     np.testing.assert_array_equal(face_weights(point, "angles"), 1)
+
+
+@pytest.mark.parametrize("sweeps", [1, 3])
+def test_with_foldovers_ignored_the_update_is_the_published_sum(sweeps):
+    """x_i += (1/N_i) Σ n_f <n_f, c_f - x_i>, vertex by vertex in the order of the groups (Sun et al. 2007)."""
+    rough, normals = noisy(cube(4), 0.8, seed=2), cube(4).normals
+    topology, expected = rough.topology, rough.vertices.copy()
+    for _ in range(sweeps):
+        for i in topology.vertex_colors.indices:
+            n = normals[topology.vertex_faces.row(i)]
+            to_centroids = expected[rough.faces[topology.vertex_faces.row(i)]].mean(axis=1) - expected[i]
+            expected[i] += ((n * to_centroids).sum(axis=1, keepdims=True) * n).mean(axis=0)
+    found = recover_vertices(rough, normals, sweeps=sweeps, foldovers="ignore")
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert np.abs(recover_vertices(rough, normals, sweeps=sweeps) - expected).max() > 1e-3  # folds are in the way
 
 
 def test_true_normals_bring_the_error_near_zero_and_turn_no_face():

@@ -235,7 +235,7 @@ def train(
     from cascadenorm import models
     from cascadenorm.cli import progress_bars
     from cascadenorm.learned.config import QUICK, TrainConfig, read_config
-    from cascadenorm.learned.launch import tells
+    from cascadenorm.learned.launch import is_main
 
     if config is not None and quick:
         raise typer.BadParameter("--quick has settings of its own: give it or --config, not both")
@@ -252,7 +252,7 @@ def train(
             progress=progress,
             **controls,
         )
-    if tells():
+    if is_main():
         print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import resources
 from os import PathLike, fspath
@@ -13,19 +13,44 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.baselines.vertex_update import Sweeps, Weighting
+from cascadenorm.baselines.iterated_bilateral import NEAR_PASSES, REACH_PASSES, REACH_SIGMA_R
+from cascadenorm.baselines.normal_filter_bank import RINGS, SPREADS
+from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.geometry.exactness import exact_vertices
 from cascadenorm.geometry.foldovers import without_flips
-from cascadenorm.learned.descriptors import CONSTANTS, DESCRIPTORS
+from cascadenorm.learned.descriptors import (
+    LATER_SMOOTH_PASSES,
+    SIGMA_R,
+    SIGMA_S,
+    SMOOTH_PASSES,
+    SMOOTH_SIGMA_R,
+)
 from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.engine import PROCESSOR, Engine
-from cascadenorm.learned.regression import ACTIVATIONS, Regression, stage_stack
+from cascadenorm.learned.features import CONTEXT_STEPS, FLOOR
+from cascadenorm.learned.regression import Regression, stage_stack
+from cascadenorm.learned.stage_settings import CHOICES, StageSettings
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
 
-FORMAT = "cascadenorm/4"
+FORMAT = "cascadenorm/5"
+CONSTANTS = {
+    "sigma_s": SIGMA_S,
+    "sigma_r": SIGMA_R,
+    "spreads": SPREADS,
+    "rings": RINGS,
+    "context_steps": CONTEXT_STEPS,
+    "iterated_sigma_r": REACH_SIGMA_R,
+    "iterated_64_passes": REACH_PASSES,
+    "iterated_16_passes": NEAR_PASSES,
+    "smooth_passes": SMOOTH_PASSES,
+    "later_smooth_passes": LATER_SMOOTH_PASSES,
+    "smooth_sigma_r": SMOOTH_SIGMA_R,
+    "floor": FLOOR,
+}
+"""What stands behind the names of a stage's settings: weights serve these numbers alone."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +67,10 @@ class Cascade:
     card: Mapping[str, Any]
 
     def steps(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Iterator[Mesh]:
-        """Yield the mesh after each stage; the last one is fitted by angles.
-
-        Between the stages it is not, though faces would come nearer to their normals: later stages learn less from it.
-        """
-        noisy, count = mesh, len(self.stages)
-        for number in track(count):
-            weighting: Weighting = "angles" if number + 1 == count else "heights"
-            mesh = advanced(self.stages[number], mesh, noisy, sweeps=sweeps, weighting=weighting, engine=engine)
+        """Yield the mesh after each stage."""
+        noisy = mesh
+        for number in track(len(self.stages)):
+            mesh = apply_stage(self.stages[number], mesh, noisy, sweeps=sweeps, engine=engine)
             yield mesh
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Vectors:
@@ -60,8 +81,8 @@ class Cascade:
     def to_bytes(self) -> bytes:
         """Return the content of a weights file: the same bytes for the same cascade."""
         tensors = {f"stage{s}.{name}": a for s, stage in enumerate(self.stages) for name, a in stage.arrays().items()}
-        reads = [{"descriptor": stage.descriptor, "activation": stage.activation} for stage in self.stages]
-        header = {"format": FORMAT, "constants": CONSTANTS, "stages": reads, "card": self.card}
+        settings = [asdict(stage.settings) for stage in self.stages]
+        header = {"format": FORMAT, "constants": CONSTANTS, "stages": settings, "card": self.card}
         return save(tensors, {"cascadenorm": json.dumps(header, sort_keys=True)})
 
     @classmethod
@@ -89,29 +110,23 @@ class Cascade:
             raise ParameterError(f"{fspath(path)} was trained with other filters than this version has: train it again")
         stages = []
         for s, stage in enumerate(header["stages"]):
-            for part, known in (("descriptor", DESCRIPTORS), ("activation", ACTIVATIONS)):
-                if stage[part] not in known:
-                    raise ParameterError(f"{fspath(path)} needs the {part} {stage[part]!r}, which this version lacks")
+            for name, known in CHOICES.items():
+                if stage[name] not in known:
+                    raise ParameterError(f"{fspath(path)} needs the {name} {stage[name]!r}, which this version lacks")
             mine = {name.split(".", 1)[1]: a for name, a in tensors.items() if name.startswith(f"stage{s}.")}
             try:
-                stages.append(Regression.from_arrays(stage["descriptor"], stage["activation"], mine))
+                stages.append(Regression.from_arrays(StageSettings(**stage), mine))
             except KeyError as error:
                 raise ParameterError(f"{fspath(path)} lacks {error} of stage {s + 1}: train it again") from None
         return cls(tuple(stages), header["card"])
 
 
-def advanced(
-    stage: Regression,
-    mesh: Mesh,
-    noisy: Mesh,
-    *,
-    sweeps: int = 20,
-    weighting: Weighting = "heights",
-    engine: Engine = PROCESSOR,
-) -> Mesh:
-    """Return a mesh after one more stage: its normals regressed from its stack, its vertices moved to them."""
-    stack = stage_stack(stage.descriptor, mesh, noisy, engine.filters)
-    return mesh.moved(engine.recover(mesh, engine.regress(stage, mesh, stack), sweeps=sweeps, weighting=weighting))
+def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Mesh:
+    """Return a mesh after one more stage: its normals regressed from the filtered ones, its vertices moved to them."""
+    settings = stage.settings
+    normals = engine.regress(stage, mesh, stage_stack(settings, mesh, noisy, engine.filters))
+    vertices = engine.recover(mesh, normals, sweeps=sweeps, weighting=settings.weighting, foldovers=settings.foldovers)
+    return mesh.moved(vertices)
 
 
 @cache

@@ -6,10 +6,12 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from os import PathLike
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+from cascadenorm.baselines.normal_filter_bank import Neighborhood
+from cascadenorm.baselines.vertex_update import Foldovers, Weighting
 from cascadenorm.data_gen import DatasetConfig
 from cascadenorm.errors import ConfigError as ConfigError
 from cascadenorm.learned.descriptors import DESCRIPTORS
-from cascadenorm.learned.regression import ACTIVATIONS
+from cascadenorm.learned.stage_settings import ACTIVATIONS, CHOICES, StageSettings
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -69,7 +71,7 @@ DATA = DatasetConfig(
     min_level=0.03,
     max_level=0.7,
 )  # fmt: skip
-"""What the shipped `cascade` is trained on, and a training without settings."""
+"""What a training without settings is trained on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +84,12 @@ class TrainConfig:
     faces_per_mesh : drawn from each mesh, without repetition
     clusters : networks in each stage
     descriptors : what each stage reads, names in DESCRIPTORS; as many stages as entries
-    context : main directions of the descriptor that are averaged over the surroundings of a face
+    neighborhood : which faces the filters B and G add, "rings" or "distance" as published
+    sees_noisy : whether the stages after the first read the noisy normals as well
+    context : principal directions of the features that are averaged around a face; 0 leaves context features out
+    last_weighting : of the vertex update after the last stage, "angles" or "heights" as published, which the other
+        stages have
+    foldovers : in the vertex update, "avoid" or "ignore" as published
     fit : settings of each network
     data : the noisy/clean pairs
     """
@@ -90,8 +97,12 @@ class TrainConfig:
     seed: int = 0
     faces_per_mesh: int = 2500
     clusters: int = 4
-    descriptors: tuple[str, ...] = ("B+G", "B", "B")
+    descriptors: tuple[str, ...] = ("n+B+G", "n+B", "n+B")
+    neighborhood: Neighborhood = "rings"
+    sees_noisy: bool = True
     context: int = 24
+    last_weighting: Weighting = "angles"
+    foldovers: Foldovers = "avoid"
     fit: Fit = field(default_factory=Fit)
     data: DatasetConfig = field(default_factory=lambda: DATA)
 
@@ -101,6 +112,26 @@ class TrainConfig:
                 raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least {least}")
         if not self.descriptors or not set(self.descriptors) <= set(DESCRIPTORS):
             raise ConfigError(f"descriptors are {list(self.descriptors)}; each must be one of {', '.join(DESCRIPTORS)}")
+        for name in ("neighborhood", "last_weighting", "foldovers"):
+            known = CHOICES[name.removeprefix("last_")]
+            if getattr(self, name) not in known:
+                raise ConfigError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
+
+    @property
+    def stages(self) -> tuple[StageSettings, ...]:
+        """Return what each stage does."""
+        last = len(self.descriptors) - 1
+        return tuple(
+            StageSettings(
+                descriptor=descriptor,
+                neighborhood=self.neighborhood,
+                sees_noisy=self.sees_noisy and number > 0,
+                activation=self.fit.activation,
+                weighting=self.last_weighting if number == last else "heights",
+                foldovers=self.foldovers,
+            )
+            for number, descriptor in enumerate(self.descriptors)
+        )
 
 
 QUICK = TrainConfig(fit=Fit(epochs=10), data=replace(DATA, count=40))

@@ -1,4 +1,4 @@
-"""What a training tells while it runs, and which of its processes does; without torch."""
+"""Which of the processes of a training this one is, and the progress that the main one reports; without torch."""
 
 import os
 from typing import Protocol
@@ -7,13 +7,13 @@ from cascadenorm.learned.config import ConfigError
 
 
 class Progress(Protocol):
-    """What a training tells while it runs."""
+    """How a training reports its progress."""
 
     def __call__(self, task: str, done: int, total: int, note: str = "") -> object:
-        """Say that `done` of `total` parts of a task are done."""
+        """Report that `done` of `total` parts of a task are done."""
 
 
-def alone() -> bool:
+def is_single_process() -> bool:
     """Whether this process is the only one; a scheduler may have numbered it all the same.
 
     Raises
@@ -27,15 +27,15 @@ def alone() -> bool:
     return False
 
 
-def tells() -> bool:
-    """Whether this process is the one that tells and writes: the only one, or the first of those of torchrun."""
-    return alone() or os.environ["RANK"] == "0"
+def is_main() -> bool:
+    """Whether this process reports and writes: it is the only one, or the first of those of torchrun."""
+    return is_single_process() or os.environ["RANK"] == "0"
 
 
-def leads() -> bool:
+def is_local_main() -> bool:
     """Whether this process is the first one on its machine, which sees to the files there."""
-    return alone() or os.environ["LOCAL_RANK"] == "0"
+    return is_single_process() or os.environ["LOCAL_RANK"] == "0"
 
 
 def silent(task: str, done: int, total: int, note: str = "") -> None:
-    """Tell nothing."""
+    """Report nothing."""

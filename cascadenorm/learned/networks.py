@@ -1,4 +1,4 @@
-"""Networks in torch: the training of one cluster's; at run time they serve on a GPU alone."""
+"""Networks in torch: the training of that of one cluster; at run time they serve on a GPU alone."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -12,11 +12,10 @@ from torch.nn.parallel import DistributedDataParallel
 
 from cascadenorm.learned import distributed
 from cascadenorm.learned.config import ConfigError, Fit
-from cascadenorm.learned.descriptors import FLOOR
-from cascadenorm.learned.regression import Array, Standard
+from cascadenorm.learned.features import FLOOR, Array, FeatureScaler
 from cascadenorm.mesh import limit_threads
 
-SHARE_OF_CARD = 0.8
+GPU_MEMORY_FRACTION = 0.8
 """Of the free memory of a GPU that faces to learn from may take."""
 
 
@@ -30,29 +29,29 @@ class Faces(NamedTuple):
     def placed(self) -> "Faces":
         """Return them where the matrix products are done, if there is room for them."""
         device, size = distributed.device(), sum(tensor.nbytes for tensor in self)
-        if device.type == "cuda" and size > SHARE_OF_CARD * torch.cuda.mem_get_info(device)[0]:
+        if device.type == "cuda" and size > GPU_MEMORY_FRACTION * torch.cuda.mem_get_info(device)[0]:
             return self
         return Faces(*(tensor.to(device) for tensor in self))
 
 
-class Numbers:
-    """As `Standard.numbers`, for torch."""
+class TorchFeatures:
+    """As `FeatureScaler.features`, in torch."""
 
-    def __init__(self, standard: Standard, device: torch.device) -> None:
+    def __init__(self, scaler: FeatureScaler, device: torch.device) -> None:
         self._mean, self._scale, self._context_mean, self._context_scale = (
             torch.tensor(array, device=device)
-            for array in (standard.mean, standard.scale, standard.context_mean, standard.context_scale)
+            for array in (scaler.mean, scaler.scale, scaler.context_mean, scaler.context_scale)
         )
 
     def own(self, stack: Tensor) -> Tensor:
-        """Describe faces by their filtered normals alone, (m, d)."""
+        """Return the normalised features of faces alone, without their context, (m, d)."""
         first, second = torch.triu_indices(stack.shape[1], stack.shape[1], 1, device=stack.device)
         axes = stack.transpose(1, 2).contiguous()
         x, y, z = (axes.index_select(2, first) - axes.index_select(2, second)).square_().unbind(dim=1)
         return ((0.5 * (x + y + z) + FLOOR).log_() - self._mean).mul_(self._scale)
 
     def __call__(self, stack: Tensor, context: Tensor) -> Tensor:
-        """Describe faces by their filtered normals and their context, (m, d + c)."""
+        """Return the normalised features of faces and of their context, (m, d + c)."""
         return torch.cat([self.own(stack), (context - self._context_mean) * self._context_scale], dim=1)
 
 
@@ -60,11 +59,11 @@ ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "tanh": torch.tanh,
     "silu": torch.nn.functional.silu,
 }
-"""As in `regression`, for torch."""
+"""As in `stage_settings`, for torch."""
 
 
 class Network(torch.nn.Module):
-    """Hidden layers, from the numbers of a face to one coefficient a filtered normal."""
+    """Hidden layers, from the features of a face to one coefficient a filtered normal."""
 
     def __init__(self, inputs: int, fit: Fit, outputs: int, generator: torch.Generator) -> None:
         super().__init__()
@@ -77,25 +76,25 @@ class Network(torch.nn.Module):
         torch.nn.init.constant_(layers[-1].bias, 1 / outputs)  # begins as the mean of the normals
         self.layers = torch.nn.ModuleList(layers)
 
-    def forward(self, numbers: Tensor, stack: Tensor) -> Tensor:
+    def forward(self, features: Tensor, stack: Tensor) -> Tensor:
         """Return unit normals, (m, 3)."""
         for layer in self.layers[:-1]:
-            numbers = self.activation(layer(numbers))
-        coefficients = self.layers[-1](numbers)
+            features = self.activation(layer(features))
+        coefficients = self.layers[-1](features)
         return torch.nn.functional.normalize((coefficients[:, :, None] * stack).sum(dim=1), dim=1)
 
 
-def numbers_on(device: torch.device, standard: Standard) -> Callable[[Tensor, Tensor], Tensor]:
-    """Return what describes faces by their filtered normals and their context: `Standard.numbers`, or its twin.
+def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor, Tensor], Tensor]:
+    """Return what makes features of filtered normals and context: `FeatureScaler.features`, or the same in torch.
 
     On the processor torch takes four times as long as the kernel behind the former.
     """
     if device.type != "cpu":
-        return Numbers(standard, device)
+        return TorchFeatures(scaler, device)
 
     def kernel(stack: Tensor, context: Tensor) -> Tensor:
         with limit_threads(1):
-            return torch.from_numpy(standard.numbers(stack.numpy(), [context.numpy()]))
+            return torch.from_numpy(scaler.features(stack.numpy(), [context.numpy()]))
 
     return kernel
 
@@ -107,7 +106,7 @@ def chords(predicted: Tensor, truth: Tensor) -> Tensor:
 
 def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
     """Return how many of its faces this process gives to each batch of a pass, and how many all processes give."""
-    counts = distributed.gathered(np.array([own]))
+    counts = distributed.all_gather(np.array([own]))
     whole = int(counts.sum())
     stops = np.minimum(np.arange(0, whole + batch, batch), whole)
     given = np.diff(counts[:, None] * stops // whole)
@@ -117,7 +116,7 @@ def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
 def train_network(
     faces: Faces,
     rows: NDArray[np.intp],
-    standard: Standard,
+    scaler: FeatureScaler,
     fit: Fit,
     *,
     seed: int,
@@ -131,7 +130,7 @@ def train_network(
     ----------
     faces : of all clusters, those of this process
     rows : those of one cluster; at least one process has some
-    standard : how what is known of the faces becomes numbers
+    scaler : of their features
     fit : settings
     seed : of the split, the first weights and the order of the batches
     log : called after each pass with its number from 1, the training loss and the validation loss
@@ -145,9 +144,9 @@ def train_network(
     order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
     cut = max(1, int(0.85 * len(order)))
     training, validation = order[:cut], order[cut:] if cut < len(order) else order
-    numbers, inputs = numbers_on(device, standard), len(standard.mean) + faces.context.shape[1]
+    features, inputs = features_on(device, scaler), len(scaler.mean) + faces.context.shape[1]
     network = Network(inputs, fit, faces.stack.shape[1], generator).to(device)
-    model = DistributedDataParallel(network) if distributed.count() > 1 else network
+    model = DistributedDataParallel(network) if distributed.world_size() > 1 else network
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay, fused=device.type == "cuda"
     )
@@ -156,7 +155,7 @@ def train_network(
 
     def loss_of(model: torch.nn.Module, part: Tensor) -> Tensor:
         stack, context, truth = (tensor[part].to(device) for tensor in faces)
-        return chords(model(numbers(stack, context), stack), truth).sum()
+        return chords(model(features(stack, context), stack), truth).sum()
 
     best, best_loss, best_epoch = network.state_dict(), np.inf, 0
     for epoch in range(1, fit.epochs + 1):
@@ -165,7 +164,7 @@ def train_network(
         for part, size in zip(drawn.split(mine), sizes, strict=True):  # type: ignore[no-untyped-call]
             loss = loss_of(model, part)
             optimiser.zero_grad()
-            shared = loss * (distributed.count() / size)  # of all processes the mean is that of the batch
+            shared = loss * (distributed.world_size() / size)  # of all processes the mean is that of the batch
             shared.backward()  # type: ignore[no-untyped-call]
             torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
             optimiser.step()
@@ -174,7 +173,7 @@ def train_network(
         with torch.no_grad():
             parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
             tested = sum(loss_of(network, part).item() for part in parts)
-        lost, counts = distributed.total(np.array([[learned.item(), tested], [len(training), len(validation)]]))
+        lost, counts = distributed.all_reduce(np.array([[learned.item(), tested], [len(training), len(validation)]]))
         training_loss, validation_loss = (lost / counts).tolist()
         log(epoch, training_loss, validation_loss)
         if validation_loss < best_loss:
@@ -183,7 +182,7 @@ def train_network(
         elif epoch - best_epoch >= fit.patience:
             break
     if not np.isfinite(best_loss):
-        raise ConfigError("the losses have come to no number: take a smaller fit.learning_rate")
+        raise ConfigError("the training diverged, its loss is not finite: take a smaller fit.learning_rate")
     arrays = {"validation": np.array(best_loss, np.float32)}
     for n in range(len(network.layers)):
         arrays[f"weight{n + 1}"] = best[f"layers.{n}.weight"].T.contiguous().cpu().numpy()

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.learned.cascade import advanced
+from cascadenorm.learned.cascade import apply_stage
 from cascadenorm.learned.descriptors import Stack
-from cascadenorm.learned.regression import Array, Regression, Standard, stage_stack
+from cascadenorm.learned.features import Array, FeatureScaler
+from cascadenorm.learned.regression import Regression, stage_stack
+from cascadenorm.learned.stage_settings import StageSettings
 from cascadenorm.mesh import Mesh, Vectors
 
 
@@ -40,17 +42,17 @@ class Sample:
         noisy = Mesh(self.noisy, self.faces)
         return (noisy if self.vertices is None else noisy.moved(self.vertices)), noisy
 
-    def stack(self, descriptor: str) -> Stack:
-        """Return the stack of the faces drawn."""
-        return stage_stack(descriptor, *self.meshes())[self.rows]
+    def stack(self, settings: StageSettings) -> Stack:
+        """Return the filtered normals of the faces drawn."""
+        return stage_stack(settings, *self.meshes())[self.rows]
 
-    def described(self, descriptor: str, standard: Standard) -> tuple[Stack, Array]:
-        """Return the stack of the faces drawn, and their context, (rows, c)."""
+    def described(self, settings: StageSettings, scaler: FeatureScaler) -> tuple[Stack, Array]:
+        """Return the filtered normals of the faces drawn, and their context, (rows, c)."""
         mesh, noisy = self.meshes()
-        stack = stage_stack(descriptor, mesh, noisy)
-        context = [part[self.rows] for part in standard.context(stack, mesh)]
+        stack = stage_stack(settings, mesh, noisy)
+        context = [part[self.rows] for part in scaler.context(stack, mesh)]
         return stack[self.rows], np.concatenate(context, axis=1)
 
-    def advanced(self, stage: Regression) -> Vectors:
+    def apply_stage(self, stage: Regression) -> Vectors:
         """Return where a stage moves the vertices."""
-        return advanced(stage, *self.meshes()).vertices
+        return apply_stage(stage, *self.meshes()).vertices

@@ -1,6 +1,6 @@
-"""The stages of a cascade on a GPU: what `reach`, `smoothed`, `regression`, `recover` do, written for torch.
+"""The stages of a cascade on a GPU: filters, regression and vertex update once more, in torch.
 
-Sums over neighbours have one writer and go in the order of the neighbours, so that the card, too, gives the same bytes
+Sums over neighbours have one writer and go in the order of the neighbours, so that a GPU, too, gives the same bytes
 each time. Only what takes the time is here: topology and geometry come from the processor.
 """
 
@@ -16,17 +16,18 @@ from torch import Tensor
 
 from cascadenorm.baselines.iterated_bilateral import LANES, STEEPNESS, ring_weights
 from cascadenorm.baselines.smoothed_normals import vertex_directions
-from cascadenorm.baselines.vertex_update import OVER_RELAXATION, Weighting, face_weights
-from cascadenorm.learned.descriptors import CONTEXT_STEPS, Filters, Stack, openness, part_means
+from cascadenorm.baselines.vertex_update import OVER_RELAXATION, Foldovers, Weighting, face_weights
+from cascadenorm.learned.descriptors import Filters, Stack
 from cascadenorm.learned.engine import Engine
-from cascadenorm.learned.networks import ACTIVATIONS, Numbers
+from cascadenorm.learned.features import CONTEXT_STEPS, component_means, openness
+from cascadenorm.learned.networks import ACTIVATIONS, TorchFeatures
 from cascadenorm.learned.regression import Regression
 from cascadenorm.mesh import Csr, Mesh, Vectors, unit
 from cascadenorm.progress import track
 from cascadenorm.registry import ParameterError
 
 ROWS = 1 << 17
-"""Faces or vertices in one piece of work, so that what lies between neighbours fits into any card."""
+"""Faces or vertices in one piece of work, so that what lies between neighbours fits into the memory of any GPU."""
 
 
 def engine(device: str) -> Engine:
@@ -41,14 +42,14 @@ def engine(device: str) -> Engine:
             f"device is 'cuda', but torch {torch.__version__} finds no GPU that it can use: "
             "leave the device out to compute on the processor"
         )
-    reaching, smoothed, regressed, recovered = (
-        _there(torch.device(device), work) for work in (_reaching_stack, _smoothed_normals, _regressed, _recovered)
+    iterated, smoothed, regressed, recovered = (
+        _on(torch.device(device), work) for work in (_iterated_bilateral, _smoothed_normals, _regressed, _recovered)
     )
-    return Engine(Filters(reaching, smoothed), regressed, recovered)
+    return Engine(Filters(iterated, smoothed), regressed, recovered)
 
 
-def _there(device: torch.device, work: Callable[..., NDArray[Any]]) -> Callable[..., NDArray[Any]]:
-    """Let work be done on a device; where it has too little memory, that is a MemoryError as anywhere."""
+def _on(device: torch.device, work: Callable[..., NDArray[Any]]) -> Callable[..., NDArray[Any]]:
+    """Bind work to a device; too little memory there is a MemoryError, as on the processor."""
 
     @wraps(work)
     def done(*arguments: Any, **settings: Any) -> NDArray[Any]:
@@ -123,8 +124,8 @@ def _eighth_power(x: Tensor) -> Tensor:
     return x.square().square().square()
 
 
-def _reaching_stack(device: torch.device, mesh: Mesh, passes: tuple[int, ...]) -> Stack:
-    """As `reach.reaching_stack`, to the last digit."""
+def _iterated_bilateral(device: torch.device, mesh: Mesh, passes: tuple[int, ...]) -> Stack:
+    """As `iterated_bilateral.reaching_stack`, to the last digit."""
     csr, own, others = ring_weights(mesh)
     rings = _Rows(csr, device)
     weights = rings.filled(torch.tensor(own, device=device), others)[:, None]
@@ -154,7 +155,7 @@ def _smoothed_normals(
     *,
     sigma_r: float = np.inf,
 ) -> Stack:
-    """As `smoothed.smoothed_normals`, to the last digit."""
+    """As `smoothed_normals.smoothed_normals`, to the last digit."""
     directions = torch.tensor(vertex_directions(mesh, along), device=device)
     neighbors, spread = _Rows(mesh.topology.vertex_neighbors, device), 0.5 / sigma_r**2
     positions, faces = torch.tensor(mesh.vertices, device=device), torch.tensor(mesh.faces, device=device).long()
@@ -178,17 +179,17 @@ def _smoothed_normals(
 
 def _regressed(device: torch.device, stage: Regression, mesh: Mesh, stack: Stack) -> Vectors:
     """As `Regression.normals`."""
-    standard, numbers = stage.standard, Numbers(stage.standard, device)
-    normals, activate = torch.tensor(stack, device=device), ACTIVATIONS[stage.activation]
-    centers, projection = (torch.tensor(array, device=device) for array in (stage.centers, standard.projection))
+    scaler, features = stage.scaler, TorchFeatures(stage.scaler, device)
+    normals, activate = torch.tensor(stack, device=device), ACTIVATIONS[stage.settings.activation]
+    centers, projection = (torch.tensor(array, device=device) for array in (stage.centers, scaler.projection))
     layers = [(torch.tensor(weight, device=device), torch.tensor(bias, device=device)) for weight, bias in stage.layers]
     parts = [slice(start, start + ROWS) for start in range(0, len(stack), ROWS)]
     context = torch.empty(len(stack), 0, device=device)
-    if standard.projection.size:
-        context = _surroundings(torch.cat([numbers.own(normals[rows]) @ projection for rows in parts]), mesh)
+    if scaler.projection.size:
+        context = _context_features(torch.cat([features.own(normals[rows]) @ projection for rows in parts]), mesh)
     total = []
     for rows in parts:
-        x = numbers(normals[rows], context[rows])
+        x = features(normals[rows], context[rows])
         cluster = (centers.square().sum(dim=1) - 2 * x @ centers.T).argmin(dim=1)
         coefficients = torch.empty(len(x), stack.shape[1], device=device)
         for c in range(len(centers)):
@@ -201,9 +202,9 @@ def _regressed(device: torch.device, stage: Regression, mesh: Mesh, stack: Stack
     return unit(torch.cat(total).cpu().numpy(), otherwise=stack[:, 0])
 
 
-def _surroundings(values: Tensor, mesh: Mesh) -> Tensor:
-    """As `descriptors.surroundings` and `openness`, which stand last."""
-    whole = torch.tensor(part_means(values.cpu().numpy(), mesh), device=values.device)
+def _context_features(values: Tensor, mesh: Mesh) -> Tensor:
+    """As `features.context_features` and `openness`, which stand last."""
+    mean = torch.tensor(component_means(values.cpu().numpy(), mesh), device=values.device)
     rings, kept = _Rows(mesh.topology.face_rings(1), values.device), []
     for done in range(1, CONTEXT_STEPS[-1] + 1):
         after = torch.empty_like(values)
@@ -212,7 +213,7 @@ def _surroundings(values: Tensor, mesh: Mesh) -> Tensor:
         values = after
         if done in CONTEXT_STEPS:
             kept.append(values)
-    return torch.cat([*kept, whole, torch.tensor(openness(mesh)[:, None], device=values.device)], dim=1)
+    return torch.cat([*kept, mean, torch.tensor(openness(mesh)[:, None], device=values.device)], dim=1)
 
 
 class _Group(NamedTuple):
@@ -247,24 +248,32 @@ def _groups(device: torch.device, mesh: Mesh, normals: Vectors, weights: NDArray
 
 
 def _recovered(
-    device: torch.device, mesh: Mesh, normals: Vectors, *, sweeps: int = 20, weighting: Weighting = "heights"
+    device: torch.device,
+    mesh: Mesh,
+    normals: Vectors,
+    *,
+    sweeps: int = 20,
+    weighting: Weighting = "heights",
+    foldovers: Foldovers = "avoid",
 ) -> Vectors:
-    """As `recover.recover_vertices`."""
+    """As `vertex_update.recover_vertices`."""
     positions = torch.tensor(mesh.vertices, device=device)
     groups = list(_groups(device, mesh, normals, face_weights(mesh, weighting)))
     for _ in range(sweeps):
         for group in groups:
-            positions[group.vertices] += _step(group, positions, OVER_RELAXATION[weighting])
+            positions[group.vertices] += _step(group, positions, OVER_RELAXATION[weighting], foldovers)
     return positions.cpu().numpy()
 
 
-def _step(group: _Group, positions: Tensor, lengthened: float) -> Tensor:
+def _step(group: _Group, positions: Tensor, relaxation: float, foldovers: Foldovers) -> Tensor:
     """Return how far each vertex of a group goes."""
     n, around = group.normals, group.around
     own, following, last = positions[group.corners]
     u, v = following - own, last - own
     pulls = (_dot(n, u + v) / 3 * group.weights)[:, None] * n
-    step = around.sums(pulls) / (around.sums(group.weights) / lengthened)[:, None]
+    step = around.sums(pulls) / (around.sums(group.weights) / relaxation)[:, None]
+    if foldovers == "ignore":
+        return step
     areas, slopes = _dot(n, _cross(u, v)), _cross(n, v - u)
     turned = around.sums((areas < 0).double())
     step = torch.where(turned[:, None] > 0, step + _tangential_pull(group, positions), step)

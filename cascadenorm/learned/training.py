@@ -23,25 +23,26 @@ from cascadenorm.data_gen import Pair, pairs
 from cascadenorm.learned import distributed
 from cascadenorm.learned.cascade import FORMAT, Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
-from cascadenorm.learned.descriptors import pose_free
-from cascadenorm.learned.launch import Progress, leads, silent, tells
+from cascadenorm.learned.features import Array, FeatureScaler, pairwise_features
+from cascadenorm.learned.launch import Progress, is_local_main, is_main, silent
 from cascadenorm.learned.networks import Faces, train_network
-from cascadenorm.learned.regression import Array, Regression, Standard, nearest
+from cascadenorm.learned.regression import Regression, nearest
 from cascadenorm.learned.samples import Sample
+from cascadenorm.learned.stage_settings import StageSettings
 from cascadenorm.mesh import Vectors, in_blocks, thread_count
 from cascadenorm.workers import Map, side_by_side
 
 KMEANS_FACES = 50_000
-STANDARD_MESHES = 500
-"""Of whose faces mean, deviation and main directions are taken."""
-LEAST_DEVIATION = 0.1  # of a number: the logarithms are spread over 2 and more, openness over a third
+SCALER_MESHES = 500
+"""Of whose faces mean, deviation and principal directions are taken."""
+LEAST_DEVIATION = 0.1  # of a feature: the logarithms are spread over 2 and more, openness over a third
 COLUMNS = 32  # whose deviations are computed at a time, in double precision
 
 
 def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), progress: Progress = silent) -> Cascade:
     """Train a cascade; an interrupted training that is started again goes on, and ends with the same bytes.
 
-    Several processes, started by torchrun, share the meshes and end with the same cascade; the first one tells and
+    Several processes, started by torchrun, share the meshes and end with the same cascade; the first one is_main and
     writes.
 
     Parameters
@@ -55,31 +56,31 @@ def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), pr
     ------
     ConfigError : the folder holds a training of another config, or of other pairs; fewer meshes than processes
     """
-    with distributed.together(), _one_thread_each():
-        return _trained(config, checkpoint, own, progress if tells() else silent)
+    with distributed.process_group(), _one_thread_each():
+        return _trained(config, checkpoint, own, progress if is_main() else silent)
 
 
 def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progress: Progress) -> Cascade:
-    if (meshes := config.data.count + len(own)) < distributed.count():
-        raise ConfigError(f"{distributed.count()} processes are more than the meshes, {meshes}: take fewer")
-    if leads():
+    if (meshes := config.data.count + len(own)) < distributed.world_size():
+        raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {meshes}: take fewer")
+    if is_local_main():
         _claim(checkpoint, config, own)
-    distributed.meet()  # by then each machine has a folder
+    distributed.barrier()  # by then each machine has a folder
     samples = _samples(config, own, checkpoint / "pairs", progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
     with side_by_side(distributed.cores()) as each:
-        for number, descriptor in enumerate(config.descriptors):
-            arrays = _train_stage(samples, each, config, checkpoint, number, descriptor, progress)
-            stage = Regression.from_arrays(descriptor, config.fit.activation, arrays)
+        for number, settings in enumerate(config.stages):
+            arrays = _train_stage(samples, each, config, checkpoint, number, settings, progress)
+            stage = Regression.from_arrays(settings, arrays)
             stages.append(stage)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
             if number + 1 < len(config.descriptors):
-                moved = each(partial(Sample.advanced, stage=stage), samples)
+                moved = each(partial(Sample.apply_stage, stage=stage), samples)
                 for done, vertices in enumerate(moved):
                     samples[done].vertices = vertices
                     progress(f"apply stage {number + 1}", done + 1, len(samples))
-    faces = int(distributed.total(np.array(sum(len(sample.rows) for sample in samples), np.float64)))
+    faces = int(distributed.all_reduce(np.array(sum(len(sample.rows) for sample in samples), np.float64)))
     return Cascade(tuple(stages), _card(config, own, faces, losses))
 
 
@@ -89,35 +90,35 @@ def _train_stage(
     config: TrainConfig,
     checkpoint: Path,
     number: int,
-    descriptor: str,
+    settings: StageSettings,
     progress: Progress,
 ) -> dict[str, Array]:
     """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
     finished = checkpoint / f"stage{number}.safetensors"
-    if done := distributed.from_first(partial(_read, finished)):
+    if done := distributed.broadcast(partial(_read, finished)):
         return done
     rng = np.random.default_rng([config.seed, number])
-    standard, faces = _described(samples, each, config.context, descriptor, f"stage {number + 1} descriptors", progress)
+    scaler, faces = _described(samples, each, config.context, settings, f"stage {number + 1} descriptors", progress)
     stack, context = faces.stack.numpy(), faces.context.numpy()
 
-    def numbers(rows: NDArray[np.intp] | slice) -> Array:
-        return standard.numbers(stack[rows], [context[rows]])
+    def features(rows: NDArray[np.intp] | slice) -> Array:
+        return scaler.features(stack[rows], [context[rows]])
 
-    some = rng.choice(len(stack), min(KMEANS_FACES // distributed.count(), len(stack)), replace=False)
-    drawn = distributed.gathered(numbers(some))
+    some = rng.choice(len(stack), min(KMEANS_FACES // distributed.world_size(), len(stack)), replace=False)
+    drawn = distributed.all_gather(features(some))
     if len(drawn) < config.clusters:
         raise ConfigError(f"{config.clusters} clusters are more than the faces to learn from, {len(drawn)}: take fewer")
     kmeans = KMeans(config.clusters, n_init=2, random_state=int(rng.integers(2**31)))
-    centers = distributed.from_first(lambda: np.ascontiguousarray(kmeans.fit(drawn).cluster_centers_, np.float32))
-    cluster = in_blocks(len(stack), lambda start, stop: nearest(numbers(slice(start, stop)), centers))
+    centers = distributed.broadcast(lambda: np.ascontiguousarray(kmeans.fit(drawn).cluster_centers_, np.float32))
+    cluster = in_blocks(len(stack), lambda start, stop: nearest(features(slice(start, stop)), centers))
     faces = faces.placed()
 
     def one(c: int) -> Mapping[str, Array]:
         part = checkpoint / f"stage{number}-cluster{c}.safetensors"
-        if done := distributed.from_first(partial(_read, part)):
+        if done := distributed.broadcast(partial(_read, part)):
             return done
         mine = np.flatnonzero(cluster == c)
-        count = int(distributed.total(np.array(float(len(mine)))))
+        count = int(distributed.all_reduce(np.array(float(len(mine)))))
         if not count:
             raise ConfigError(f"cluster {c + 1} has no face to learn from: take fewer clusters, or more meshes")
 
@@ -128,16 +129,16 @@ def _train_stage(
             progress(task, epoch, epochs, notes[-1])
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
-        network = train_network(faces, mine, standard, config.fit, seed=int(seed), log=log)
+        network = train_network(faces, mine, scaler, config.fit, seed=int(seed), log=log)
         _save(part, network)
         if len(notes) < epochs:  # no longer better
             progress(task, epochs, epochs, notes[-1])
         return network
 
-    with ThreadPoolExecutor(thread_count() if distributed.count() == 1 else 1) as pool:
+    with ThreadPoolExecutor(thread_count() if distributed.world_size() == 1 else 1) as pool:
         networks = list(pool.map(one, range(config.clusters)))
     weights = {name: np.stack([network[name] for network in networks]) for name in networks[0]}
-    arrays = {**asdict(standard), "centers": centers, **weights}
+    arrays = {**asdict(scaler), "centers": centers, **weights}
     _save(finished, arrays)
     return arrays
 
@@ -162,34 +163,34 @@ def _versions() -> dict[str, str]:
 
 
 def _described(
-    samples: list[Sample], each: Map, context: int, descriptor: str, task: str, progress: Progress
-) -> tuple[Standard, Faces]:
-    """Find how to standardise the descriptor, and collect what the drawn faces of all samples show and should be.
+    samples: list[Sample], each: Map, context: int, settings: StageSettings, task: str, progress: Progress
+) -> tuple[FeatureScaler, Faces]:
+    """Fit the feature scaler, and collect what the drawn faces of all samples show and should be.
 
-    The context can be averaged only where its main directions are known: those of a few samples serve.
+    The context can be averaged only where its principal directions are known: those of a few samples serve.
     """
-    few = samples[:: -(-len(samples) * distributed.count() // STANDARD_MESHES)]
+    few = samples[:: -(-len(samples) * distributed.world_size() // SCALER_MESHES)]
     steps = len(few) + len(samples)
     stacks = []
-    for done, stack in enumerate(each(partial(Sample.stack, descriptor=descriptor), few), 1):
+    for done, stack in enumerate(each(partial(Sample.stack, settings=settings), few), 1):
         stacks.append(stack)
         progress(task, done, steps)
-    own = pose_free(np.concatenate(stacks))
+    own = pairwise_features(np.concatenate(stacks))
     mean, scale = _mean_and_scale(own)
     own -= mean
     own *= scale
-    covariance = distributed.total(np.asarray(own.T.astype(np.float64) @ own))
+    covariance = distributed.all_reduce(np.asarray(own.T.astype(np.float64) @ own))
     del own
     directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
     directions *= np.sign(np.take_along_axis(directions, np.abs(directions).argmax(axis=0)[None], axis=0))
     none = np.zeros(1, np.float32)
-    standard = Standard(
+    scaler = FeatureScaler(
         mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
         context_mean=none, context_scale=none + 1,
     )  # fmt: skip
     truth = np.concatenate([sample.truth for sample in samples])
     stop = 0
-    work = partial(Sample.described, descriptor=descriptor, standard=standard)
+    work = partial(Sample.described, settings=settings, scaler=scaler)
     for done, parts in enumerate(each(work, samples), 1):
         if done == 1:
             collected = tuple(np.empty((len(truth), *part.shape[1:]), np.float32) for part in parts)
@@ -198,19 +199,19 @@ def _described(
             whole[start:stop] = part
         progress(task, len(few) + done, steps)
     context_mean, context_scale = _mean_and_scale(collected[1])
-    standard = replace(standard, context_mean=context_mean, context_scale=context_scale)
-    return standard, Faces(*map(torch.from_numpy, (*collected, truth)))
+    scaler = replace(scaler, context_mean=context_mean, context_scale=context_scale)
+    return scaler, Faces(*map(torch.from_numpy, (*collected, truth)))
 
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
     """Mean and reciprocal deviation of each column; what hardly varied here must not matter much elsewhere."""
-    count = distributed.total(np.array(float(len(x))))
-    mean = distributed.total(x.sum(axis=0, dtype=np.float64)) / count
+    count = distributed.all_reduce(np.array(float(len(x))))
+    mean = distributed.all_reduce(x.sum(axis=0, dtype=np.float64)) / count
     squares = np.zeros(len(mean))
     for start in range(0, len(mean), COLUMNS):
         columns = slice(start, start + COLUMNS)
         squares[columns] = np.square(x[:, columns] - mean[columns]).sum(axis=0)
-    deviation = np.sqrt(distributed.total(squares) / count)
+    deviation = np.sqrt(distributed.all_reduce(squares) / count)
     return mean.astype(np.float32), (1 / np.maximum(deviation, LEAST_DEVIATION)).astype(np.float32)
 
 
@@ -218,7 +219,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     """Make what this process keeps of the generated pairs and of one's own; those that are in the folder are made."""
     folder.mkdir(parents=True, exist_ok=True)
     count = config.data.count
-    mine = range(count + len(own))[distributed.share()]
+    mine = range(count + len(own))[distributed.shard()]
     generated, others = [i for i in mine if i < count], [i for i in mine if i >= count]
     files = {i: folder / f"{i:05d}.safetensors" for i in generated}
     missing = [i for i in generated if not files[i].exists()]
@@ -259,7 +260,7 @@ def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
 
 def _save(path: Path, arrays: Mapping[str, Array]) -> None:
     """Write what all processes have; the first one alone does."""
-    if tells():
+    if is_main():
         _write(path, arrays)
 
 

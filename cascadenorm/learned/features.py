@@ -1,0 +1,172 @@
+"""Rotation-invariant features of a face: angles between its filtered normals, and their means around it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.learned.descriptors import Stack
+from cascadenorm.mesh import Mesh, in_blocks, kernel, parallel_for, scatter_add
+
+Array = NDArray[np.float32]
+
+CONTEXT_STEPS = (1, 2, 4, 8)
+"""Rounds of averaging over one ring after which context features are taken."""
+FLOOR = 1e-4
+"""Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeatureScaler:
+    """Normalisation of the features of a face to mean 0 and deviation 1, and the directions that its context averages.
+
+    Parameters
+    ----------
+    mean, scale : (d,) of the pairwise features x of the face itself: (x - mean) * scale
+    projection : (d, p) principal directions of these features; their means around the face, and how open the mesh is,
+        are its context features; there are none where p is 0
+    context_mean, context_scale : (5 p + 1,) of the context features
+    """
+
+    mean: Array
+    scale: Array
+    projection: Array
+    context_mean: Array
+    context_scale: Array
+
+    def context(self, stack: Stack, mesh: Mesh) -> list[Array]:
+        """Average the principal components of the features around each face, and say how open the mesh is.
+
+        Parameters
+        ----------
+        stack : (m, k, 3) filtered normals of all faces of the mesh
+
+        Returns
+        -------
+        5 of (m, p), then (m, 1), not yet of mean 0 and deviation 1; (m, 0) alone where p is 0
+        """
+        if not self.projection.size:
+            return [np.empty((len(stack), 0), np.float32)]
+        components = in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
+        return [*context_features(components, mesh), openness(mesh)[:, None]]
+
+    def features(self, stack: Stack, context: Sequence[Array]) -> Array:
+        """Return the normalised features of faces: their own, then those of their context.
+
+        Parameters
+        ----------
+        stack, context : (m, k, 3) of any faces, and what `context` gave for them
+
+        Returns
+        -------
+        (m, d + 5 p + 1), or (m, d) where p is 0
+        """
+        around = np.concatenate(context, axis=1)
+        around -= self.context_mean
+        around *= self.context_scale
+        return np.concatenate([self._own(stack), around], axis=1)
+
+    def _own(self, stack: Stack) -> Array:
+        features = pairwise_features(stack)
+        features -= self.mean
+        features *= self.scale
+        return features
+
+
+def pairwise_features(stack: Stack) -> NDArray[np.float32]:
+    """Turn k normals of a face into log(1 - <n_i, n_j> + FLOOR) of their pairs, which no rotation changes.
+
+    Parameters
+    ----------
+    stack : (m, k, 3)
+
+    Returns
+    -------
+    (m, k (k - 1) / 2), pairs i < j in row order
+    """
+    count = stack.shape[1]
+    out = np.empty((len(stack), count * (count - 1) // 2), np.float32)
+    parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), out)
+    return np.log(out, out=out)
+
+
+def context_features(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np.float32]]:
+    """Average features over CONTEXT_STEPS rounds of one ring, and over the connected component.
+
+    They tell a face what is around it at several scales, and how noisy the whole is.
+
+    Parameters
+    ----------
+    values : (m, p), one row a face
+
+    Returns
+    -------
+    5 of (m, p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
+        then the mean over the connected component
+    """
+    rings, kept, mean = mesh.topology.face_rings(1), [], component_means(values, mesh)
+    spare = np.empty_like(values)
+    for rounds in np.diff(CONTEXT_STEPS, prepend=0):
+        kept.append(np.empty_like(values))
+        for left in range(rounds - 1, -1, -1):
+            after = spare if left % 2 else kept[-1]
+            parallel_for(len(values), _mean_range, values, rings.indptr, rings.indices, after)
+            values = after
+    return [*kept, mean]
+
+
+def component_means(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]:
+    """Average features, one row a face, over the connected component of the face, (m, p)."""
+    component = mesh.topology.face_components
+    sizes = np.maximum(np.bincount(component), 1)
+    return np.asarray((scatter_add(component, values, len(sizes)) / sizes[:, None]).astype(np.float32)[component])
+
+
+def openness(mesh: Mesh) -> NDArray[np.float32]:
+    """Return how far the connected component of each face is from closed, |Σ A n| / Σ A.
+
+    What a depth camera sees from one side has other errors than a closed surface, whose fine detail they resemble.
+
+    Returns
+    -------
+    (m,), from 0 where the component is closed to 1 where it is a flat sheet
+    """
+    component = mesh.topology.face_components
+    sums = scatter_add(component, mesh.area_vectors, int(component.max(initial=-1)) + 1)
+    areas = np.maximum(scatter_add(component, mesh.areas, len(sums)), np.finfo(float).tiny)
+    return np.asarray((np.linalg.norm(sums, axis=1) / areas)[component], np.float32)
+
+
+@kernel
+def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-untyped-def]
+    for f in range(start, stop):
+        count = np.float32(1 + indptr[f + 1] - indptr[f])
+        for p in range(values.shape[1]):
+            out[f, p] = values[f, p]
+        for k in range(indptr[f], indptr[f + 1]):
+            g = indices[k]
+            for p in range(values.shape[1]):
+                out[f, p] += values[g, p]
+        for p in range(values.shape[1]):
+            out[f, p] /= count
+
+
+@kernel
+def _pair_range(start, stop, stack, out):  # type: ignore[no-untyped-def]
+    """1 - cos + FLOOR, cos by half the squared chord, which keeps its digits where two normals nearly agree."""
+    count = stack.shape[1]
+    axes = np.empty((3, count), np.float32)  # in each of which the later normals are neighbours
+    for f in range(start, stop):
+        for i in range(count):
+            for d in range(3):
+                axes[d, i] = stack[f, i, d]
+        p = 0
+        for i in range(count):
+            later = count - 1 - i
+            x0, y0, z0 = axes[0, i], axes[1, i], axes[2, i]
+            xs, ys, zs, row = axes[0, i + 1 :], axes[1, i + 1 :], axes[2, i + 1 :], out[f, p : p + later]
+            for j in range(later):
+                x, y, z = x0 - xs[j], y0 - ys[j], z0 - zs[j]
+                row[j] = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
+            p += later
