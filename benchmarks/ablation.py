@@ -1,25 +1,30 @@
-"""What each part of the model `auto` brings: python benchmarks/ablation.py DIR
+"""What each step from the published method to the model `auto` brings: python benchmarks/ablation.py DIR
 
-    python benchmarks/ablation.py DIR [--count 60] [--seeds 0 1 2] [--keep FOLDER]
+    python benchmarks/ablation.py DIR [--count 1000] [--seeds 0 1 2] [--clusters 1 4] [--keep FOLDER]
 
-Trains the settings of configs/auto.toml on fewer shapes, whole and with one part changed at a time, once a seed, and
-measures on the pairs in DIR and on generated ones from a seed that no training has. Writes docs/ablation.md. Models
-stay in the folder, so that an interrupted run goes on where it was.
+Trains each rung of the ladder from configs/cascade.toml to configs/auto.toml, once for each seed and number of
+clusters, on the data of `auto` with fewer shapes, and measures on the pairs in DIR and on generated ones from a seed
+that no training has. Writes docs/ablation.md. Trainings of a seed share their generated pairs. Pairs, models and
+measurements stay in the folder, so that an interrupted run goes on where it was and ends with the same table. With the
+settings above there are 36 trainings, which take a day on two cores.
 """
 
 import argparse
 import json
-from collections.abc import Iterable
+import shutil
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
-from cascadenorm import models
 from cascadenorm.data_gen import DatasetConfig, pairs
 from cascadenorm.evaluation.pairs import find_pairs
 from cascadenorm.interop import as_mesh
+from cascadenorm.io.atomic import write_atomically
+from cascadenorm.learned import training
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.mesh import Mesh, angles_between, thread_count
@@ -27,44 +32,63 @@ from cascadenorm.workers import Map, side_by_side
 
 ROOT = Path(__file__).parents[1]
 UNSEEN = 1_000_003  # seed of the generated pairs that are measured on
-WHOLE = "all of it"
 
-Meshes = list[tuple[Mesh, Mesh]]
-"""Noisy and clean meshes."""
+Sets = dict[str, list[tuple[Mesh, Mesh]]]
+"""Noisy and clean meshes, by what they are."""
+Rows = dict[tuple[str, int], list[list[float]]]
+"""For each rung and number of clusters, for each seed: the mean angle on each set, in degrees."""
 
 
-def variants(config: TrainConfig) -> dict[str, TrainConfig]:
-    """Return the settings with one part changed at a time, by what is changed."""
-    data, fit = config.data, config.fit
-    return {
-        WHOLE: config,
-        "without what surrounds a face": replace(config, context=0),
-        "one hidden layer": replace(config, fit=replace(fit, hidden=fit.hidden[:1])),
-        "a network for each of four clusters": replace(config, clusters=4),
-        "without smoothed vertices": replace(config, descriptors=("reach", "near", "near")),
-        "the filters of the first stage in every stage": replace(config, descriptors=config.descriptors[:1] * 3),
-        "the filters of the paper": replace(config, descriptors=TrainConfig().descriptors),
-        "half the shapes": replace(config, data=replace(data, count=data.count // 2)),
-        "no fused scans": replace(config, data=without(data, "fused")),
-        "no scans at all": replace(config, data=without(data, "fused", "view")),
+def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
+    """Return the settings of each rung, by what it adds to the one before; data and optimiser are those of `auto`."""
+    step = replace(
+        paper,
+        seed=auto.seed,
+        faces_per_mesh=auto.faces_per_mesh,
+        data=auto.data,
+        fit=replace(auto.fit, hidden=paper.fit.hidden, activation=paper.fit.activation),
+    )
+    rungs = {"the paper": step}
+    own = tuple(f"n+{descriptor}" for descriptor in paper.descriptors)
+    changes = {
+        "+ the face's own normal, the noisy one in later stages": {"descriptors": own, "sees_noisy": auto.sees_noisy},
+        "+ context features": {"context": auto.context},
+        "+ last fit by angles, foldovers avoided": {
+            "last_weighting": auto.last_weighting,
+            "foldovers": auto.foldovers,
+        },
+        "+ iterated filters, smoothed vertices": {
+            "descriptors": auto.descriptors,
+            "neighborhood": auto.neighborhood,
+        },
+        "+ two hidden layers": {"fit": auto.fit},
     }
+    for name, change in changes.items():
+        step = replace(step, **change)
+        rungs[name] = step
+    return rungs
 
 
-def without(data: DatasetConfig, *left_out: str) -> DatasetConfig:
-    """Return the data but for some families."""
-    return replace(data, families=tuple(name for name in data.families if name not in left_out))
-
-
-def trained(config: TrainConfig, path: Path) -> Cascade:
-    """Train, unless the model lies there already."""
+def trained(config: TrainConfig, path: Path, generated: Path) -> Cascade:
+    """Train, or go on with a training, unless the model lies there already; models of other settings are replaced."""
     if path.exists() and (kept := Cascade.load(path)).card["config"] == json.loads(json.dumps(asdict(config))):
         return kept
-    return models.train(config, path, force=True).cascade
+    checkpoint = path.with_suffix(".training")
+    cascade = training.train(config, checkpoint, generated=generated)
+    write_atomically(path, [cascade.to_bytes()], force=True)
+    shutil.rmtree(checkpoint)
+    return cascade
 
 
-def angles(cascade: Cascade, sets: list[Meshes], each: Map) -> list[float]:
-    """Mean angle of normals over the meshes of each set, in degrees."""
-    return [float(np.mean(list(each(partial(angle, cascade), meshes)))) for meshes in sets]
+def measured(cascade: Cascade, sets: Sets, path: Path, each: Map) -> list[float]:
+    """Mean angle of normals over the meshes of each set, in degrees; read from the file if it is of this model."""
+    model = sha256(cascade.to_bytes()).hexdigest()
+    known = json.loads(path.read_text()) if path.exists() else {}
+    if known.get("model") != model or known["angles"].keys() != sets.keys():
+        angles = {name: float(np.mean(list(each(partial(angle, cascade), meshes)))) for name, meshes in sets.items()}
+        known = {"model": model, "angles": angles}
+        write_atomically(path, [json.dumps(known, indent=1).encode()], force=True)
+    return [known["angles"][name] for name in sets]
 
 
 def angle(cascade: Cascade, meshes: tuple[Mesh, Mesh]) -> float:
@@ -73,9 +97,20 @@ def angle(cascade: Cascade, meshes: tuple[Mesh, Mesh]) -> float:
     return float(np.degrees(angles_between(noisy.moved(cascade.vertices(noisy)).normals, clean.normals).mean()))
 
 
-def generated(data: DatasetConfig, **changes: object) -> Meshes:
+def measured_on(folder: Path, data: DatasetConfig, unseen: int) -> Sets:
+    """Return the pairs of a folder, and generated ones that no training has seen, `unseen` of each kind."""
+    shapes = tuple(name for name in data.families if name not in ("view", "fused"))
+    return {
+        "public models": [(as_mesh(pair.noisy), as_mesh(pair.clean)) for pair in find_pairs([folder])],
+        "generated shapes": generated(data, unseen, families=shapes),
+        "depth views": generated(data, unseen, families=("view",), noise_kinds=("sensor",)),
+        "fused scans": generated(data, unseen, families=("fused",), noise_kinds=("sensor",)),
+    }
+
+
+def generated(data: DatasetConfig, count: int, **changes: object) -> list[tuple[Mesh, Mesh]]:
     """Make pairs that no training has seen."""
-    unseen = replace(data, seed=UNSEEN, count=24, **changes)
+    unseen = replace(data, seed=UNSEEN, count=count, **changes)
     return [(pair.noisy, pair.clean) for pair in pairs(unseen, workers=thread_count())]
 
 
@@ -85,59 +120,67 @@ def cell(values: Iterable[float]) -> str:
     return f"{found.mean():.2f} ± {np.ptp(found) / 2:.2f}"
 
 
-def write_table(rows: dict[str, list[list[float]]], count: int, seeds: int, shipped: int) -> None:
-    """Write what is known so far."""
+def table(rows: Rows, sets: Sequence[str], count: int) -> str:
+    """Return the page of what is known so far."""
+    cells = {row: " | ".join(cell(values) for values in zip(*found, strict=True)) for row, found in rows.items()}
     lines = [
-        "# What each part of `auto` brings",
+        "# From the published method to `auto`",
         "",
-        "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over "
-        f"{seeds} seeds. Each model was trained with `configs/auto.toml` on {count} shapes in "
-        f"place of {shipped}, with one part changed. Public models are "
+        "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over the seeds. "
+        "The first rung has the settings of `configs/cascade.toml`, each adds one thing to the one before, the last "
+        f"has those of `configs/auto.toml`. All are trained on {count} shapes like those of `auto`. Public models are "
         "those of the validation set of the standard synthetic benchmark; shapes, views of one depth camera and scans "
         "fused from several are generated from a seed that no training has. "
         "Made by `python benchmarks/ablation.py DIR`.",
         "",
-        "| | public models | generated shapes | depth views | fused scans |",
-        "| --- | ---: | ---: | ---: | ---: |",
-        *(
-            f"| {name} | {' | '.join(cell(values) for values in zip(*found, strict=True))} |"
-            for name, found in rows.items()
-        ),
+        f"| | clusters | seeds | {' | '.join(sets)} |",
+        f"| --- | ---: | ---: |{' ---: |' * len(sets)}",
+        *(f"| {name} | {k} | {len(rows[name, k])} | {found} |" for (name, k), found in cells.items()),
     ]
-    (ROOT / "docs" / "ablation.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
+
+
+def run(
+    rungs: dict[str, TrainConfig],
+    sets: Sets,
+    page: Path,
+    keep: Path,
+    *,
+    seeds: Sequence[int],
+    clusters: Sequence[int],
+) -> None:
+    """Train and measure every rung, seed after seed, and write the page after each of them."""
+    keep.mkdir(parents=True, exist_ok=True)
+    rows: Rows = {(name, k): [] for name in rungs for k in clusters}
+    with side_by_side(thread_count()) as each:
+        for seed in seeds:
+            for rung, (name, settings) in enumerate(rungs.items()):
+                data = replace(settings.data, seed=seed)
+                made = keep / f"pairs-{sha256(repr(data).encode()).hexdigest()[:12]}"
+                for k in clusters:
+                    path = keep / f"rung{rung}-clusters{k}-seed{seed}.safetensors"
+                    config = replace(settings, seed=seed, clusters=k, data=data)
+                    cascade = trained(config, path, made)
+                    rows[name, k].append(measured(cascade, sets, path.with_suffix(".json"), each))
+                    print(name, k, seed, rows[name, k][-1], flush=True)
+                    known = {row: found for row, found in rows.items() if found}
+                    write_atomically(page, [table(known, list(sets), data.count).encode()], force=True)
 
 
 def main() -> None:
-    """Train, measure, write the table."""
+    """Read what to do, and do it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="DIR", help="pairs: */noisy.* and */clean.*")
-    parser.add_argument("--count", type=int, default=60, help="shapes to train on")
+    parser.add_argument("--count", type=int, default=1000, help="shapes to train on")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--clusters", type=int, nargs="+", default=[1, 4])
     parser.add_argument("--keep", type=Path, default=ROOT / "runs" / "ablation")
     options = parser.parse_args()
-    options.keep.mkdir(parents=True, exist_ok=True)
-    shipped = read_config(ROOT / "configs" / "auto.toml")
-    config = replace(shipped, data=replace(shipped.data, count=options.count))
-    sets: list[Meshes] = [
-        [(as_mesh(pair.noisy), as_mesh(pair.clean)) for pair in find_pairs([options.folder])],
-        generated(without(config.data, "fused", "view")),
-        *(generated(config.data, families=(seen,), noise_kinds=("sensor",)) for seen in ("view", "fused")),
-    ]
-    rows: dict[str, list[list[float]]] = {}
-    with side_by_side(thread_count()) as each:
-        for name, changed in variants(config).items():
-            for seed in options.seeds:
-                path = options.keep / f"{name.replace(' ', '-')}-{options.count}-{seed}.safetensors"
-                seeded = replace(changed, seed=seed, data=replace(changed.data, seed=seed))
-                cascade = trained(seeded, path)
-                if name == WHOLE:
-                    for count in range(1, len(cascade.stages)):
-                        shorter = Cascade(cascade.stages[:count], cascade.card)
-                        title = "stage 1 alone" if count == 1 else f"stages 1 to {count}"
-                        rows.setdefault(title, []).append(angles(shorter, sets, each))
-                rows.setdefault(name, []).append(angles(cascade, sets, each))
-                print(name, seed, rows[name][-1], flush=True)
-            write_table(rows, options.count, len(options.seeds), shipped.data.count)
+    paper, auto = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "auto"))
+    auto = replace(auto, data=replace(auto.data, count=options.count))
+    sets = measured_on(options.folder, auto.data, unseen=24)
+    page = ROOT / "docs" / "ablation.md"
+    run(ladder(paper, auto), sets, page, options.keep, seeds=options.seeds, clusters=options.clusters)
 
 
 if __name__ == "__main__":

@@ -39,7 +39,14 @@ LEAST_DEVIATION = 0.1  # of a feature: the logarithms are spread over 2 and more
 COLUMNS = 32  # whose deviations are computed at a time, in double precision
 
 
-def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), progress: Progress = silent) -> Cascade:
+def train(
+    config: TrainConfig,
+    checkpoint: Path,
+    *,
+    own: Sequence[Pair] = (),
+    generated: Path | None = None,
+    progress: Progress = silent,
+) -> Cascade:
     """Train a cascade; an interrupted training that is started again goes on, and ends with the same bytes.
 
     Several processes, started by torchrun, share the meshes and end with the same cascade; the first one is_main and
@@ -50,6 +57,7 @@ def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), pr
     config : what to train
     checkpoint : folder for what is finished; it is made, and may hold an interrupted training of the same config
     own : pairs to learn from beside those that are generated
+    generated : folder for the generated pairs, which trainings of the same config.data may share; none: in `checkpoint`
     progress : called as parts finish
 
     Raises
@@ -57,16 +65,18 @@ def train(config: TrainConfig, checkpoint: Path, *, own: Sequence[Pair] = (), pr
     ConfigError : the folder holds a training of another config, or of other pairs; fewer meshes than processes
     """
     with distributed.process_group(), _one_thread_each():
-        return _trained(config, checkpoint, own, progress if is_main() else silent)
+        return _trained(config, checkpoint, own, generated or checkpoint / "pairs", progress if is_main() else silent)
 
 
-def _trained(config: TrainConfig, checkpoint: Path, own: Sequence[Pair], progress: Progress) -> Cascade:
+def _trained(
+    config: TrainConfig, checkpoint: Path, own: Sequence[Pair], generated: Path, progress: Progress
+) -> Cascade:
     if (meshes := config.data.count + len(own)) < distributed.world_size():
         raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {meshes}: take fewer")
     if is_local_main():
         _claim(checkpoint, config, own)
     distributed.barrier()  # by then each machine has a folder
-    samples = _samples(config, own, checkpoint / "pairs", progress)
+    samples = _samples(config, own, generated, progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
     with side_by_side(distributed.cores()) as each:
