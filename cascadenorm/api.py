@@ -21,6 +21,7 @@ from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_con
 from cascadenorm.controls.weights import selected_faces
 from cascadenorm.errors import ReadError
 from cascadenorm.evaluation.metrics import Measures, measure
+from cascadenorm.geometry.error_kind import ErrorKind, error_kind
 from cascadenorm.geometry.holes import fill_holes
 from cascadenorm.geometry.laplacians import Order
 from cascadenorm.interop import adapter, as_mesh, mesh_of_file, source_name
@@ -54,6 +55,7 @@ class Report:
     moved : vertices with another position
     mean_displacement, largest_displacement : over all vertices, in mean edge lengths
     seconds : of the method, without reading and writing
+    error : the kind of error that was found; None where the method is not `auto`, or nothing was to be taken away
     left_out : what the source holds and the format of the output cannot, in words
     """
 
@@ -71,6 +73,7 @@ class Report:
     mean_displacement: float
     largest_displacement: float
     seconds: float
+    error: ErrorKind | None
     left_out: tuple[str, ...]
 
 
@@ -324,9 +327,19 @@ def _denoised_file(
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
+        error=_error_found(method, mesh, vertices, controls["strength"]),
         left_out=tuple(left_out),
     )
     return Denoised(report, file, moved)
+
+
+def _error_found(method: Method, mesh: Mesh, vertices: NDArray[np.float64], strength: float) -> ErrorKind | None:
+    """Tell the kind of error from what `auto` took away, of which a strength below 1 takes only a share."""
+    if method.name != DEFAULT_METHOD or not strength:
+        return None
+    small, exponent = in_frame(without_lines(mesh))
+    moves = np.ldexp(vertices - mesh.vertices, -exponent) / min(strength, 1.0)
+    return error_kind(small, small.vertices + moves, exponent=exponent)
 
 
 def _checked_output(

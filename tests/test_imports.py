@@ -32,7 +32,7 @@ MAY_IMPORT = {
     "controls": {*METHODS, "controls"},
     "controls.settings": {"errors", "registry"},
     "controls.selection": {"mesh", "errors", "registry", "controls", "io"},
-    "inspection": {*MESH, "geometry", "controls", "io", "interop", "inspection"},
+    "inspection": {*MESH, "geometry", "controls", "io", "interop", "learned", "inspection"},
     "api": {*METHODS, "baselines", "learned", "controls", "interop", "io", "evaluation.metrics"},
     "models": {*METHODS, "learned", "io", "controls", "api", "evaluation.pairs"},
     "evaluation": {*METHODS, "learned", "data_gen", "io", "interop", "controls", "api", "evaluation"},

@@ -35,6 +35,8 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
         f"by {done.mean_displacement:.3g} mean edge lengths on average, {done.largest_displacement:.3g} at most",
         file=file,
     )
+    if done.error is not None:
+        print(f"found: {done.error}", file=file)
     controls = {"strength": done.strength, **done.controls}
     chosen = [_option(name, value) for name, value in controls.items() if value != OPTIONS[name].default]
     if chosen:
@@ -77,6 +79,8 @@ def print_inspection(found: Inspection) -> None:
         )
     noise = "cannot be estimated" if found.noise is None else f"about {found.noise:.2g} mean edge lengths"
     print(f"  noise along the normal: {noise}")
+    if found.error is not None:
+        print(f"  kind of error: {found.error}")
     if found.resolution is not None and found.resolution > COARSE:
         print(
             f"  {found.number_type} is too coarse at these coordinates: its resolution is {found.resolution:.2g} mean "

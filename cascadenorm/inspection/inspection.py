@@ -9,17 +9,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
+from cascadenorm.geometry.error_kind import ErrorKind, error_kind
 from cascadenorm.geometry.noise_level import noise_level
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.inspection.defects import boundary_loop_count, pinched_vertices, repeats, thin_faces, turned_edges
 from cascadenorm.inspection.enclosed import enclosed
 from cascadenorm.interop import adapter
+from cascadenorm.learned.cascade import auto
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated
 from cascadenorm.mesh.mesh import face_array, vertex_array
 
 MOST_FACES_CROSSED = 200_000
 """Faces up to which those that cross are looked for unasked; it takes seconds for 100,000."""
+MOST_FACES_DENOISED = 300_000
+"""Faces up to which the kind of error is told, from what `auto` would take away; it takes seconds for 100,000."""
 PLACES = 10
 """Places that are named of each finding."""
 
@@ -72,6 +76,7 @@ class Inspection:
     mean_edge_length, area, volume : in the unit of the mesh; the volume of the closed parts, None without one
     resolution : step from one number to the next at the largest coordinate, in mean edge lengths
     noise : estimated standard deviation along the normal, in mean edge lengths; None where that is not possible
+    error : the kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces
     """
 
     source: str
@@ -106,6 +111,7 @@ class Inspection:
     volume: float | None
     resolution: float | None
     noise: float | None
+    error: ErrorKind | None
 
     @property
     def findings(self) -> dict[str, Found]:
@@ -202,7 +208,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
     corners = mesh.vertices[mesh.faces.ravel()]
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
-    edge = _scaled(small.mean_edge_length, exponent)
+    edge, facing = _scaled(small.mean_edge_length, exponent), oriented(small)
     return {
         "parts": len(np.unique(topology.face_components)),
         "closed": bool((around > 1).all()),
@@ -224,8 +230,13 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "area": _scaled(small.area, 2 * exponent),
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
-        "noise": noise_level(oriented(small)),
+        "noise": noise_level(facing),
+        "error": _error(facing, exponent) if len(mesh.faces) <= MOST_FACES_DENOISED else None,
     }
+
+
+def _error(mesh: Mesh, exponent: int) -> ErrorKind:
+    return error_kind(mesh, auto(mesh), exponent=exponent)
 
 
 NONE_FOUND = Found(0, ())
@@ -234,7 +245,7 @@ NOTHING: dict[str, Any] = {
     **dict.fromkeys(("parts", "rims", "boundary_edges", "euler_characteristic"), 0),
     **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "turned_edges", "inside_out"), NONE_FOUND),
     **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "crossing_faces"), NONE_FOUND),
-    **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise")),
+    **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise", "error")),
     "closed": False,
 }
 """What `_shape` says where no face is good."""

@@ -1,0 +1,125 @@
+"""The lattice of the voxels that a mesh was extracted from, told from its vertices."""
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Mesh, Vectors
+
+Lattice = NDArray[np.float64]
+"""(3, 3), its rows the edges of a voxel."""
+
+MOST_EDGES = 20_000
+"""Edges that are looked at, evenly spaced in their order."""
+STEP = 2e-3
+"""Mean edge lengths: differences between vertices that agree to this are the same."""
+DIRECTIONS = 80
+"""Kinds of edges at most; marching cubes make about 50 on a mask, counting both directions once."""
+COVERED = 0.9
+"""Share of the edges that these have to be."""
+ON_NODES = 0.5
+"""Share of the vertices that lie on a plane of nodes across each axis; marching cubes put two thirds there."""
+
+
+def lattice_of_mask(mesh: Mesh) -> Lattice | None:
+    """Find the voxels of a binary mask that marching cubes meshed, at any rotation; None for any other mesh.
+
+    Vertices lie in the middle of the edges of the lattice, so that edges of the mesh are sums of halves of these, of
+    which there are few; and relative to one vertex the others are at three places of a half-lattice.
+    """
+    edge = mesh.mean_edge_length
+    if not edge > 0:
+        return None
+    vectors = _distinct_edges(mesh, edge)
+    if vectors is None:
+        return None
+    sums = np.concatenate([vectors, *(vectors + sign * vectors[:, None] for sign in (1, -1))], axis=None)
+    candidates = _different(sums.reshape(-1, 3), edge)
+    used = mesh.vertices[mesh.topology.used_vertices]
+    offsets = used[:: max(1, len(used) // 2000)] - used[0]
+    for lattice in _orthogonal_triples(candidates, edge):
+        if _in_the_middle_of_edges(offsets, lattice):
+            return lattice
+    return None
+
+
+def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
+    """Vectors along edges, each direction once; None where there are too many kinds."""
+    ends = mesh.topology.edges[:: max(1, len(mesh.topology.edges) // MOST_EDGES)]
+    vectors = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
+    cells = np.round(vectors / (STEP * edge)).astype(np.int64)
+    leading = np.take_along_axis(cells, (cells != 0).argmax(axis=1)[:, None], axis=1)
+    _, number, counts = np.unique(cells * np.sign(leading), axis=0, return_inverse=True, return_counts=True)
+    common = np.argsort(-counts, kind="stable")[:DIRECTIONS]
+    if counts[common].sum() < COVERED * len(cells):
+        return None
+    totals = np.stack([np.bincount(number.ravel(), vectors[:, d] * np.sign(leading[:, 0])) for d in range(3)], axis=1)
+    return np.asarray((totals / counts[:, None])[common])
+
+
+def _different(vectors: Vectors, edge: float) -> Vectors:
+    """Vectors of which none is zero or another's negative, shortest first."""
+    cells = np.round(vectors / (4 * STEP * edge)).astype(np.int64)
+    leading = np.take_along_axis(cells, (cells != 0).argmax(axis=1)[:, None], axis=1)
+    _, first = np.unique(cells * np.sign(leading), axis=0, return_index=True)
+    kept = vectors[first]
+    lengths = np.linalg.norm(kept, axis=1)
+    kept, lengths = kept[lengths > 0.1 * edge], lengths[lengths > 0.1 * edge]
+    return np.asarray(kept[np.argsort(lengths, kind="stable")])
+
+
+def _orthogonal_triples(vectors: Vectors, edge: float) -> list[Lattice]:
+    """Triples of perpendicular vectors among the shortest, by the volume that they span."""
+    few = vectors[:200]
+    lengths = np.linalg.norm(few, axis=1)
+    perpendicular = np.abs(few @ few.T) < 0.01 * np.outer(lengths, lengths)
+    triples = []
+    for a, b in combinations(range(len(few)), 2):
+        if perpendicular[a, b]:
+            third = np.flatnonzero(perpendicular[a] & perpendicular[b])
+            triples += [(a, b, int(c)) for c in third[third > b]]
+    triples.sort(key=lambda triple: float(np.prod(lengths[list(triple)])))
+    return [few[list(triple)] for triple in triples[:2000]]
+
+
+def _in_the_middle_of_edges(offsets: Vectors, lattice: Lattice) -> bool:
+    """Whether vertices, relative to one of them, lie where the middles of the edges of a lattice do."""
+    halves = 2 * offsets @ np.linalg.inv(lattice)
+    near = np.round(halves)
+    if np.abs(halves - near).max() > 0.05:
+        return False
+    places = np.unique(near.astype(np.int64) % 2, axis=0)
+    if len(places) != 3:  # an edge along each axis
+        return False
+    return bool((np.abs(places[:, None] - places[None]).sum(axis=2)[np.triu_indices(3, 1)] == 2).all())
+
+
+def lattice_of_grey_values(mesh: Mesh) -> Lattice | None:
+    """Find the voxels of a grey volume that lies along the axes; None for any other mesh.
+
+    Marching cubes put each vertex on an edge of the lattice, where two of its coordinates are those of nodes.
+    """
+    edge = mesh.mean_edge_length
+    used = mesh.vertices[mesh.topology.used_vertices]
+    if not edge > 0 or len(used) < 100:
+        return None
+    spacings = [_comb(used[:, axis], edge) for axis in range(3)]
+    if any(spacing is None for spacing in spacings):
+        return None
+    return np.diag(np.array(spacings, np.float64))
+
+
+def _comb(values: NDArray[np.float64], edge: float) -> float | None:
+    """Spacing of the values that many vertices share, if these are evenly spaced and most vertices have one."""
+    cells, counts = np.unique(np.round(values / (STEP * edge)).astype(np.int64), return_counts=True)
+    shared = counts > 8 * max(1.0, np.median(counts))
+    if shared.sum() < 4 or counts[shared].sum() < ON_NODES * len(values):
+        return None
+    gaps = np.diff(cells[shared]) * STEP * edge
+    gaps = gaps[gaps > 0.2 * edge]
+    if len(gaps) < 3:
+        return None
+    spacing = float(np.median(gaps))
+    near = np.abs(gaps / spacing - np.round(gaps / spacing)) < 0.02
+    return spacing if near.mean() > 0.9 else None
