@@ -76,7 +76,8 @@ class Inspection:
     mean_edge_length, area, volume : in the unit of the mesh; the volume of the closed parts, None without one
     resolution : step from one number to the next at the largest coordinate, in mean edge lengths
     noise : estimated standard deviation along the normal, in mean edge lengths; None where that is not possible
-    error : the kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces
+    error : the kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces,
+        and where all are at one point
     """
 
     source: str
@@ -231,11 +232,13 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
         "noise": noise_level(facing),
-        "error": _error(facing, exponent) if len(mesh.faces) <= MOST_FACES_DENOISED else None,
+        "error": _error(facing, exponent),
     }
 
 
-def _error(mesh: Mesh, exponent: int) -> ErrorKind:
+def _error(mesh: Mesh, exponent: int) -> ErrorKind | None:
+    if len(mesh.faces) > MOST_FACES_DENOISED or not mesh.mean_edge_length > 0:
+        return None
     return error_kind(mesh, auto(mesh), exponent=exponent)
 
 

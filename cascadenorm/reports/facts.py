@@ -50,6 +50,7 @@ def _shape(found: Inspection) -> dict[str, str]:
         "area": _number(found.area),
         "enclosed volume": _number(found.volume),
         "noise along the normal": "unknown" if found.noise is None else f"{found.noise:.2g} mean edge lengths",
+        "kind of error": "not told for so many faces" if found.error is None else str(found.error),
     }
 
 
