@@ -27,6 +27,7 @@ def recover_vertices(
     sweeps: int = 20,
     weighting: Weighting = "heights",
     foldovers: Foldovers = "avoid",
+    movable: NDArray[np.bool_] | None = None,
 ) -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
@@ -44,6 +45,7 @@ def recover_vertices(
         small for a thin face even where its normal is far off; "angles" divides them by the height of the face, and
         over-relaxes, so that 20 sweeps converge as far as 100
     foldovers : "avoid", or "ignore", as published, where each step is the whole sum whatever faces it turns
+    movable : (n,) the vertices that move; None: all
 
     Returns
     -------
@@ -54,7 +56,7 @@ def recover_vertices(
     weights, step, avoid = face_weights(mesh, weighting), OVER_RELAXATION[weighting], foldovers == "avoid"
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
-            mine = colors.row(color)
+            mine = colors.row(color) if movable is None else colors.row(color)[movable[colors.row(color)]]
             parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, avoid, around)
     return vertices
 

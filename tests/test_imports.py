@@ -30,6 +30,7 @@ MAY_IMPORT = {
     "render.files": {"mesh", "errors", "render", "io", "interop"},
     "evaluation.metrics": {"mesh", "errors", "geometry"},
     "controls": {*METHODS, "controls"},
+    "controls.walls": {*METHODS, "controls", "baselines.vertex_update"},
     "controls.settings": {"errors", "registry"},
     "controls.selection": {"mesh", "errors", "registry", "controls", "io"},
     "inspection": {*MESH, "geometry", "controls", "io", "interop", "learned", "inspection"},

@@ -36,6 +36,11 @@ class BoundaryEdges(NamedTuple):
         """Boundary vertices, ascending."""
         return np.unique(self.edges)
 
+    @classmethod
+    def of(cls, edges: NDArray[np.int32]) -> "BoundaryEdges":
+        """Find what follows what among edges, (b, 2) vertices, in any directions."""
+        return cls(edges, *_neighbors(edges))
+
 
 def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> BoundaryEdges:
     """Return the boundary edges of a mesh; the degenerate edge of a face with a repeated vertex is none.
@@ -48,7 +53,7 @@ def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> Bounda
     proper = mesh.faces != np.roll(mesh.faces, -1, axis=1)
     corners = mesh.faces if faces is None else faces
     edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)[single & proper]
-    return BoundaryEdges(edges, *_neighbors(edges))
+    return BoundaryEdges.of(edges)
 
 
 def _neighbors(edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -70,7 +75,7 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
     """Smooth the boundary along the surface; off the surface its vertices move as a method has moved them.
 
     Face normals determine the position of a boundary vertex off the surface, but not along it. There the displacement
-    is that of the boundary as a curve (see `_smoothed_curve`), which keeps circles and corners.
+    is that of the boundary as a curve (see `smoothed_curve`), which keeps circles and corners.
 
     Parameters
     ----------
@@ -87,7 +92,7 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
     on = boundary.vertices
     normals = mesh.moved(vertices).vertex_normals[on]
     by_method = vertices[on] - mesh.vertices[on]
-    by_curve = _smoothed_curve(mesh.vertices, boundary)[on] - mesh.vertices[on]
+    by_curve = smoothed_curve(mesh.vertices, boundary)[on] - mesh.vertices[on]
     off_surface = np.einsum("ij,ij->i", normals, by_method - by_curve)
 
     smoothed = vertices.copy()
@@ -104,12 +109,19 @@ def _unflipped(mesh: Mesh, vertices: Vectors) -> Vectors:
         vertices[mesh.faces[flipped]] = mesh.vertices[mesh.faces[flipped]]
 
 
-def _smoothed_curve(vertices: Vectors, boundary: BoundaryEdges) -> Vectors:
+def smoothed_curve(
+    vertices: Vectors, boundary: BoundaryEdges, *, spread: float = SPREAD, passes: int = DIRECTION_PASSES
+) -> Vectors:
     """Return the vertices with boundary edges in filtered directions; ends of open chains stay.
 
     Gradient descent on Σ |e - <e, d> d|² over the boundary edges e with directions d.
+
+    Parameters
+    ----------
+    spread : of the range weight, in median angles from edge to edge
+    passes : of the filter of the directions
     """
-    directions = _filtered_directions(vertices, boundary)
+    directions = _filtered_directions(vertices, boundary, spread, passes)
     tail, head = boundary.edges.T
     inner = np.zeros(len(vertices), bool)
     inner[boundary.edges[boundary.neighbors >= 0]] = True
@@ -121,7 +133,7 @@ def _smoothed_curve(vertices: Vectors, boundary: BoundaryEdges) -> Vectors:
     return vertices
 
 
-def _filtered_directions(vertices: Vectors, boundary: BoundaryEdges) -> Vectors:
+def _filtered_directions(vertices: Vectors, boundary: BoundaryEdges, spread: float, passes: int) -> Vectors:
     """Return (b, 3) the unit direction of each boundary edge, filtered bilaterally along its loop.
 
     The spread of the range weight is a multiple of the median angle between consecutive edges, which noise dominates.
@@ -130,10 +142,10 @@ def _filtered_directions(vertices: Vectors, boundary: BoundaryEdges) -> Vectors:
     lengths = np.linalg.norm(edges, axis=1)
     directions = unit(edges)
     has_neighbor = boundary.neighbors >= 0
-    spread = SPREAD * np.median(_chords(directions, boundary)[has_neighbor]) if has_neighbor.any() else 0.0
+    spread *= np.median(_chords(directions, boundary)[has_neighbor]) if has_neighbor.any() else 0.0
     if spread == 0:
         return directions
-    for _ in range(DIRECTION_PASSES):
+    for _ in range(passes):
         # Weights of both neighbors: length times a Gaussian of the chord between the directions
         weights = np.exp(-0.5 * (_chords(directions, boundary) / spread) ** 2) * lengths[boundary.neighbors]
         signed = np.where(has_neighbor, boundary.signs * weights, 0.0)

@@ -12,9 +12,11 @@ from cascadenorm.controls.creases import crease_edges, cut
 from cascadenorm.controls.detail import finer_than, without_finer
 from cascadenorm.controls.limits import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
+from cascadenorm.controls.walls import joined_walls
 from cascadenorm.controls.weights import holds_some, vertex_weights
 from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.geometry.orientation import oriented
+from cascadenorm.geometry.shells import Shells, divided
 from cascadenorm.geometry.volume import with_volume_of
 from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, one_blas_thread, without_lines
 from cascadenorm.progress import report_to, track
@@ -53,12 +55,12 @@ def controlled(
     if REGION in method.settings and holds_some(controls):
         checked[REGION] = weights > 0
     framed, exponent = in_frame(mesh)
-    framed = oriented(framed)
+    framed, parts = divided(oriented(framed))
     detail = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
         strength, removed = _strength(method, controls, framed, exponent)
-        step = _step(method, framed, checked, controls, detail, removed)
+        step = _step(method, framed, parts, checked, controls, detail, removed)
         displacement = _accumulated(step, framed, strength * weights)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, displacement, weights)
@@ -101,19 +103,48 @@ def _strength(method: Method, controls: Controls, framed: Mesh, exponent: int) -
 
 
 def _step(
-    method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls, detail: float, removed: float
+    method: Method,
+    mesh: Mesh,
+    parts: Shells | None,
+    parameters: Mapping[str, Any],
+    controls: Controls,
+    detail: float,
+    removed: float,
 ) -> Step:
     """Return the method together with creases, boundary and detail, which apply each time that it does.
+
+    Where regions share walls, all that sees the shell of each region, and the walls are joined from their two sides.
 
     Parameters
     ----------
     mesh : in the frame; every mesh that the step is given has its faces
+    parts : the shells of its regions, where these share walls
     detail : width of the smallest feature to keep, in the unit of the frame
     removed : width of the largest feature to remove
     """
-    # Along creases the method, and all that follows, sees copies of the vertices
     creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read
-    sides = None if creases is None else cut(mesh, crease_edges(mesh, creases))
+    edges = None if creases is None else crease_edges(mesh, creases)
+    if parts is None:
+        return _surface_step(method, mesh, parameters, controls, edges, detail, removed)
+    if REGION in parameters:
+        parameters = {**parameters, REGION: parameters[REGION][parts.owners]}
+    edges = None if edges is None else parts.of_edges(mesh, edges)
+    each = _surface_step(method, parts.mesh, parameters, controls, edges, detail, removed)
+    return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
+
+
+def _surface_step(
+    method: Method,
+    mesh: Mesh,
+    parameters: Mapping[str, Any],
+    controls: Controls,
+    creases: NDArray[np.bool_] | None,
+    detail: float,
+    removed: float,
+) -> Step:
+    """Return the step of a mesh without shared walls; `creases` tells of each of its edges whether it is one."""
+    # Along creases the method, and all that follows, sees copies of the vertices
+    sides = None if creases is None else cut(mesh, creases)
     seen = mesh if sides is None else sides.mesh
     if sides is not None and REGION in parameters:
         parameters = {**parameters, REGION: parameters[REGION][sides.owners]}

@@ -13,7 +13,7 @@ STEEPEST = math.sqrt(0.5)
 """Cosine of the angle to the mean normal around it, 45°, up to which no face may flip, however noisy the mesh."""
 
 
-def without_flips(mesh: Mesh, vertices: Vectors) -> Vectors:
+def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] | None = None) -> Vectors:
     """Take back of a displacement what would flip faces.
 
     Where a face would end with its normal 90° or more from
@@ -24,13 +24,14 @@ def without_flips(mesh: Mesh, vertices: Vectors) -> Vectors:
     ----------
     mesh : the input, n vertices
     vertices : (n, 3), where a method wants them
+    may_flip : (m,) faces that may; None: the foldovers of the mesh
 
     Returns
     -------
     (n, 3)
     """
     displacement = vertices - mesh.vertices
-    held = ~foldovers(mesh) & (mesh.areas > 0)
+    held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
     share = np.ones(len(displacement))
     halvings = np.zeros(len(displacement), np.int64)
     moved = vertices.copy()

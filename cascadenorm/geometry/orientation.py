@@ -1,9 +1,26 @@
 """Faces oriented consistently, whatever orientation they came with: what normals, and so most methods, need."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Bools, Csr, Ints32, Mesh, kernel, scatter_add
+
+
+class Patches(NamedTuple):
+    """What is connected across edges of two faces.
+
+    Parameters
+    ----------
+    patch : (m,) the first face of the patch of each
+    against : (m,) whether it is oriented against that one
+    at_border : (m,) whether its patch ends at one of its edges
+    """
+
+    patch: NDArray[np.int32]
+    against: NDArray[np.bool_]
+    at_border: NDArray[np.bool_]
 
 
 def oriented(mesh: Mesh) -> Mesh:
@@ -29,11 +46,17 @@ def oriented(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, faces)
 
 
+def patches(mesh: Mesh) -> Patches:
+    """Find the patches of a mesh, as `oriented` describes them."""
+    count, around = len(mesh.faces), mesh.topology.edge_faces
+    found = Patches(np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool))
+    _join(mesh.faces, mesh.topology.edges, around, *found)
+    return found
+
+
 def _turned(mesh: Mesh) -> NDArray[np.bool_]:
     """Return which faces have to be turned, (m,)."""
-    count, around = len(mesh.faces), mesh.topology.edge_faces
-    patch, against, at_border = np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool)
-    _join(mesh.faces, mesh.topology.edges, around, patch, against, at_border)
+    count, (patch, against, at_border) = len(mesh.faces), patches(mesh)
     sign = np.where(against, -1.0, 1.0)
     wanted = scatter_add(patch, sign, count)
     wanted[wanted == 0] = 1.0
