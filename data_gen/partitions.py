@@ -4,12 +4,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, unit
-
-Values = NDArray[np.float64]
-Labels = NDArray[np.int64]
+from cascadenorm.mesh import Bools, Floats, Ints, Mesh, Vectors, unit
 
 NEWTON_STEPS = 20
 DIFFERENCE = 1e-5  # for gradients, in the unit of the shapes
@@ -25,14 +21,14 @@ class Partition(NamedTuple):
     regions : (k, 3) points to (k, l), one function a region; a point belongs to that of the least
     """
 
-    body: Callable[[Vectors], Values]
-    regions: Callable[[Vectors], Values]
+    body: Callable[[Vectors], Floats]
+    regions: Callable[[Vectors], Floats]
 
-    def labels(self, points: Vectors) -> Labels:
+    def labels(self, points: Vectors) -> Ints:
         """Return (k,) the region of each point."""
         return np.where(self.body(points) < 0, 1 + self.regions(points).argmin(axis=1), 0)
 
-    def walls(self, points: Vectors, sets: NDArray[np.bool_]) -> Values:
+    def walls(self, points: Vectors, sets: Bools) -> Floats:
         """Return (k, l) functions that vanish where all regions of a set meet, which holds two regions at least.
 
         Parameters
@@ -44,20 +40,20 @@ class Partition(NamedTuple):
         out = np.where(inside, values - first[:, None], 0.0)
         return np.concatenate([np.where(sets[:, 0], self.body(points), 0.0)[:, None], out], axis=1)
 
-    def gradients(self, points: Vectors, sets: NDArray[np.bool_]) -> Values:
+    def gradients(self, points: Vectors, sets: Bools) -> Floats:
         """Return (k, l + 1, 3) the gradients of `walls`."""
         steps = DIFFERENCE * np.eye(3)
         slopes = [self.walls(points + h, sets) - self.walls(points - h, sets) for h in steps]
         return np.stack(slopes, axis=2) / (2 * DIFFERENCE)
 
-    def nearest(self, points: Vectors, sets: NDArray[np.bool_]) -> Vectors:
+    def nearest(self, points: Vectors, sets: Bools) -> Vectors:
         """Return where all regions of a set meet near each point: on a wall, a junction curve or a junction point."""
         for _ in range(NEWTON_STEPS):
             inverse = np.linalg.pinv(self.gradients(points, sets), rcond=1e-3)
             points = points - np.einsum("kij,kj->ki", inverse, self.walls(points, sets))
         return points
 
-    def normals(self, points: Vectors, labels: Labels) -> Vectors:
+    def normals(self, points: Vectors, labels: Ints) -> Vectors:
         """Return (k, 3) the unit normals at points of walls, from the first of the two labels to the second."""
         sets = members(labels, self.regions(points[:1]).shape[1] + 1)
         slopes = self.gradients(self.nearest(points, sets), sets)
@@ -77,9 +73,9 @@ class LabelledMesh(NamedTuple):
     """
 
     mesh: Mesh
-    labels: Labels
+    labels: Ints
 
-    def vertex_sets(self, count: int) -> NDArray[np.bool_]:
+    def vertex_sets(self, count: int) -> Bools:
         """Return (n, count) which regions meet at each vertex."""
         sets = np.zeros((len(self.mesh.vertices), count), bool)
         sets[np.repeat(self.mesh.faces, 2, axis=1), np.tile(self.labels, 3)] = True
@@ -91,7 +87,7 @@ class LabelledMesh(NamedTuple):
         return Mesh(self.mesh.vertices, np.concatenate([self.mesh.faces[behind], self.mesh.faces[ahead, ::-1]]))
 
 
-def members(labels: Labels, count: int) -> NDArray[np.bool_]:
+def members(labels: Ints, count: int) -> Bools:
     """Return (k, count) sets as rows of bool, each of the labels in a row."""
     sets = np.zeros((len(labels), count), bool)
     np.put_along_axis(sets, labels, True, axis=1)
@@ -114,7 +110,7 @@ def segmented(partition: Partition, *, voxel: float, half: float = 1.0, turn: Ve
     return LabelledMesh(placed, walls.labels)
 
 
-def label_nets(volume: Labels) -> LabelledMesh:
+def label_nets(volume: Ints) -> LabelledMesh:
     """Mesh the walls between labels by surface nets (Gibson 1998), a vertex in each cell whose corners differ.
 
     Parameters

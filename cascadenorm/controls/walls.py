@@ -1,13 +1,12 @@
 """Walls that regions share, joined from what a method has made of the shell of each region."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.controls.boundary import BoundaryEdges, smoothed_curve
 from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.geometry.shells import Shells
-from cascadenorm.mesh import Mesh, Vectors, row_sums, unit
+from cascadenorm.mesh import Bools, Mesh, Vectors, scatter_add, unit
 
 SPREAD = 2.0  # of the range weight along junction curves, in median angles from edge to edge
 DIRECTION_PASSES = 5
@@ -35,9 +34,7 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     count = len(mesh.vertices)
     before = shells.of(mesh)
     copies = np.maximum(np.bincount(shells.owners, minlength=count), 1)
-    moves = np.zeros((count, 3))
-    summed = row_sums(shells.owners, vertices - before.vertices)
-    moves[: len(summed)] = summed / copies[: len(summed), None]
+    moves = scatter_add(shells.owners, vertices - before.vertices, count) / copies[:, None]
     joined = mesh.moved(mesh.vertices + moves)
     normals = unit(shells.wall_normals(mesh, before.moved(vertices).normals))
 
@@ -60,5 +57,5 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     return without_flips(mesh, fitted.vertices, may_flip=may_flip)
 
 
-def _fitted(mesh: Mesh, normals: Vectors, movable: NDArray[np.bool_]) -> Mesh:
+def _fitted(mesh: Mesh, normals: Vectors, movable: Bools) -> Mesh:
     return mesh.moved(recover_vertices(mesh, normals, weighting="angles", movable=movable))

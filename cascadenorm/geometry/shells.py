@@ -9,10 +9,10 @@ from collections import defaultdict
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.geometry.orientation import patches
-from cascadenorm.mesh import Mesh, Vectors, kernel
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, kernel, scatter_add
+from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
 Pattern = tuple[int, ...]
 """The walls around an edge in cyclic order: 2 w + 1 where a face of wall w runs along it, 2 w where against it."""
@@ -31,16 +31,16 @@ class Shells(NamedTuple):
     """
 
     mesh: Mesh
-    owners: NDArray[np.int64]
-    faces: NDArray[np.int64]
-    flipped: NDArray[np.bool_]
-    junctions: NDArray[np.int32]
+    owners: Ints
+    faces: Ints
+    flipped: Bools
+    junctions: Ints32
 
     def of(self, mesh: Mesh) -> Mesh:
         """Return the shells with other positions of the vertices of the walls."""
         return self.mesh.moved(mesh.vertices[self.owners])
 
-    def of_edges(self, mesh: Mesh, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def of_edges(self, mesh: Mesh, marked: Bools) -> Bools:
         """Return which edges of the shells are copies of marked edges of the walls, (e,) over those of `mesh`."""
         edges, count = mesh.topology.edges.astype(np.int64), len(mesh.vertices)
         copies = np.sort(self.owners[self.mesh.topology.edges], axis=1)
@@ -50,7 +50,7 @@ class Shells(NamedTuple):
     def wall_normals(self, mesh: Mesh, normals: Vectors) -> Vectors:
         """Average what the two sides of each face of the walls have, (q, 3), to (m, 3)."""
         signed = np.where(self.flipped[:, None], -normals, normals)
-        return np.stack([np.bincount(self.faces, column, len(mesh.faces)) for column in signed.T], axis=1)
+        return scatter_add(self.faces, signed, len(mesh.faces))
 
 
 def divided(mesh: Mesh) -> tuple[Mesh, Shells | None]:
@@ -109,11 +109,11 @@ def shells(mesh: Mesh) -> Shells | None:
 
 def _side_by_side(
     mesh: Mesh,
-    inside: NDArray[np.bool_],
-    distinct: NDArray[np.bool_],
-    ahead: NDArray[np.int64],
-    behind: NDArray[np.int64],
-) -> tuple[Mesh, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    inside: Bools,
+    distinct: Bools,
+    ahead: Ints,
+    behind: Ints,
+) -> tuple[Mesh, Ints, Ints, Bools]:
     """Copy faces for the regions ahead of and behind them; those not inside, or between a region and itself, once."""
     count = np.int64(1 + max(ahead.max(), behind.max()))
     first = np.flatnonzero(~inside | distinct)
@@ -131,7 +131,7 @@ def _side_by_side(
     return Mesh(mesh.vertices[owners], corners), owners, faces, flipped
 
 
-def _first_of_twins(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _first_of_twins(faces: Ints32) -> Bools:
     """Return (m,) which faces are the first on their three vertices."""
     _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     distinct = np.zeros(len(faces), bool)
@@ -139,9 +139,7 @@ def _first_of_twins(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     return distinct
 
 
-def _patterns(
-    mesh: Mesh, junctions: NDArray[np.int64], wall: NDArray[np.int64], distinct: NDArray[np.bool_]
-) -> tuple[list[Pattern], dict[Pattern, float]]:
+def _patterns(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple[list[Pattern], dict[Pattern, float]]:
     """Return the pattern of the walls at each junction edge, and of each pattern the angle that speaks for it.
 
     That is the sum, over the edges that have it, of the narrowest angle between two of their walls.
@@ -158,7 +156,7 @@ def _patterns(
     return found, votes
 
 
-def _regions(walls: int, votes: dict[Pattern, float]) -> tuple[NDArray[np.int64], set[Pattern]]:
+def _regions(walls: int, votes: dict[Pattern, float]) -> tuple[Ints, set[Pattern]]:
     """Join the sides of walls that look into one wedge.
 
     Noise changes the order of walls around some edges. So the patterns with most votes come first, and one that would
@@ -198,30 +196,26 @@ def _wedges(pattern: Pattern) -> list[tuple[int, int]]:
 
 
 @kernel
-def _around(vertices, faces, around, a, b):  # type: ignore[no-untyped-def]
-    """Order the faces at an edge by their angle about it, from a to b counterclockwise.
+def _around(vertices: Floats, faces: Ints32, around: Ints32, a: int, b: int) -> tuple[Ints, Ints, float]:
+    """Order the faces at an edge by their angle about it, counterclockwise seen against the direction from a to b.
 
     Returns
     -------
     (k,) the order; (k,) 1 where a face runs from a to b, else 0; the narrowest angle between one and the next
     """
-    # Two axes across the edge; the first leads to the first face, or in any direction if that has no area
-    d = vertices[b] - vertices[a]
+    # The direction of each face across the edge; angles are measured from the first
     angles, runs = np.zeros(len(around)), np.zeros(len(around), np.int64)
-    first, second = np.zeros(3), np.zeros(3)
+    edge = subtract(row(vertices, b), row(vertices, a))
+    size = length(edge)
+    first = second = (0.0, 0.0, 0.0)
     for k in range(len(around)):
         u, v, w = faces[around[k]]
         apex = u if u not in (a, b) else (v if v not in (a, b) else w)
         runs[k] = (u == a and v == b) or (v == a and w == b) or (w == a and u == b)
-        r = vertices[apex] - vertices[a]
-        across = np.cross(np.cross(d, r), d)
-        if not second.any():
-            first, second = across, np.cross(d, across)
-            scale = np.sqrt((first * first).sum())
-            length = np.sqrt((d * d).sum())
-            if scale > 0:
-                first, second = first / scale, second / (scale * length)
-        angles[k] = np.arctan2((r * second).sum(), (r * first).sum()) % (2 * np.pi)
+        across = cross(cross(edge, subtract(row(vertices, apex), row(vertices, a))), edge)
+        if k == 0:
+            first, second = across, cross(edge, across)
+        angles[k] = np.arctan2(dot(across, second), dot(across, first) * size) % (2 * np.pi)
 
     # The gaps between one and the next, around
     order = np.argsort(angles)
