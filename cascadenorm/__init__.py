@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     )
     from cascadenorm.evaluation.harness import evaluate
     from cascadenorm.evaluation.metrics import Measures
+    from cascadenorm.geometry.farthest_points import farthest_points
     from cascadenorm.geometry.fast_harmonics import fast_harmonics
+    from cascadenorm.geometry.geodesics import geodesic_distances
     from cascadenorm.geometry.harmonics import manifold_harmonics, shape_dna
     from cascadenorm.geometry.holes import fill_holes
     from cascadenorm.inspection import Inspection, inspect
@@ -56,9 +58,11 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "denoise": "api",
     "denoise_file": "api",
     "evaluate": "evaluation.harness",
+    "farthest_points": "geometry.farthest_points",
     "fast_harmonics": "geometry.fast_harmonics",
     "fill_holes": "geometry.holes",
     "from_arrays": "io",
+    "geodesic_distances": "geometry.geodesics",
     "inspect": "inspection",
     "manifold_harmonics": "geometry.harmonics",
     "methods": "api",
@@ -91,9 +95,11 @@ __all__ = [
     "denoise",
     "denoise_file",
     "evaluate",
+    "farthest_points",
     "fast_harmonics",
     "fill_holes",
     "from_arrays",
+    "geodesic_distances",
     "inspect",
     "manifold_harmonics",
     "methods",

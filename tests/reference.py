@@ -1,6 +1,7 @@
 """Plain numpy twins of the kernels, written from the papers, slow."""
 
 import numpy as np
+from scipy.sparse.csgraph import dijkstra
 
 from cascadenorm.mesh import Csr, Mesh, unit
 
@@ -156,3 +157,48 @@ def jones(mesh: Mesh, *, sigma_f, sigma_g):
     height = np.einsum("ifd,fd->if", c - p[:, None], n)
     w = near * a * gauss(distance, sigma_f * edge) * gauss(height, sigma_g * edge)
     return p + (w * height) @ n / w.sum(axis=1, keepdims=True)
+
+
+def shortest_paths(mesh: Mesh):
+    """All pairs of distances along a surface: straight lines through every unfolding, joined at any vertices."""
+    size = len(mesh.vertices)
+    straight = np.full((size, size), np.inf)
+    for i, j in mesh.topology.edges:
+        straight[i, j] = straight[j, i] = length(mesh.vertices[i] - mesh.vertices[j])
+    limit = dijkstra(straight).max()
+
+    def cross(u, v):
+        return u[0] * v[1] - u[1] * v[0]
+
+    def unfold(source, face, ends, places, right, left):
+        """Go on through faces at an edge, which lies at two places seen from the source, between two directions."""
+        across = [g for g in around[tuple(sorted(ends))] if g != face]
+        for g in across:
+            (c,) = set(mesh.faces[g]) - set(ends)
+            (p, q), (a, b) = places, mesh.vertices[list(ends)]
+            along, to = b - a, mesh.vertices[c] - a
+            x = to @ along / (along @ along)
+            off = np.sqrt(max(to @ to - x * x * (along @ along), 0)) * (q - p)[[1, 0]] * (1, -1) / length(along)
+            r = p + x * (q - p) + off
+            if cross(right, r) >= -1e-9 and cross(r, left) >= -1e-9:
+                straight[source, c] = min(straight[source, c], length(r))
+            for new, spots in (((ends[0], c), (p, r)), ((c, ends[1]), (r, q))):
+                low = right if cross(right, spots[0]) < 0 else spots[0]
+                high = left if cross(left, spots[1]) > 0 else spots[1]
+                toward = spots[1] - spots[0]
+                nearest = spots[0] - toward * np.clip(spots[0] @ toward / (toward @ toward), -1, 0)
+                if cross(low, high) > 1e-12 and length(nearest) < limit:
+                    unfold(source, g, new, spots, low, high)
+
+    around = {}
+    for f, corners in enumerate(mesh.faces):
+        for k in range(3):
+            around.setdefault(tuple(sorted((corners[k], corners[k - 1]))), []).append(f)
+    for f, corners in enumerate(mesh.faces):
+        for k in range(3):
+            v, a, b = corners[k - 2], corners[k - 1], corners[k]
+            to_a, to_b = mesh.vertices[a] - mesh.vertices[v], mesh.vertices[b] - mesh.vertices[v]
+            p = np.array([length(to_a), 0])
+            q = np.array([to_a @ to_b, length(np.cross(to_a, to_b))]) / p[0]
+            unfold(v, f, (a, b), (p, q), p, q)
+    return dijkstra(np.minimum(straight, straight.T))

@@ -85,11 +85,23 @@ def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> 
     mollification : each edge length grows by one and the same ε, the least that lets every triangle satisfy the
         triangle inequality by this many mean edge lengths; ε is 0 for a mesh that does (Sharp & Crane 2020)
     """
+    return cotangent_laplacian_of(mesh, *face_cotangents(mesh, mollification=mollification))
+
+
+def cotangent_laplacian_of(mesh: Mesh, cotangents: NDArray[np.float64], areas: NDArray[np.float64]) -> Laplacian:
+    """Return the cotangent Laplacian from what `face_cotangents` returns."""
+    edge_weights = scatter_add(mesh.topology.face_edges.ravel(), 0.5 * cotangents.ravel(), len(mesh.topology.edges))
+    return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
+
+
+def face_cotangents(
+    mesh: Mesh, *, mollification: float = MOLLIFICATION
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (m, 3) the cotangent of the angle opposite to each side, and (m,) areas, from mollified lengths."""
     lengths = intrinsic_lengths(mesh, mollification=mollification)
     cotangents, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
     parallel_for(len(mesh.faces), _cotangents, lengths, cotangents, areas)
-    edge_weights = scatter_add(mesh.topology.face_edges.ravel(), 0.5 * cotangents.ravel(), len(mesh.topology.edges))
-    return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
+    return cotangents, areas
 
 
 def vertex_masses(mesh: Mesh, areas: NDArray[np.float64]) -> NDArray[np.float64]:
