@@ -1,12 +1,11 @@
 """Approximate manifold harmonics of large meshes, from a few thousand local functions (Nasikun et al. 2018)."""
 
-import heapq
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import eigh
 
+from cascadenorm.geometry.farthest_points import spread
 from cascadenorm.geometry.harmonics import Harmonics, check_count, manifold_harmonics
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Bools, Csr, Floats, Ints, Mesh, Vectors, kernel, one_blas_thread, parallel_for
@@ -42,13 +41,10 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     laplacian = cotangent_laplacian(mesh)
     available = int((laplacian.mass > 0).sum())
     wanted = max(SAMPLES_PER_HARMONIC * count, 1000) if samples is None else samples
-    neighbors = mesh.topology.vertex_neighbors
-    lengths = np.linalg.norm(mesh.vertices[neighbors.indices] - mesh.vertices[neighbors.rows], axis=1)
     check_count(count, min(wanted, available))
     if CROWDED * wanted >= available:
         return manifold_harmonics(mesh, count)
-    used = np.flatnonzero(laplacian.mass > 0)
-    centers, distances = farthest_points(neighbors, lengths, used, wanted)
+    centers, distances = spread(mesh, wanted, first=int(np.argmax(laplacian.mass > 0)))
     check_count(count, len(centers))
     reach = np.sqrt(OVERLAP * laplacian.mass.sum() / (np.pi * len(centers)))
     reach = max(reach, 1.1 * distances[np.isfinite(distances)].max())  # so that every vertex is reached
@@ -64,31 +60,6 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     return Harmonics(np.maximum(values, 0.0), np.asarray(basis @ reduced), laplacian.mass)
 
 
-def farthest_points(
-    neighbors: Csr, lengths: NDArray[np.float64], allowed: NDArray[np.int64], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Spread samples over the vertices: each is farthest along edges from those before it.
-
-    Parameters
-    ----------
-    neighbors : of each of n vertices
-    lengths : of the edge to each of `neighbors.indices`
-    allowed : numbers of the vertices to choose from; the first is the first sample
-    count : at most len(allowed)
-
-    Returns
-    -------
-    samples : (count,) vertices, in the order in which they were chosen; fewer if the rest lies in the same places
-    distances : (n,) from each vertex to the nearest sample, inf where there is no way
-    """
-    choosable = np.zeros(len(neighbors.indptr) - 1, bool)
-    choosable[allowed] = True
-    samples, distances = np.empty(count, np.int64), np.full(len(choosable), np.inf)
-    indices = neighbors.indices.astype(np.int64)
-    found = _farthest_points(neighbors.indptr, indices, lengths, choosable, samples, distances)
-    return samples[:found], distances
-
-
 def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> sparse.csr_array:
     """Return (n, d) the local function of each centre, rows divided by their sum."""
     neighbors, n = mesh.topology.vertex_neighbors, len(mesh.vertices)
@@ -100,33 +71,6 @@ def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> sp
     functions = sparse.csr_array(sparse.coo_array((values, (rows, columns)), (n, len(centers))))
     total = functions.sum(axis=1)
     return sparse.csr_array(sparse.diags_array(np.divide(1, total, out=np.zeros(n), where=total > 0)) @ functions)
-
-
-@kernel
-def _farthest_points(
-    indptr: Ints, indices: Ints, lengths: Floats, choosable: Bools, samples: Ints, distances: Floats
-) -> int:
-    """Relax distances from one sample after the other; only vertices that come nearer are visited again."""
-    for s in range(len(samples)):
-        farthest, center = -1.0, -1
-        for i in range(len(distances)):
-            if choosable[i] and distances[i] > farthest:
-                farthest, center = distances[i], i
-        if not farthest > 0:
-            return s
-        samples[s] = center
-        distances[center] = 0.0
-        queue = [(0.0, center)]
-        while len(queue) > 0:
-            distance, i = heapq.heappop(queue)
-            if distance > distances[i]:
-                continue
-            for k in range(indptr[i], indptr[i + 1]):
-                j, further = indices[k], distance + lengths[k]
-                if further < distances[j]:
-                    distances[j] = further
-                    heapq.heappush(queue, (further, j))
-    return len(samples)
 
 
 @kernel

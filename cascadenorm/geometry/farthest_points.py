@@ -1,0 +1,125 @@
+"""Vertices spread over a surface: each is farthest along it from those before (farthest point sampling)."""
+
+import heapq
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.geometry.geodesic_windows import unfolded
+from cascadenorm.mesh import Mesh, in_frame, kernel, without_lines
+from cascadenorm.registry import ParameterError
+
+PROGRESS = 1e-12
+"""Relative decrease of a distance that is worth passing on."""
+
+
+def farthest_points(
+    vertices: ArrayLike, faces: ArrayLike, count: int, *, first: int | None = None
+) -> NDArray[np.int64]:
+    """Spread samples over the vertices of a mesh: each is farthest along the surface from those before it.
+
+    Distances are those of fast marching by unfolding (Kimmel & Sethian 1998; Novotni & Klein 2002), within about 1 % of
+    the exact ones. Each sample visits only what comes nearer, so that thousands take seconds.
+
+    Parameters
+    ----------
+    vertices : (n, 3)
+    faces : (m, 3) integers in 0 … n - 1
+    count : how many, from 1 to the number of vertices that a face references. Each connected component gets one
+        before any gets its second
+    first : number of the first sample; None: the first vertex that a face references
+
+    Returns
+    -------
+    (count,) numbers of vertices, in the order in which they were chosen; fewer if all others coincide with them
+
+    Raises
+    ------
+    MeshError : no valid mesh
+    ParameterError : count is out of range, or first is no vertex with a face
+    """
+    mesh, _ = in_frame(without_lines(Mesh(vertices, faces)))
+    used = np.flatnonzero(mesh.topology.used_vertices)
+    if not 1 <= count <= len(used):
+        raise ParameterError(f"is {count}; it must be 1 to {len(used)}, the vertices with a face", parameter="count")
+    if first is not None and first not in used:
+        raise ParameterError(f"is {first}; it must be a vertex that a face references", parameter="first")
+    return spread(mesh, count, first=int(used[0]) if first is None else first)[0]
+
+
+def spread(mesh: Mesh, count: int, *, first: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return samples as `farthest_points` does, and (n,) the distance from each vertex to the nearest of them.
+
+    Vertices without a face are no samples, and their distance is inf.
+    """
+    samples, distances = np.empty(count, np.int64), np.full(len(mesh.vertices), np.inf)
+    nearest = np.full(len(mesh.vertices), -1)  # sample of each vertex
+    found = _spread(unfolded(mesh), mesh.topology.used_vertices, first, samples, nearest, distances)
+    return samples[:found], distances
+
+
+@kernel
+def _spread(unfolded, used, first, samples, nearest, distances):  # type: ignore[no-untyped-def]
+    """March from one sample after the other; only vertices that come nearer are visited again."""
+    center = first
+    for s in range(len(samples)):
+        samples[s] = center
+        _march(unfolded, center, nearest, distances)
+        farthest = 0.0
+        for i in range(len(distances)):
+            if used[i] and distances[i] > farthest:
+                farthest, center = distances[i], i
+        if not farthest > 0.0:
+            return s + 1
+    return len(samples)
+
+
+@kernel
+def _march(unfolded, center, nearest, distances):  # type: ignore[no-untyped-def]
+    """Lower distances from a vertex on, nearest first, across the faces around each vertex."""
+    faces, lengths = unfolded.faces, unfolded.lengths
+    distances[center], nearest[center] = 0.0, center
+    queue = [(0.0, np.int64(center))]
+    while len(queue) > 0:
+        distance, i = heapq.heappop(queue)
+        if distance > distances[i]:
+            continue
+        for n in range(unfolded.vertex_indptr[i], unfolded.vertex_indptr[i + 1]):
+            f = unfolded.vertex_faces[n]
+            k = 0 if faces[f, 0] == i else 1 if faces[f, 1] == i else 2
+            b, c = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            # along the two edges, and across the face from a side that ends here, if its other end has this sample too
+            to_b, to_c = distance + lengths[3 * f + k], distance + lengths[3 * f + (k + 2) % 3]
+            if nearest[c] == center:
+                to_b = min(to_b, _across(unfolded, 3 * f + (k + 2) % 3, distances))
+            if nearest[b] == center:
+                to_c = min(to_c, _across(unfolded, 3 * f + k, distances))
+            if to_b < distances[b] * (1.0 - PROGRESS):
+                distances[b], nearest[b] = to_b, center
+                heapq.heappush(queue, (to_b, np.int64(b)))
+            if to_c < distances[c] * (1.0 - PROGRESS):
+                distances[c], nearest[c] = to_c, center
+                heapq.heappush(queue, (to_c, np.int64(c)))
+
+
+@kernel
+def _across(unfolded, side, distances):  # type: ignore[no-untyped-def]
+    """Distance of the third corner of a face from the sample, unfolded into its plane by the distances of two corners.
+
+    It is inf where the straight line does not cross the side between these two.
+    """
+    f, k = side // 3, side % 3
+    at_a, at_b = distances[unfolded.faces[f, k]], distances[unfolded.faces[f, (k + 1) % 3]]
+    length = unfolded.lengths[side]
+    if not length > 0.0:
+        return np.inf
+    x = 0.5 * (length + (at_a - at_b) * (at_a + at_b) / length)
+    squared = (at_a - x) * (at_a + x)
+    if squared < 0.0:
+        return np.inf
+    y = np.sqrt(squared)
+    apex_x, apex_y = unfolded.apexes[side]
+    entry = x * apex_y + apex_x * y  # times y + apex_y, from the first end
+    if 0.0 <= entry <= length * (y + apex_y):
+        return np.hypot(apex_x - x, apex_y + y)
+    return np.inf
