@@ -3,19 +3,17 @@
 import heapq
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cascadenorm.geometry.geodesic_windows import unfolded
-from cascadenorm.mesh import Mesh, in_frame, kernel, without_lines
+from cascadenorm.geometry.geodesic_windows import UnfoldedFaces, unfolded
+from cascadenorm.mesh import Bools, Floats, Ints, Mesh, in_frame, kernel, without_lines
 from cascadenorm.registry import ParameterError
 
 PROGRESS = 1e-12
 """Relative decrease of a distance that is worth passing on."""
 
 
-def farthest_points(
-    vertices: ArrayLike, faces: ArrayLike, count: int, *, first: int | None = None
-) -> NDArray[np.int64]:
+def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first: int | None = None) -> Ints:
     """Spread samples over the vertices of a mesh: each is farthest along the surface from those before it.
 
     Distances are those of fast marching by unfolding (Kimmel & Sethian 1998; Novotni & Klein 2002), within about 1 % of
@@ -47,7 +45,7 @@ def farthest_points(
     return spread(mesh, count, first=int(used[0]) if first is None else first)[0]
 
 
-def spread(mesh: Mesh, count: int, *, first: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def spread(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]:
     """Return samples as `farthest_points` does, and (n,) the distance from each vertex to the nearest of them.
 
     Vertices without a face are no samples, and their distance is inf.
@@ -59,7 +57,7 @@ def spread(mesh: Mesh, count: int, *, first: int) -> tuple[NDArray[np.int64], ND
 
 
 @kernel
-def _spread(unfolded, used, first, samples, nearest, distances):  # type: ignore[no-untyped-def]
+def _spread(unfolded: UnfoldedFaces, used: Bools, first: int, samples: Ints, nearest: Ints, distances: Floats) -> int:
     """March from one sample after the other; only vertices that come nearer are visited again."""
     center = first
     for s in range(len(samples)):
@@ -75,17 +73,17 @@ def _spread(unfolded, used, first, samples, nearest, distances):  # type: ignore
 
 
 @kernel
-def _march(unfolded, center, nearest, distances):  # type: ignore[no-untyped-def]
+def _march(unfolded: UnfoldedFaces, center: int, nearest: Ints, distances: Floats) -> None:
     """Lower distances from a vertex on, nearest first, across the faces around each vertex."""
-    faces, lengths = unfolded.faces, unfolded.lengths
+    faces, lengths, around = unfolded.faces, unfolded.lengths, unfolded.vertex_faces
     distances[center], nearest[center] = 0.0, center
     queue = [(0.0, np.int64(center))]
     while len(queue) > 0:
         distance, i = heapq.heappop(queue)
         if distance > distances[i]:
             continue
-        for n in range(unfolded.vertex_indptr[i], unfolded.vertex_indptr[i + 1]):
-            f = unfolded.vertex_faces[n]
+        for n in range(around.indptr[i], around.indptr[i + 1]):
+            f = around.indices[n]
             k = 0 if faces[f, 0] == i else 1 if faces[f, 1] == i else 2
             b, c = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
             # along the two edges, and across the face from a side that ends here, if its other end has this sample too
@@ -103,7 +101,7 @@ def _march(unfolded, center, nearest, distances):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _across(unfolded, side, distances):  # type: ignore[no-untyped-def]
+def _across(unfolded: UnfoldedFaces, side: int, distances: Floats) -> float:
     """Distance of the third corner of a face from the sample, unfolded into its plane by the distances of two corners.
 
     It is inf where the straight line does not cross the side between these two.
@@ -121,5 +119,5 @@ def _across(unfolded, side, distances):  # type: ignore[no-untyped-def]
     apex_x, apex_y = unfolded.apexes[side]
     entry = x * apex_y + apex_x * y  # times y + apex_y, from the first end
     if 0.0 <= entry <= length * (y + apex_y):
-        return np.hypot(apex_x - x, apex_y + y)
+        return float(np.hypot(apex_x - x, apex_y + y))
     return np.inf

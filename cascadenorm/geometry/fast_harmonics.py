@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 from cascadenorm.geometry.farthest_points import spread
 from cascadenorm.geometry.harmonics import Harmonics, check_count, manifold_harmonics
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.mesh import Bools, Csr, Floats, Ints, Mesh, Vectors, kernel, one_blas_thread, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints, Mesh, Vectors, kernel, one_blas_thread, parallel_for
 from cascadenorm.mesh.vectors import length, row, subtract
 
 SAMPLES_PER_HARMONIC = 3

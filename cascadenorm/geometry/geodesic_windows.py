@@ -6,12 +6,11 @@ with a total angle above 2π and those at a boundary, which become sources of wi
 """
 
 import heapq
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, kernel
+from cascadenorm.mesh import Bools, Csr, Floats, Ints, Ints32, Mesh, kernel, scatter_add
 
 ROUNDING = 1e-11
 """Relative difference of two distances that may be nothing but rounding."""
@@ -30,20 +29,25 @@ class UnfoldedFaces(NamedTuple):
     lengths : (3m,) of the sides
     apexes : (3m, 2) the third corner of the face, from the first corner of the side along it, and off it
     side_edges : (3m,) edge of each side
-    edge_indptr, edge_sides : the sides at each edge, as compressed rows
-    vertex_indptr, vertex_faces : the faces around each vertex, as compressed rows
-    turning : (n,) bool, whether a shortest path may turn at a vertex
+    edge_sides : the sides at each edge
+    vertex_faces : the faces around each vertex
+    turning : (n,) whether a shortest path may turn at a vertex
     """
 
-    faces: NDArray[np.int32]
-    lengths: NDArray[np.float64]
-    apexes: NDArray[np.float64]
-    side_edges: NDArray[np.int32]
-    edge_indptr: NDArray[np.int64]
-    edge_sides: NDArray[np.int64]
-    vertex_indptr: NDArray[np.int64]
-    vertex_faces: NDArray[np.int32]
-    turning: NDArray[np.bool_]
+    faces: Ints32
+    lengths: Floats
+    apexes: Floats
+    side_edges: Ints32
+    edge_sides: Csr
+    vertex_faces: Csr
+    turning: Bools
+
+
+Queue = list[Any]
+"""Windows (nearest distance, side, low, high, x, y, distance of the source): the interval low … high along the side by
+which they enter a face, and the source in the plane of that face, x along the side and y off it. A vertex v from which
+windows start is there as (distance, -1 - v, 0, …).
+"""
 
 
 class ExactDistances:
@@ -64,7 +68,7 @@ class ExactDistances:
         # of each side: the least distance of the third corner through it, and where along it that line came through
         self._occupants = np.full((len(self.unfolded.lengths), 2), np.inf)
 
-    def add(self, sources: NDArray[np.int64]) -> None:
+    def add(self, sources: Ints) -> None:
         """Add sources, (s,) vertices, and lower the distances of what is nearer to them than to those before."""
         _propagate(self.unfolded, sources, self._occupants, self.values)
 
@@ -80,20 +84,20 @@ def unfolded(mesh: Mesh) -> UnfoldedFaces:
     np.divide(dots, lengths, out=apexes[..., 0], where=proper)
     np.divide(2 * mesh.areas[:, None], lengths, out=apexes[..., 1], where=proper)
     angles = np.arctan2(2 * mesh.areas[:, None], dots)
-    total = np.bincount(mesh.faces.ravel(), angles.ravel(), topology.vertex_count)
+    total = scatter_add(mesh.faces.ravel(), angles.ravel(), topology.vertex_count)
+    sides = np.argsort(topology.face_edges, axis=None, kind="stable").astype(np.int32)
     return UnfoldedFaces(
         mesh.faces,
         lengths.ravel(),
         apexes.reshape(-1, 2),
         topology.face_edges.ravel(),
-        topology.edge_faces.indptr,
-        np.argsort(topology.face_edges, axis=None, kind="stable"),
-        *topology.vertex_faces,
+        Csr(topology.edge_faces.indptr, sides),
+        topology.vertex_faces,
         (total > 2 * np.pi + GRAZING) | _irregular_vertices(mesh),
     )
 
 
-def _irregular_vertices(mesh: Mesh) -> NDArray[np.bool_]:
+def _irregular_vertices(mesh: Mesh) -> Bools:
     """Vertices, (n,) bool, whose faces form anything but one closed fan, or have no area."""
     topology, mask = mesh.topology, np.zeros(len(mesh.vertices), bool)
     mask[topology.edges[topology.edge_faces.counts != 2]] = True
@@ -103,15 +107,10 @@ def _irregular_vertices(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 @kernel
-def _propagate(unfolded, sources, occupants, distances):  # type: ignore[no-untyped-def]
-    """Lower distances by windows from further sources.
-
-    The queue holds windows (nearest distance, side, low, high, x, y, distance of the source): the interval low … high
-    along the side by which they enter a face, and the source in the plane of that face, x along the side and y off it.
-    A vertex v from which windows start is there as (distance, -1 - v, 0, …).
-    """
+def _propagate(unfolded: UnfoldedFaces, sources: Ints, occupants: Floats, distances: Floats) -> None:
+    """Lower distances by windows from further sources."""
     faces, lengths, apexes = unfolded.faces, unfolded.lengths, unfolded.apexes
-    queue = [(0.0, -1, 0.0, 0.0, 0.0, 0.0, 0.0)]
+    queue: Queue = [(0.0, -1, 0.0, 0.0, 0.0, 0.0, 0.0)]  # from which the compiler knows the types
     queue.pop()
     for v in sources:
         if distances[v] > 0.0:
@@ -154,11 +153,12 @@ def _propagate(unfolded, sources, occupants, distances):  # type: ignore[no-unty
 
 
 @kernel
-def _start_windows(unfolded, v, distances, queue):  # type: ignore[no-untyped-def]
+def _start_windows(unfolded: UnfoldedFaces, v: int, distances: Floats, queue: Queue) -> None:
     """Reach the neighbours of a vertex along the edges, and what lies behind the opposite sides of its faces."""
     faces = unfolded.faces
-    for n in range(unfolded.vertex_indptr[v], unfolded.vertex_indptr[v + 1]):
-        f = unfolded.vertex_faces[n]
+    around = unfolded.vertex_faces
+    for n in range(around.indptr[v], around.indptr[v + 1]):
+        f = around.indices[n]
         for corner in range(3):
             side = 3 * f + corner
             a, b = faces[f, corner], faces[f, (corner + 1) % 3]
@@ -172,7 +172,7 @@ def _start_windows(unfolded, v, distances, queue):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _reach(unfolded, v, distance, distances, queue):  # type: ignore[no-untyped-def]
+def _reach(unfolded: UnfoldedFaces, v: int, distance: float, distances: Floats, queue: Queue) -> None:
     """Lower the distance of a vertex; windows will start there if paths may turn at it."""
     if distance < distances[v]:
         distances[v] = distance
@@ -181,7 +181,19 @@ def _reach(unfolded, v, distance, distances, queue):  # type: ignore[no-untyped-
 
 
 @kernel
-def _pass_beside(unfolded, side, left, low, high, x, y, entry, offset, distances, queue):  # type: ignore[no-untyped-def]
+def _pass_beside(
+    unfolded: UnfoldedFaces,
+    side: int,
+    left: bool,
+    low: float,
+    high: float,
+    x: float,
+    y: float,
+    entry: float,
+    offset: float,
+    distances: Floats,
+    queue: Queue,
+) -> None:
     """Pass the rays through low … high on to the side from an end of theirs to the third corner; measured from there.
 
     The ray to the third corner comes through at entry. That through t meets the new side at the share
@@ -206,7 +218,17 @@ def _pass_beside(unfolded, side, left, low, high, x, y, entry, offset, distances
 
 
 @kernel
-def _pass_on(unfolded, side, low, high, x, y, offset, distances, queue):  # type: ignore[no-untyped-def]
+def _pass_on(
+    unfolded: UnfoldedFaces,
+    side: int,
+    low: float,
+    high: float,
+    x: float,
+    y: float,
+    offset: float,
+    distances: Floats,
+    queue: Queue,
+) -> None:
     """Let a window leave a face by a side and enter the others at its edge, unless it was overtaken."""
     faces, length, edge = unfolded.faces, unfolded.lengths[side], unfolded.side_edges[side]
     low, high = max(low, 0.0), min(high, length)
@@ -216,8 +238,9 @@ def _pass_on(unfolded, side, low, high, x, y, offset, distances, queue):  # type
     if _overtaken(distances[a], distances[b], length, low, high, x, y, offset):
         return
     nearest = offset + np.hypot(max(low - x, 0.0, x - high), y)
-    for n in range(unfolded.edge_indptr[edge], unfolded.edge_indptr[edge + 1]):
-        other = unfolded.edge_sides[n]
+    sides = unfolded.edge_sides
+    for n in range(sides.indptr[edge], sides.indptr[edge + 1]):
+        other = np.int64(sides.indices[n])
         if other == side:
             continue
         if faces[other // 3, other % 3] == a:
@@ -227,7 +250,9 @@ def _pass_on(unfolded, side, low, high, x, y, offset, distances, queue):  # type
 
 
 @kernel
-def _overtaken(at_a, at_b, length, low, high, x, y, offset):  # type: ignore[no-untyped-def]
+def _overtaken(
+    at_a: float, at_b: float, length: float, low: float, high: float, x: float, y: float, offset: float
+) -> bool:
     """Whether the far end of a window is reached sooner through an end of its side: then so is all of it."""
     through_a, through_b = (at_a + high) * (1.0 + ROUNDING), (at_b + length - low) * (1.0 + ROUNDING)
-    return offset + np.hypot(high - x, y) > through_a or offset + np.hypot(low - x, y) > through_b
+    return bool(offset + np.hypot(high - x, y) > through_a or offset + np.hypot(low - x, y) > through_b)

@@ -3,13 +3,25 @@
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 
 from cascadenorm.geometry.geodesic_windows import ExactDistances
-from cascadenorm.geometry.laplacians import cotangent_laplacian_of, face_cotangents, sums
+from cascadenorm.geometry.laplacians import cotangent_laplacian_of, face_cotangents
 from cascadenorm.geometry.sparse_solvers import Factorisation
-from cascadenorm.mesh import Mesh, in_frame, kernel, parallel_for, without_lines
+from cascadenorm.mesh import (
+    Bools,
+    Floats,
+    Ints,
+    Ints32,
+    Mesh,
+    Vectors,
+    in_frame,
+    kernel,
+    parallel_for,
+    scatter_add,
+    without_lines,
+)
 from cascadenorm.registry import ParameterError
 
 LEAST_HEAT = 1e-300
@@ -20,7 +32,7 @@ GeodesicMethod = Literal["heat", "exact"]
 
 def geodesic_distances(
     vertices: ArrayLike, faces: ArrayLike, sources: ArrayLike, *, method: GeodesicMethod = "heat"
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the distance along the surface from each vertex to the nearest source.
 
     Parameters
@@ -48,13 +60,13 @@ def geodesic_distances(
     chosen = _checked_sources(sources, len(mesh.vertices))
     framed, exponent = in_frame(without_lines(mesh))
     if method == "heat":
-        return np.ldexp(heat_distances(framed, chosen), exponent)
+        return np.asarray(np.ldexp(heat_distances(framed, chosen), exponent))
     exact = ExactDistances(framed)
     exact.add(chosen)
-    return np.ldexp(exact.values, exponent)
+    return np.asarray(np.ldexp(exact.values, exponent))
 
 
-def heat_distances(mesh: Mesh, sources: NDArray[np.int64]) -> NDArray[np.float64]:
+def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
     """Return (n,) approximate distances to the nearest source, inf where none is connected.
 
     Heat flows from the sources for a time of one squared mean edge length; its gradient points along the shortest
@@ -79,7 +91,7 @@ def heat_distances(mesh: Mesh, sources: NDArray[np.int64]) -> NDArray[np.float64
     heat[near] = _heat(stiffness, laplacian.mass[near], positions, (distances == 0)[near], mesh.mean_edge_length**2)
     flux = np.zeros(mesh.faces.shape)
     parallel_for(len(flux), _unit_flux, mesh.faces, cotangents, areas, heat, flux)
-    divergence = sums(mesh.faces, flux, len(near))[near]
+    divergence = scatter_add(mesh.faces.ravel(), flux.ravel(), len(near))[near]
 
     # Poisson equation, with the first source of each component held
     inside = sources[near[sources]]
@@ -98,11 +110,11 @@ def heat_distances(mesh: Mesh, sources: NDArray[np.int64]) -> NDArray[np.float64
 
 def _heat(
     stiffness: sparse.csr_array,
-    mass: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    sources: NDArray[np.bool_],
+    mass: Floats,
+    positions: Vectors,
+    sources: Bools,
     time: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the heat of one implicit step, which flows for longer until some has come everywhere."""
     while True:
         step = sparse.diags_array(mass) + time * stiffness
@@ -113,7 +125,9 @@ def _heat(
 
 
 @kernel
-def _unit_flux(start, stop, faces, cotangents, areas, heat, flux):  # type: ignore[no-untyped-def]
+def _unit_flux(
+    start: int, stop: int, faces: Ints32, cotangents: Floats, areas: Floats, heat: Floats, flux: Floats
+) -> None:
     """What flows out of each corner of a face, (m, 3), down a heat that is scaled to a gradient of length 1.
 
     A piecewise linear function u has the energy ∫ |∇u|² = Σ ½ cot (u_i - u_j)² over the sides of a face, and its
@@ -136,7 +150,7 @@ def _unit_flux(start, stop, faces, cotangents, areas, heat, flux):  # type: igno
             flux[f, 2] = scale * (along_bc - along_ca)
 
 
-def _checked_sources(sources: ArrayLike, count: int) -> NDArray[np.int64]:
+def _checked_sources(sources: ArrayLike, count: int) -> Ints:
     """Return the sources, ascending, each once; raises ParameterError where they are no vertices."""
     given = np.atleast_1d(np.asarray(sources))
     if given.ndim != 1 or not len(given) or given.dtype.kind not in "iu":

@@ -88,15 +88,13 @@ def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> 
     return cotangent_laplacian_of(mesh, *face_cotangents(mesh, mollification=mollification))
 
 
-def cotangent_laplacian_of(mesh: Mesh, cotangents: NDArray[np.float64], areas: NDArray[np.float64]) -> Laplacian:
+def cotangent_laplacian_of(mesh: Mesh, cotangents: Floats, areas: Floats) -> Laplacian:
     """Return the cotangent Laplacian from what `face_cotangents` returns."""
     edge_weights = scatter_add(mesh.topology.face_edges.ravel(), 0.5 * cotangents.ravel(), len(mesh.topology.edges))
     return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
 
 
-def face_cotangents(
-    mesh: Mesh, *, mollification: float = MOLLIFICATION
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def face_cotangents(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> tuple[Floats, Floats]:
     """Return (m, 3) the cotangent of the angle opposite to each side, and (m,) areas, from mollified lengths."""
     lengths = intrinsic_lengths(mesh, mollification=mollification)
     cotangents, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
