@@ -45,7 +45,9 @@ def main() -> None:
             cells = [f"{measure(mesh, box).normal_error_deg:.2f}" for mesh in by_crease]
             creases.append(f"| `{name}` | {level} | {' | '.join(cells)} |")
     text = [
-        "Made by `python benchmarks/controls.py`; noise in mean edge lengths, in all directions.",
+        "# Boundaries and creases",
+        "",
+        "Noise is in mean edge lengths, in all directions. `python benchmarks/controls.py` writes this page.",
         "",
         f"A flat square of {STEPS} × {STEPS} cells: mean distance of its boundary from the outline, in cells.",
         "",

@@ -69,8 +69,8 @@ def dirty_meshes() -> dict[str, Dirty]:
         "a vertex is not a number": changed(7, np.nan),
         "a vertex is infinite": changed(7, (np.inf, 0, 0)),
         "a face references a vertex past the last": more([], [0, 1, count]),
-        "a face names vertex 1,000,000,000": more([], [0, 1, 10**9]),
-        "a face names vertex -1": more([], [0, 1, -1]),
+        "a face references vertex 1,000,000,000": more([], [0, 1, 10**9]),
+        "a face references vertex -1": more([], [0, 1, -1]),
         "a face repeats a vertex": more([], [[0, 0, 1], [5, 5, 5]]),
         "faces without area": more([vertices[0], side], [[0, 1, count], [0, faces[0, 1], count + 1]]),
         "slivers": more([middle, middle + 1e-9], [[faces[0, 0], faces[0, 1], count], [faces[0, 0], count, count + 1]]),
@@ -80,14 +80,14 @@ def dirty_meshes() -> dict[str, Dirty]:
         "edges with three faces": more(
             vertices[faces[:9, 0]] * 1.3, np.column_stack([faces[:9, :2], count + np.arange(9)])
         ),
-        "parts joined at a vertex": more(vertices[0] + [[0.5, 0.3, 0], [0.5, -0.3, 0.2]], [0, count, count + 1]),
+        "components joined at a vertex": more(vertices[0] + [[0.5, 0.3, 0], [0.5, -0.3, 0.2]], [0, count, count + 1]),
         "every third face flipped": Dirty(vertices, turned, alike=True),
         "inside out": Dirty(vertices, inside_out, alike=True),
         "passes through itself": Dirty(
             np.concatenate([vertices, vertices[:, [2, 0, 1]] + 1]), np.concatenate([faces, faces + count])
         ),
         "soup: no vertex is shared": Dirty(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)),
-        "2,000 parts": Dirty(
+        "2,000 components": Dirty(
             (tetrahedron + shifts).reshape(-1, 3), (corners + 4 * np.arange(2000)[:, None, None]).reshape(-1, 3)
         ),
         "a single triangle": Dirty(vertices[strip], strip[None]),

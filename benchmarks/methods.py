@@ -80,9 +80,11 @@ def main() -> None:
         print(json.dumps(run(options.run, options.faces[0])))
         return
     lines = [
-        "Time (in brackets: of all threads) and peak memory of the process, at the defaults, on a torus with noise "
-        f"of {NOISE} mean edges; {thread_count()} threads, {platform.machine()}, Python {platform.python_version()}. "
-        "Made by `python benchmarks/methods.py`.",
+        "# Time and memory of the methods",
+        "",
+        "Wall time, CPU time of all threads in brackets, and peak memory of the process. Each method runs at its "
+        f"defaults on a torus with noise of {NOISE} mean edge lengths; {thread_count()} threads, {platform.machine()}, "
+        f"Python {platform.python_version()}. `python benchmarks/methods.py` writes this page.",
         "",
         "| method | " + " | ".join(f"{faces:,} faces" for faces in options.faces) + " |",
         "|---" * (1 + len(options.faces)) + "|",

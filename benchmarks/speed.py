@@ -59,7 +59,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     machine = f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
     where = "" if chosen.device == "cpu" else f", {chosen.device}"
     lines = [
-        f"Whole commands, reading and writing included, kernels compiled before; {machine}{where}.",
+        "# Time and memory of whole commands",
+        "",
+        f"Reading and writing included, kernels compiled before; {machine}{where}. "
+        "`python benchmarks/speed.py` writes this page.",
         "",
         "| command | seconds | peak memory, GiB |",
         "| --- | ---: | ---: |",

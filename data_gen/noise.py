@@ -1,4 +1,4 @@
-"""Noise on vertices: along normals, in all directions, impulsive, uniform, varying over the shape, and mixed."""
+"""Noise on vertices: along normals, in all directions, impulsive, uniform, varying, correlated, quantised, mixed."""
 
 from collections.abc import Callable
 from typing import Literal, get_args
@@ -7,18 +7,23 @@ import numpy as np
 
 from cascadenorm.data_gen.fields import Values
 from cascadenorm.data_gen.patterns import noise as drift
+from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.sensor import blurred, neighbor_means, sensor_displacements
 from cascadenorm.mesh import Mesh, Vectors
 
-WIDEST = 60  # averages over neighbours of correlated noise, which reaches over some ten edges then
+WIDEST = 40  # averages over neighbours of correlated noise, which reaches over some eight edges then
+FINEST = 0.25  # mean edge lengths: deviation of rounding at most, or triangles collapse
 
-NoiseKind = Literal["normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "correlated", "sensor", "none"]
+NoiseKind = Literal[
+    "normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "correlated", "quantised", "sensor", "none"
+]
 """What noise is like.
 
 `normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat.
 `impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
 `mixed`: two. `correlated`: alike over several edges, along normals or in each coordinate, some with white noise on top.
-`sensor`: the error of a depth camera, for sheets seen from one side. `none`: none.
+`quantised`: coordinates rounded to a lattice. `sensor`: the error of a depth camera, for sheets seen from one side.
+`none`: none.
 """
 
 
@@ -92,6 +97,16 @@ def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vecto
     return np.asarray(error)
 
 
+def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    """Rounding to a lattice, turned and shifted at random, whose spacing is √12 deviations."""
+    spacing = np.sqrt(12) * min(deviation, FINEST * mesh.mean_edge_length)
+    if spacing == 0:
+        return np.zeros(mesh.vertices.shape)
+    turn, shift = random_rotation(rng=rng), rng.random(3)
+    nodes = mesh.vertices @ turn / spacing + shift
+    return np.asarray(spacing * (np.round(nodes) - nodes) @ turn.T)
+
+
 def _sensor(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     return sensor_displacements(mesh, deviation, rng=rng)
 
@@ -108,6 +123,7 @@ _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] =
     "varying": _varying,
     "mixed": _mixed,
     "correlated": _correlated,
+    "quantised": _quantised,
     "sensor": _sensor,
     "none": _none,
 }

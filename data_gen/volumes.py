@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from cascadenorm.data_gen.decimate import thinned
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.lattice import grid
 from cascadenorm.data_gen.measured import Measured, beneath
@@ -19,6 +20,8 @@ MARGIN = 3  # voxels around the shape
 SMALLEST = 0.05  # share of the faces of the largest component that others have at least: grain makes islands
 STEPPED = 3.2  # faces of marching cubes on a mask, for a surface whose area is that of a voxel's side
 GREY = 2.3  # the same on grey values
+NETS = 0.7  # the same for surface nets, against marching cubes
+DECIMATED = 0.12  # share of the meshes that are decimated, as before an export
 
 
 def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator) -> Measured:
@@ -35,15 +38,26 @@ def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng:
         The mask is empty.
     """
     stretch = float(rng.uniform(1.5, 4)) if slices else 1.0
-    voxel = float(np.sqrt(STEPPED * extent.area / faces / stretch**0.6))
+    nets, kept = _mesher(rng=rng)
+    voxel = float(np.sqrt(STEPPED * (NETS if nets else 1) * extent.area / (faces / kept) / stretch**0.6))
     steps = voxel * np.array([1.0, 1.0, stretch])
     nodes, axes = _lattice(extent, steps, rng=rng)
-    volume = (_sampled(field, nodes) < 0).astype(np.float64)
+    volume = _mask(_sampled(field, nodes) / voxel, slices=slices, rng=rng)
+    mesh = surface_nets(volume) if nets else marching_cubes(volume)
+    return _measured(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
+
+
+def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume:
+    """Label voxels by signed distances, in voxels; a share with ragged boundaries, uneven slices or soft steps."""
+    if rng.random() < 0.3:  # the boundary is uncertain: a threshold of a noisy image, or a hand that draws
+        grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(0.5, 1.5)))
+        distance = distance + float(rng.uniform(0.1, 0.6)) * grain / grain.std()
+    if slices and rng.random() < 0.3:  # each slice is labelled for itself
+        distance = distance + float(rng.uniform(0.1, 0.5)) * rng.normal(size=distance.shape[2])
+    volume = (distance < 0).astype(np.float64)
     if rng.random() < 0.25:  # an antialiased or smoothed mask
         volume = gaussian_filter(volume, rng.uniform(0.3, 0.8, 3))
-    blocky = rng.random() < 0.2
-    mesh = surface_nets(volume) if blocky else marching_cubes(volume)
-    return _measured(field, mesh, nodes, axes, cell=voxel * stretch)
+    return volume
 
 
 def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
@@ -54,7 +68,8 @@ def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.
     level : strength of the grain, in tenths of the contrast
     """
     stretch = float(rng.uniform(1, 2)) if rng.random() < 0.3 else 1.0
-    voxel = float(np.sqrt(GREY * extent.area / faces / stretch**0.6))
+    nets, kept = _mesher(rng=rng)
+    voxel = float(np.sqrt(GREY * extent.area / (faces / kept) / stretch**0.6))
     steps = voxel * np.array([1.0, 1.0, stretch])
     nodes, axes = _lattice(extent, steps, rng=rng)
     share = np.clip(0.5 - _sampled(field, nodes) / voxel, 0, 1)  # of a voxel that the shape fills, nearly
@@ -63,7 +78,15 @@ def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.
     grain = gaussian_filter(rng.normal(size=blurred.shape), float(rng.uniform(0.3, 1.3)))
     volume = blurred + 0.1 * level * grain / grain.std()
     threshold = 0.5 + float(rng.uniform(-0.08, 0.08))
-    return _measured(field, marching_cubes(volume - (threshold - 0.5)), nodes, axes, cell=voxel * stretch)
+    volume -= threshold - 0.5
+    mesh = surface_nets(volume) if nets else marching_cubes(volume)
+    return _measured(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
+
+
+def _mesher(*, rng: np.random.Generator) -> tuple[bool, float]:
+    """Draw whether surface nets mesh a volume, not marching cubes, and the share of the faces that are kept."""
+    nets = bool(rng.random() < 0.25)
+    return nets, float(rng.uniform(0.3, 0.8)) if rng.random() < DECIMATED else 1.0
 
 
 def marching_cubes(volume: Volume) -> Mesh:
@@ -138,7 +161,19 @@ def _sampled(field: Field, nodes: NDArray[np.float64]) -> Volume:
     return field(nodes.reshape(-1, 3)).reshape(nodes.shape[:3])
 
 
-def _measured(field: Field, mesh: Mesh, nodes: NDArray[np.float64], axes: Vectors, *, cell: float) -> Measured:
+def _measured(
+    field: Field,
+    mesh: Mesh,
+    nodes: NDArray[np.float64],
+    axes: Vectors,
+    *,
+    cell: float,
+    kept: float,
+    rng: np.random.Generator,
+) -> Measured:
     placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
     placed = largest_components(untangled(largest_components(placed, share=SMALLEST)), share=SMALLEST)
+    if kept < 1:
+        evenness = float(10 ** rng.uniform(-4, -1))
+        placed = thinned(placed, faces=round(kept * len(placed.faces)), evenness=evenness)
     return beneath(field, placed, cell=cell)

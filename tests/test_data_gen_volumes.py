@@ -45,8 +45,8 @@ def test_the_steps_of_a_segmentation_are_those_of_voxels(seed):
 
 
 def test_thick_slices_make_higher_steps_along_their_axis():
-    thick = [measured(segmentation, BALL, seed=seed, slices=True) for seed in range(4)]
-    cubes = [measured(segmentation, BALL, seed=seed, slices=False) for seed in range(4)]
+    thick = [measured(segmentation, BALL, seed=seed, slices=True) for seed in range(16)]
+    cubes = [measured(segmentation, BALL, seed=seed, slices=False) for seed in range(16)]
 
     def step(made):
         return np.abs(np.linalg.norm(made.noisy.vertices, axis=1) - 0.8).mean() / made.noisy.mean_edge_length

@@ -83,11 +83,14 @@ def test_unreadable_content_is_explained(content, words, tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (PLY_TEXT.replace(b"3 0 1 4 8", b"3 0 1 5 8"), r"1 face .*\(faces 1; the first names vertex 5; there are 5"),
-        (OBJ.replace(b"f 2 3 5", b"f 2 3 6"), r"1 face .*\(faces 3; the first names vertex 6; .* counted from 1"),
-        (OBJ.replace(b"f 2 3 5", b"f 0 3 5"), r"1 face .*\(faces 3; the first names vertex 0"),
+        (
+            PLY_TEXT.replace(b"3 0 1 4 8", b"3 0 1 5 8"),
+            r"1 face .*\(faces 1; the first references vertex 5; there are 5",
+        ),
+        (OBJ.replace(b"f 2 3 5", b"f 2 3 6"), r"1 face .*\(faces 3; the first references vertex 6; .* counted from 1"),
+        (OBJ.replace(b"f 2 3 5", b"f 0 3 5"), r"1 face .*\(faces 3; the first references vertex 0"),
         (OBJ.replace(b"f 2 3 5", b"f -9 3 5"), r"1 face .*\(faces 3"),
-        (COFF.replace(b"3 0 2 3", b"3 0 -2 3"), r"1 face .*\(faces 1; the first names vertex -2"),
+        (COFF.replace(b"3 0 2 3", b"3 0 -2 3"), r"1 face .*\(faces 1; the first references vertex -2"),
         (OBJ.replace(b"v 0 1 0", b"v 0 nan 0"), r"1 of 5 vertices are not finite \(vertices 4, counted from 1"),
         (PLY_TEXT.replace(b"1 1 1e-3", b"1 inf 0"), r"1 of 5 vertices are not finite \(vertices 2, counted from 0"),
         (PLY_TEXT.replace(b"face 3", b"face 0"), "5 vertices and no faces"),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cascadenorm.mesh import kernel
-from cascadenorm.mesh.kernels import KernelFiles
+from cascadenorm.mesh.kernel_cache import KernelFiles
 
 TWICE = """
 import numpy as np
@@ -85,3 +85,17 @@ def test_an_index_that_cannot_be_read_is_written_anew(tmp_path, left):
     out = "[0.0, 2.0, 4.0, 3.0] "
     assert run_twice(tmp_path).split("\n") == [out + "0", out + "0", ""]
     assert run_twice(tmp_path).split("\n") == [out + "1", out + "2", ""]
+
+
+OTHER_RELEASES = {
+    "class renamed": "del caching.IndexDataCacheFile",
+    "attribute renamed": "del caching.CacheImpl.filename_base",
+    "method renamed": "del caching.IndexDataCacheFile._save_data",
+    "other arguments": "caching.FunctionCache.load_overload = lambda self: None",
+}
+
+
+@pytest.mark.parametrize("change", OTHER_RELEASES.values(), ids=OTHER_RELEASES)
+def test_with_another_numba_kernels_run_all_the_same(tmp_path, change):
+    out = "[0.0, 2.0, 4.0, 3.0] 0"
+    assert run_twice(tmp_path, f"from numba.core import caching\n{change}\n").split("\n") == [out, out, ""]

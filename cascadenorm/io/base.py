@@ -205,7 +205,7 @@ class MeshFile(ABC):
             faces, first = np.unique(self.polygons.owners[bad]), self.counts_from
             which = f"{counted(len(faces), 'face uses', 'faces use')} vertices that do not exist"
             raise MeshError(
-                f"{which} (faces {self._numbers(faces)}; the first names "
+                f"{which} (faces {self._numbers(faces)}; the first references "
                 f"vertex {self.polygons.corners[bad][0] + first}; there are {len(self.positions)}, counted from "
                 f"{first})",
                 hint="drop these faces, write the file again where it came from",

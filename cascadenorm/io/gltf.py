@@ -118,7 +118,7 @@ class GltfContainer(MeshFile):
         triangles = self._triangles(primitive, count)
         if (triangles >= count).any():
             raise ReadError(
-                f"a face names vertex {triangles.max()} of {count}, counted from 0: the glTF file is damaged; "
+                f"a face references vertex {triangles.max()} of {count}, counted from 0: the glTF file is damaged; "
                 "get a complete copy"
             )
         return Primitive(

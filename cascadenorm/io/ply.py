@@ -274,7 +274,9 @@ def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
     if values.dtype.kind == "f":
         bad = ~((values == np.rint(values)) & (np.abs(values) < 2**53))
         if bad.any():
-            raise ReadError(f"a face names vertex {values[bad][0]}, which is not a whole number: write the file again")
+            raise ReadError(
+                f"a face references vertex {values[bad][0]}, which is not a whole number: write the file again"
+            )
     return values.astype(np.int64)
 
 

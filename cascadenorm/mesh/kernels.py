@@ -2,12 +2,9 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from hashlib import sha256
-from pickle import UnpicklingError
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 Loop = TypeVar("Loop", bound=Callable[..., Any])
 
@@ -15,55 +12,13 @@ Loop = TypeVar("Loop", bound=Callable[..., Any])
 def kernel(function: Loop) -> Loop:
     """Compile a loop: it releases the interpreter, divides by zero as numpy does, and is kept on disk for next time.
 
-    Where neither the package's folder nor the user's can be written, it is compiled in each process.
+    Where neither the package's folder nor the user's can be written, it is compiled in each process; so it is with a
+    numba whose cache is another than the one known here. numba's own is no substitute: processes may mix up its files.
     """
     compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
     if compiled is not function:  # which it is where compilation is switched off
-        with suppress(RuntimeError):  # no place for it
+        with suppress(Exception):
+            from cascadenorm.mesh.kernel_cache import KernelCache
+
             compiled._cache = KernelCache(function)
     return cast(Loop, compiled)
-
-
-class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The compiled forms of a function on disk; a disk that is full or fails keeps none."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        self._cache_file = KernelFiles(
-            cache_path=self._cache_path,
-            filename_base=self._impl.filename_base,
-            source_stamp=self._impl.locator.get_source_stamp(),
-        )
-
-    def load_overload(self, *arguments: Any) -> Any:
-        """Return the compiled form for a signature, or None."""
-        with suppress(OSError):
-            return super().load_overload(*arguments)
-
-    def save_overload(self, *arguments: Any) -> None:
-        """Keep the compiled form for a signature."""
-        with suppress(OSError):
-            super().save_overload(*arguments)
-
-
-class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
-    """Files that several processes may write at once.
-
-    numba numbers the compiled forms of a function. Two processes that compile it at once for different types may take
-    the same number, and the next process runs for one type what was compiled for the other. Here a file has a name of
-    its own for each key, and is there before the index names it; at worst the index forgets one.
-    """
-
-    def save(self, key: Any, data: Any) -> None:
-        """Keep compiled data under a key."""
-        digest = sha256(repr((self._source_stamp, key)).encode()).hexdigest()[:16]
-        name = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
-        self._save_data(name, data)
-        self._save_index({**self._load_index(), key: name})
-
-    def _load_index(self) -> dict[Any, str]:
-        """Read the index; one that another version has left, and this one cannot read, counts as empty."""
-        try:
-            return dict(super()._load_index())
-        except (ImportError, AttributeError, ValueError, TypeError, EOFError, UnpicklingError):
-            return {}
