@@ -1,17 +1,33 @@
 """Measure methods on noisy/clean pairs and write the table into the README.
 
-python benchmarks/results.py DIR [--readme FILE] [--method NAME ...]
+python benchmarks/results.py DIR [--readme FILE] [--method NAME ...] [--reference FILE]
+
+FILE holds what other programs get, as JSON: pair → run → {"Ea_deg": degrees, "Ev": edge lengths, "flip": %}. Runs that
+end in "tuned" have parameters chosen by the true mesh; "published" is a mesh that was published for that pair.
 """
 
 import argparse
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
 from cascadenorm.evaluation.harness import DEFAULT_METHODS, NOISY, Evaluation, evaluate
 
 BEGIN, END = "<!-- results: written by benchmarks/results.py -->", "<!-- end of results -->"
+STEERED = "kinect_cone"
+"""The pair by which a choice of training shapes was made; it does not count in the means."""
+TUNED, PUBLISHED = "best classical, tuned by the truth", "published"
+REFERENCE_NOTE = (
+    f"*{TUNED.capitalize()}*: of bilateral, guided, L0, Fleishman's and Jones' filter in the program of Zhang et al. "
+    "(2015), the one with the least error, with parameters chosen for each pair by its true mesh, which no user has. "
+    f"*{PUBLISHED.capitalize()}*: the denoised mesh that was published for the pair, where there is one."
+)
+
+Reference = Mapping[str, Mapping[str, Mapping[str, Any]]]
+"""Pair → run → figures."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -20,7 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="pairs: */noisy.* and */clean.*")
     parser.add_argument("--readme", type=Path, default=Path(__file__).parents[1] / "README.md")
     parser.add_argument("--method", action="append", help="may be given several times")
+    parser.add_argument("--reference", type=Path, metavar="FILE", help="figures of other programs")
     chosen = parser.parse_args(arguments)
+    reference = json.loads(chosen.reference.read_text(encoding="utf-8")) if chosen.reference else None
     methods = tuple(chosen.method or DEFAULT_METHODS)
     progress = Console(stderr=True)
     done = evaluate(
@@ -29,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if done.failures:
         raise SystemExit("\n".join(f"{failure.pair}, {failure.method}: {failure.error}" for failure in done.failures))
     text = chosen.readme.read_text(encoding="utf-8")
-    chosen.readme.write_text(between_markers(text, results_table(done, methods)), encoding="utf-8")
+    chosen.readme.write_text(between_markers(text, results_table(done, methods, reference)), encoding="utf-8")
 
 
 def between_markers(text: str, table: str, begin: str = BEGIN, end: str = END) -> str:
@@ -40,32 +58,63 @@ def between_markers(text: str, table: str, begin: str = BEGIN, end: str = END) -
     return f"{head}{begin}\n{table}\n{end}{rest.split(end)[1]}"
 
 
-def results_table(done: Evaluation, methods: Sequence[str]) -> str:
+def results_table(done: Evaluation, methods: Sequence[str], reference: Reference | None = None) -> str:
     """Mean angle between face normals for each pair, the best in bold; means of all measures at the end."""
     columns = (NOISY, *methods)
-    found = {(result.pair, result.method): result for result in done.results}
-    means = {result.method: result for result in done.means}
+    found = {
+        (result.pair, result.method): (
+            result.measures.normal_error_deg,
+            result.measures.vertex_error_edges,
+            result.measures.turned_percent,
+        )
+        for result in done.results
+    }
     pairs = list(dict.fromkeys(result.pair for result in done.results))
-    angles = [[found[pair, method].measures.normal_error_deg for method in columns] for pair in pairs]
-    mean_angles = [means[method].measures.normal_error_deg for method in columns]
-    vertices = [means[method].measures.vertex_error_edges for method in columns]
-    turned = [means[method].measures.turned_percent for method in columns]
-    seconds = [means[method].seconds for method in columns]
+    if reference is not None:
+        for pair in pairs:
+            found |= {(pair, name): values for name, values in other_results(reference.get(pair, {})).items()}
+        columns += (TUNED, PUBLISHED)
+    judged = [pair for pair in pairs if pair != STEERED] or pairs
+    without = "" if judged == pairs else f" without {STEERED}"
+    seconds = {result.method: result.seconds for result in done.means}
+    times = [f"{seconds[name] / seconds[methods[0]]:.2f}" if seconds.get(name) else "" for name in columns]
+
+    def row(title: str, pairs: Sequence[str], measure: int, digits: int) -> tuple[str, ...]:
+        """Means over pairs, of columns that have them all."""
+        values = [[found[pair, name][measure] for pair in pairs if (pair, name) in found] for name in columns]
+        means = [sum(some) / len(some) if len(some) == len(pairs) else None for some in values]
+        return title, *_best_in_bold(means, digits)
+
     rows = [
         ("pair", *columns),
         ("---", *["---:"] * len(columns)),
-        *((pair, *_best_in_bold(values, 2)) for pair, values in zip(pairs, angles, strict=True)),
-        ("**mean angle of normals, degrees**", *_best_in_bold(mean_angles, 2)),
-        ("mean distance of vertices, edge lengths", *_best_in_bold(vertices, 3)),
-        ("flipped faces, %", *_best_in_bold(turned, 3)),
-        (f"mean time, {methods[0]} = 1", "", *(f"{value / seconds[1]:.2f}" for value in seconds[1:])),
+        *(row(pair, [pair], 0, 2) for pair in pairs),
+        row(f"**mean angle of normals{without}, degrees**", judged, 0, 2),
+        row(f"mean distance of vertices{without}, edge lengths", judged, 1, 3),
+        row(f"flipped faces{without}, %", judged, 2, 3),
+        (f"mean time, {methods[0]} = 1", *times),
     ]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    notes = (
+        [f"{STEERED} led to the fused scans among the training shapes, so the means are taken without it."]
+        if without
+        else []
+    ) + ([REFERENCE_NOTE] if reference is not None else [])
+    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    return "\n\n".join([table, " ".join(notes)]) if notes else table
 
 
-def _best_in_bold(values: Sequence[float], digits: int) -> list[str]:
-    texts = [f"{value:.{digits}f}" for value in values]
-    least = min(texts, key=float)
+def other_results(runs: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, float, float]]:
+    """Angle, vertex error and flipped faces of the best tuned run of a pair, and of its published mesh."""
+    tuned = [run for name, run in runs.items() if name.endswith(" tuned")]
+    chosen = {PUBLISHED: runs[PUBLISHED]} if PUBLISHED in runs else {}
+    if tuned:
+        chosen[TUNED] = min(tuned, key=lambda run: float(run["Ea_deg"]))
+    return {name: (run["Ea_deg"], run["Ev"], run["flip"]) for name, run in chosen.items()}
+
+
+def _best_in_bold(values: Sequence[float | None], digits: int) -> list[str]:
+    texts = ["–" if value is None else f"{value:.{digits}f}" for value in values]
+    least = min((text for text in texts if text != "–"), key=float)
     return [f"**{text}**" if text == least else text for text in texts]
 
 
