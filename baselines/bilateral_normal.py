@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance
 from cascadenorm.progress import track
@@ -31,10 +32,11 @@ def bilateral_normal(
     iterations: Passes = 10,
     center: Center = "skip",
     sweeps: Sweeps = 8,
+    fit: Fit = "sweeps",
 ) -> Vectors:
     """Average each face normal with those of near faces that point a similar way, then move the vertices to them."""
     normals = bilateral_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations, center=center)
-    return recover_vertices(mesh, normals, sweeps=sweeps)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
 def bilateral_normals(

@@ -8,7 +8,8 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from cascadenorm.baselines.bilateral_normal import RangeSpread, SpatialSpread, spatial_weights
-from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.geometry.sparse_solvers import conjugate_gradients
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import row, squared_distance
@@ -27,10 +28,11 @@ def bilateral_normal_global(
     sigma_r: RangeSpread = 0.6,
     fidelity: Fidelity = 0.01,
     sweeps: Sweeps = 10,
+    fit: Fit = "sweeps",
 ) -> Vectors:
     """Find normals that are bilateral means of each other and near the given ones, then move the vertices to them."""
     normals = global_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, fidelity=fidelity)
-    return recover_vertices(mesh, normals, sweeps=sweeps)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
 def global_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, fidelity: float) -> Vectors:

@@ -13,7 +13,8 @@ from cascadenorm.baselines.bilateral_normal import (
     joint_bilateral_pass,
     spatial_weights,
 )
-from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import dot, length, row, squared_distance, subtract
@@ -54,6 +55,7 @@ def guided_normal(
     sigma_r: GuideSpread = None,
     iterations: GuidedPasses = None,
     sweeps: Sweeps = 10,
+    fit: Fit = "sweeps",
 ) -> Vectors:
     """Average each face normal with those of near faces that have a similar guidance, and let the vertices follow."""
     if sigma_r is None:
@@ -66,7 +68,7 @@ def guided_normal(
         guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, spread)
         weights = spatial_weights(mesh, neighbors, spread)
         normals = joint_bilateral_pass(mesh.normals, guide, mesh.areas, neighbors, weights, sigma_r)
-        mesh = mesh.moved(recover_vertices(mesh, normals, sweeps=sweeps))
+        mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
     return mesh.vertices.copy()
 
 

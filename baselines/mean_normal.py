@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
-from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import dot, length, row, squared_distance
 from cascadenorm.progress import track
@@ -25,22 +26,22 @@ WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 
 
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002")
-def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10) -> Vectors:
+def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit: Fit = "sweeps") -> Vectors:
     """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges."""
     normals = bilateral_normals(mesh, sigma_s=np.inf, sigma_r=np.inf, iterations=iterations, center="count")
-    return recover_vertices(mesh, normals, sweeps=sweeps)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
 @method("unilateral-normal", source="Sun, Rosin, Martin, Langbein 2007")
 def unilateral_normal(
-    mesh: Mesh, *, threshold: Threshold = 0.4, iterations: Passes = 10, sweeps: Sweeps = 10
+    mesh: Mesh, *, threshold: Threshold = 0.4, iterations: Passes = 10, sweeps: Sweeps = 10, fit: Fit = "sweeps"
 ) -> Vectors:
     """Average each face normal with similar ones around it: n_f ← unit Σ_g max(<n_f, n_g> - T, 0)² n_g."""
     rings = mesh.topology.face_rings(1)
     normals = mesh.normals
     for _ in track(iterations):
         normals = unilateral_pass(normals, rings, threshold)
-    return recover_vertices(mesh, normals, sweeps=sweeps)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
 @method("random-walk-normal", source="Sun, Rosin, Martin, Langbein 2008")
@@ -51,13 +52,14 @@ def random_walk_normal(
     length: WalkLength = 2,
     iterations: Passes = 5,
     sweeps: Sweeps = 10,
+    fit: Fit = "sweeps",
 ) -> Vectors:
     """Average each face normal with those that a random walk from it visits; it likes to step to similar normals."""
     rings = mesh.topology.face_rings(1)
     normals = mesh.normals
     for _ in track(iterations):
         normals = unit(walk_means(normals, rings, sigma_r=sigma_r, length=length), otherwise=normals)
-    return recover_vertices(mesh, normals, sweeps=sweeps)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
 def unilateral_pass(normals: Vectors, rings: Csr, threshold: float) -> Vectors:

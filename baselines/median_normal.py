@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import Passes
-from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance, subtract
 from cascadenorm.progress import track
@@ -18,12 +19,14 @@ Median = Annotated[
 
 
 @method("median-normal", source="Yagou, Ohtake, Belyaev 2002")
-def median_normal(mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10) -> Vectors:
+def median_normal(
+    mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10, fit: Fit = "sweeps"
+) -> Vectors:
     """Replace each face normal by the weighted median of those around it, then move the vertices to them."""
     normals = mesh.normals
     for _ in track(iterations):
         normals = median_pass(mesh, normals, median=median)
-    return recover_vertices(mesh, normals, sweeps=sweeps)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
 def median_pass(mesh: Mesh, normals: Vectors, *, median: Literal["vector", "angle"]) -> Vectors:

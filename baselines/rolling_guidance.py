@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.progress import track
@@ -26,7 +27,13 @@ Rounds = Annotated[int, Parameter("filters of the given normals, each guided by 
 
 @method("rolling-guidance-normal", source="after Wang, Fu, Liu, Tong, Liu, Guo 2015")
 def rolling_guidance_normal(
-    mesh: Mesh, *, width: Width = 3.0, sigma: Jump = 0.6, iterations: Rounds = 4, sweeps: Sweeps = 60
+    mesh: Mesh,
+    *,
+    width: Width = 3.0,
+    sigma: Jump = 0.6,
+    iterations: Rounds = 4,
+    sweeps: Sweeps = 60,
+    fit: Fit = "sweeps",
 ) -> Vectors:
     """Remove features up to a width: filter normals under the guidance of their own filtered ones, then fit vertices.
 
@@ -36,7 +43,7 @@ def rolling_guidance_normal(
     if width == 0 or not mesh.mean_edge_length > 0:
         return mesh.vertices.copy()
     normals = rolled_normals(mesh, width=width * mesh.mean_edge_length, sigma=sigma, iterations=iterations)
-    return recover_vertices(mesh, normals, sweeps=sweeps, weighting="angles")
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps, weighting="angles")
 
 
 def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -> Vectors:

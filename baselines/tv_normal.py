@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.geometry.sparse_solvers import solver
 from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import length
@@ -25,13 +26,19 @@ Repeats = Annotated[int, Parameter("minimisations, each starts from the normals 
 
 @method("tv-normal", source="Zhang, Wu, Zhang, Deng 2015")
 def tv_normal(
-    mesh: Mesh, *, fidelity: Fidelity = 9.0, rounds: Rounds = 20, iterations: Repeats = 12, sweeps: Sweeps = 10
+    mesh: Mesh,
+    *,
+    fidelity: Fidelity = 9.0,
+    rounds: Rounds = 20,
+    iterations: Repeats = 12,
+    sweeps: Sweeps = 10,
+    fit: Fit = "sweeps",
 ) -> Vectors:
     """Find normals that vary little, but may jump, near the given ones, then move the vertices to them."""
     variation, normals = TotalVariation(mesh, fidelity=fidelity), mesh.normals
     for _ in track(iterations):
         normals = unit(variation.least(normals, rounds=rounds).values, otherwise=normals)
-    return recover_vertices(mesh, normals, sweeps=sweeps)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
 class Minimum(NamedTuple):
