@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from cascadenorm.mesh import Mesh
     from cascadenorm.models import Denoiser, train
     from cascadenorm.reports import report
+    from cascadenorm.spectra import Spectrum, spectrum
 
 __version__ = "0.1.0"
 
@@ -52,6 +53,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "ParameterError": "errors",
     "ReadError": "errors",
     "Report": "api",
+    "Spectrum": "spectra",
     "TrainConfig": "learned.config",
     "WorkerError": "errors",
     "compare": "api",
@@ -70,6 +72,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "read_config": "learned.config",
     "report": "reports",
     "shape_dna": "geometry.harmonics",
+    "spectrum": "spectra",
     "train": "models",
     "write": "io",
 }
@@ -89,6 +92,7 @@ __all__ = [
     "ParameterError",
     "ReadError",
     "Report",
+    "Spectrum",
     "TrainConfig",
     "WorkerError",
     "compare",
@@ -107,6 +111,7 @@ __all__ = [
     "read_config",
     "report",
     "shape_dna",
+    "spectrum",
     "train",
     "write",
 ]

@@ -2,6 +2,7 @@ import csv
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -365,6 +366,50 @@ def test_a_bad_pair_is_exit_code_6_and_the_rest_is_shown(pairs, capsys):
     assert [row["pair"] for row in found["results"]] == ["sheet", "sheet"]
     assert found["failures"][0]["pair"] == "ball" and "empty" in found["failures"][0]["message"]
     assert err.count("\n") == 1 and "noisy.ply: the file is empty" in err
+
+
+def test_evaluate_takes_results_of_other_programs(pairs, tmp_path, capsys):
+    (tmp_path / "theirs").mkdir()
+    save_mesh(tmp_path / "theirs" / "ball.ply", CLEAN)
+    save_mesh(tmp_path / "theirs" / "sheet.ply", grid(3, 3))
+    given = ["--result", f"theirs={tmp_path / 'theirs'}"]
+    assert run(["evaluate", str(pairs), *FAST, *given, "--json"]) == 0
+    out, err = capsys.readouterr()
+    rows = [row for row in json.loads(out)["results"] if row["method"] == "theirs"]
+    assert rows[0]["normal_error_deg"] == pytest.approx(0, abs=1e-4) and rows[0]["same_faces"]
+    assert not rows[1]["same_faces"] and "sheet, theirs: other faces than clean.*" in err
+    (tmp_path / "theirs" / "ball.ply").unlink()
+    assert run(["evaluate", str(pairs), *FAST, *given]) == 6
+    out, err = capsys.readouterr()
+    assert "theirs" in out and "holds no mesh ball.*" in err
+    assert refused(capsys, "evaluate", str(pairs), "--result", "theirs")[0] == 2
+    assert refused(capsys, "evaluate", str(pairs), "--result", f"theirs={tmp_path / 'absent'}")[0] == 3
+
+
+def test_spectrum_prints_eigenvalues_and_the_distance_of_two(place, capsys):
+    assert run(["spectrum", "ball.ply", "true.ply", "-n", "5", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    expected = cn.spectrum(ROUGH, CLEAN, count=5)
+    assert (found["command"], found["mesh"], found["other"], found["scale"]) == (
+        "spectrum",
+        "ball.ply",
+        "true.ply",
+        "area",
+    )
+    assert found["eigenvalues"] == pytest.approx(expected.values, abs=1e-6)
+    assert found["other_eigenvalues"] == pytest.approx(expected.other, abs=1e-6)
+    assert found["distance"] == pytest.approx(expected.distance)
+    assert run(["spectrum", "ball.ply", "-n", "5", "--scale", "keep"]) == 0
+    out = capsys.readouterr().out
+    (fifth,) = re.findall(r"│ 5 │ +([\d.]+)", out)
+    assert float(fifth) == pytest.approx(cn.spectrum(ROUGH, count=5, scale="keep").values[4], rel=1e-4)
+    assert "distance" not in out
+    assert run(["spectrum", "ball.ply", "true.ply", "-n", "5"]) == 0
+    assert "distance: " in capsys.readouterr().out
+    assert refused(capsys, "spectrum", "absent.ply")[0] == 3
+    code, message = refused(capsys, "spectrum", "ball.ply", "-n", "100000")
+    assert code == 2 and "ask for 1 to" in message
+    assert refused(capsys, "spectrum", "ball.ply", "--scale", "size")[0] == 2
 
 
 def test_methods_lists_every_method_and_its_parameters(capsys):

@@ -135,3 +135,40 @@ def test_generated_pairs_can_be_evaluated_and_repeat(tmp_path):
     with pytest.raises(OutputError, match="is a file"):
         write_pairs(pair.noisy, count=1, seed=3)
     assert np.isfinite(done.means[0].measures.vertex_error_edges)
+
+
+def test_results_of_other_programs_are_rows_like_methods(folder, tmp_path):
+    for name, clean in SHAPES.items():
+        save_mesh(tmp_path / f"{name}.obj", noisy(clean, 0.1, seed=1))
+    done = evaluate([folder], methods=[], results={"theirs": tmp_path})
+    assert [(r.pair, r.method) for r in done.results] == [(n, m) for n in SHAPES for m in (NOISY, "theirs")]
+    for result in done.results[1::2]:
+        clean = SHAPES[result.pair]
+        expected = measure(noisy(clean, 0.1, seed=1), clean)
+        assert result.measures.normal_error_deg == pytest.approx(expected.normal_error_deg)
+        assert result.same_faces and result.seconds == 0
+    assert [mean.method for mean in done.means] == [NOISY, "theirs"]
+
+
+def test_missing_results_are_failures_and_other_faces_are_measured_and_said(folder, tmp_path):
+    save_mesh(tmp_path / "ball.ply", icosphere(3))
+    done = evaluate([folder], methods=[], results={"theirs": tmp_path})
+    assert [(failure.pair, failure.method) for failure in done.failures] == [("cube", "theirs")]
+    assert "holds no mesh cube.*" in str(done.failures[0].error)
+    theirs = done.results[1]
+    assert not theirs.same_faces and theirs.measures == measure(icosphere(3), SHAPES["ball"])
+    assert not done.means[1].same_faces and done.means[0].same_faces
+    save_mesh(tmp_path / "ball.off", icosphere(3))
+    done = evaluate([folder / "ball"], methods=[], results={"theirs": tmp_path})
+    assert "holds 2 meshes ball.*" in str(done.failures[0].error)
+
+
+def test_results_without_a_folder_or_a_name_of_their_own_are_refused(folder, tmp_path):
+    with pytest.raises(ReadError, match="is not a folder"):
+        evaluate([folder], methods=[], results={"theirs": tmp_path / "absent"})
+    for name in (NOISY, "laplacian"):
+        with pytest.raises(ParameterError, match=f"results are called {name}"):
+            evaluate([folder], methods=["laplacian"], results={name: tmp_path})
+    other = shutil.copytree(folder / "ball", tmp_path / "ball")
+    with pytest.raises(ReadError, match="several pairs are called ball"):
+        evaluate([folder, other], methods=[], results={"theirs": tmp_path})

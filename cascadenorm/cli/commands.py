@@ -135,18 +135,49 @@ def compare(
 
 
 @app.command()
+def spectrum(
+    mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh file, or - for stdin.")],
+    other: Annotated[str | None, typer.Argument(metavar="[OTHER]", help="Another one, to compare it with.")] = None,
+    *,
+    count: Annotated[int, typer.Option("-n", "--count", min=1, help="Eigenvalues.")] = 50,
+    scale: Annotated[
+        str, typer.Option(metavar="area|keep", help="Multiply them by the area, so that size does not matter, or not.")
+    ] = "area",
+    as_json: Json = False,
+) -> None:
+    """Print the lowest eigenvalues of the Laplacian of a mesh, its shape DNA, and its distance from that of another."""
+    from cascadenorm import spectra
+    from cascadenorm.cli import json_output, tables
+
+    if scale not in ("area", "keep"):
+        raise typer.BadParameter(f"--scale is {scale!r}; it must be area or keep")
+    first, second = (sys.stdin.buffer if name == "-" else name for name in (mesh, other))
+    found = spectra.spectrum(first, second, count=count, scale=cast(Literal["area", "keep"], scale))
+    if as_json:
+        json_output.print_json("spectrum", json_output.spectrum(mesh, other, found))
+    else:
+        tables.print_spectrum(found)
+
+
+@app.command()
 @takes_controls("strength", "threads")
 def evaluate(
     folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Pairs, or folders of pairs.")],
     *,
     method: Annotated[list[str] | None, typer.Option(help="May be given several times.")] = None,
+    result: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=DIR", help="Meshes DIR/<pair>.* from another program as a row; may be given several times."
+        ),
+    ] = None,
     settings: Set = None,
     csv: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the table to a file as well.")] = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
 ) -> None:
-    """Denoise pairs of noisy.* and clean.* by several methods, and measure the results."""
+    """Denoise pairs of noisy.* and clean.* by several methods, and measure the results, also of other programs."""
     from cascadenorm.cli import json_output, progress_bars, tables
     from cascadenorm.evaluation import harness
     from cascadenorm.io.atomic import check_output
@@ -157,10 +188,14 @@ def evaluate(
         done = harness.evaluate(
             folders,
             methods=method or harness.DEFAULT_METHODS,
+            results=_named("--result", result),
             parameters=_parameters(settings),
             progress=progress,
             **controls,
         )
+    for measured in done.results:
+        if not measured.same_faces:
+            complain(f"{measured.pair}, {measured.method}: other faces than clean.*; compared with the nearest of them")
     for failure in done.failures:
         complain(f"{failure.pair}{f', {failure.method}' if failure.method else ''}: {worded(failure.error)}")
     if as_json:
@@ -333,8 +368,15 @@ def render(
 
 def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
     """Read NAME=VALUE pairs; the method checks names and values."""
-    pairs = [setting.partition("=") for setting in settings or ()]
+    return {name.replace("-", "_"): value for name, value in _named("--set", settings).items()}
+
+
+def _named(option: str, given: Sequence[str] | None) -> dict[str, str]:
+    """Read the NAME=VALUE pairs of an option."""
+    pairs = [text.partition("=") for text in given or ()]
     for name, equals, _ in pairs:
         if not (name and equals):
-            raise typer.BadParameter(f"--set {name or equals}: write it as NAME=VALUE")
-    return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
+            raise typer.BadParameter(
+                f"{option} {name or equals}: write it as NAME={'DIR' if option == '--result' else 'VALUE'}"
+            )
+    return {name.strip(): value.strip() for name, _, value in pairs}

@@ -13,6 +13,7 @@ from cascadenorm.evaluation.harness import Evaluation
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.registry import Method
+from cascadenorm.spectra import Spectrum
 
 VERSION = 1
 """Of the schema; it changes when a key is renamed, removed or gets another meaning, not when one is added."""
@@ -51,6 +52,18 @@ def inspected(found: Inspection) -> dict[str, Any]:
 def compared(mesh: str, reference: str, measures: Measures) -> dict[str, Any]:
     """Return the measures of a mesh against a reference, with their names."""
     return {"mesh": mesh, "reference": reference, "measures": asdict(measures)}
+
+
+def spectrum(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
+    """Return the eigenvalues of one mesh or two, and the distance of their spectra."""
+    return {
+        "mesh": mesh,
+        "other": other,
+        "scale": found.scale,
+        "eigenvalues": found.values.tolist(),
+        "other_eigenvalues": None if found.other is None else found.other.tolist(),
+        "distance": found.distance,
+    }
 
 
 def evaluated(done: Evaluation) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from cascadenorm.inspection import FINDINGS, Inspection
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.messages import counted
 from cascadenorm.registry import Method, Setting
+from cascadenorm.spectra import Spectrum
 
 COARSE = 0.01
 """Resolution of the number type, in mean edge lengths, above which it is reported."""
@@ -114,6 +115,22 @@ def print_measures(measures: Measures) -> None:
     for name, value in measures.in_words().items():
         table.add_row(name, value)
     print_table(table)
+
+
+def print_spectrum(found: Spectrum) -> None:
+    """Print the eigenvalues of one mesh or two side by side, and the distance of their spectra."""
+    table = Table()
+    table.add_column("", justify="right")
+    table.add_column("eigenvalue" if found.scale == "keep" else "eigenvalue × area", justify="right")
+    columns = [found.values]
+    if found.other is not None:
+        table.add_column("of the other", justify="right")
+        columns.append(found.other)
+    for number, values in enumerate(zip(*columns, strict=True), start=1):
+        table.add_row(str(number), *(f"{value:.6g}" for value in values))
+    print_table(table)
+    if found.distance is not None:
+        print(f"distance: {found.distance:.6g}")
 
 
 def print_evaluation(done: Evaluation) -> None:

@@ -53,6 +53,15 @@ def find_pairs(folders: Places) -> list[Pair]:
     return pairs
 
 
+def result_file(folder: Path, pair: Pair) -> Path:
+    """Return the mesh `<name of the pair>.*` in a folder of results; raises ReadError unless there is just one."""
+    files = sorted(file for file in folder.iterdir() if file.stem == pair.name and is_mesh_name(file))
+    if len(files) != 1:
+        found = f"{len(files)} meshes" if files else "no mesh"
+        raise ReadError(f"{folder} holds {found} {pair.name}.*: put one there")
+    return files[0]
+
+
 def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[data_gen.Pair]:
     """Read meshes of one's own to train on: oriented, of about unit size, in patches of at most config.max_faces.
 

@@ -20,6 +20,7 @@ DENSE = 1200  # vertices up to which all eigenpairs at once are faster
 
 Pairs = tuple[NDArray[np.float64], NDArray[np.float64]]
 BoundaryCondition = Literal["free", "fixed"]
+Scale = Literal["keep", "area"]
 
 
 class Harmonics(NamedTuple):
@@ -91,7 +92,7 @@ def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pair
     return values, root[:, None] * vectors
 
 
-def shape_dna(mesh: Mesh, count: int, *, scale: Literal["keep", "area"] = "keep") -> NDArray[np.float64]:
+def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.float64]:
     """Return the lowest eigenvalues of the Laplacian (Reuter, Wolter, Peinecke 2006), the same for isometric shapes.
 
     Parameters
