@@ -6,9 +6,11 @@ import PIL.Image
 import pytest
 from shapes import cube, grid, icosphere, noisy
 
+from cascadenorm.cli import run
 from cascadenorm.errors import MissingDependencyError
+from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh, limit_threads
-from cascadenorm.render import Camera, error_colors, error_legend, png, render, side_by_side
+from cascadenorm.render import Camera, error_colors, error_legend, png, render, side_by_side, webp
 from cascadenorm.render.files import draw
 from cascadenorm.render.pillow import add_text
 
@@ -146,6 +148,14 @@ def test_the_whole_mesh_is_seen_from_near():
     assert (border == border[0]).all()
 
 
+def test_a_webp_decodes_to_nearly_the_same_pixels():
+    image = render(noisy(icosphere(2), 0.3), size=(61, 47))
+    data = webp(image)
+    with PIL.Image.open(io.BytesIO(data)) as read:
+        assert np.abs(np.asarray(read.convert("RGB")).astype(int) - image).mean() < 5
+    assert webp(image) == data
+
+
 def test_a_png_decodes_to_the_same_pixels():
     image = render(noisy(icosphere(2), 0.3), size=(61, 47))
     assert (decoded(png(image)) == image).all()
@@ -278,3 +288,22 @@ def test_each_mesh_is_seen_also_where_it_lies_elsewhere_than_the_last(tmp_path):
     middles = [np.argwhere((panel < 250).any(axis=2)).mean(axis=0)[1] for panel in panels]
     assert middles[0] == pytest.approx(middles[2], abs=0.5)  # by itself
     assert middles[1] > middles[2] + 1  # as it lies to the last
+
+
+def test_meshes_are_seen_from_where_one_is_told(tmp_path):
+    flat = icosphere(2).moved(icosphere(2).vertices * (1, 1, 0.1))
+    height = []
+    for name, view in (("front", "0,0,1"), ("side", "-2,0,0")):
+        save_mesh(tmp_path / "flat.ply", flat, force=True)
+        arguments = ["render", str(tmp_path / "flat.ply"), "-o", str(tmp_path / f"{name}.png"), "--size", "64"]
+        assert run([*arguments, f"--view={view}"]) == 0
+        with PIL.Image.open(tmp_path / f"{name}.png") as picture:
+            dark = np.asarray(picture.convert("L"))[:64] < 250
+        height.append(np.ptp(np.argwhere(dark)[:, 1]) / np.ptp(np.argwhere(dark)[:, 0]))
+    assert height[0] == pytest.approx(1, abs=0.05) and height[1] == pytest.approx(0.1, abs=0.05)
+
+
+@pytest.mark.parametrize("view", ["1,2", "a,b,c", "0,0,0", "nan,0,1", "inf,0,1"])
+def test_a_view_is_three_numbers(view, tmp_path, capsys):
+    assert run(["render", "any.ply", "-o", str(tmp_path / "x.png"), f"--view={view}"]) == 2
+    assert "--view" in capsys.readouterr().err

@@ -78,7 +78,7 @@ def test_numbers_in_steps_are_off_by_half_a_step_and_none_is_cut_off():
     values = np.append(np.random.default_rng(0).normal(size=5000), [np.nan, 40.0, -40.0])
     codes, start, step = in_steps(values)
     assert codes[-3] == 0 and (np.delete(codes, -3) > 0).all()
-    assert step < np.abs(values[:5000]).max() / 400
+    assert step < np.abs(values[:5000]).max() / 250
     back = start + step * (codes - 1)
     assert np.nanmax(np.abs(np.where(codes > 0, back, np.nan) - values)) <= 0.5001 * step
     assert in_steps(np.full(3, np.nan)).codes.tolist() == [0, 0, 0]
@@ -253,8 +253,7 @@ def test_a_report_never_replaces_a_file_unasked(place):
 
 @pytest.mark.slow  # a million faces
 def test_a_million_faces_take_less_than_twelve_million_bytes(place):
-    sphere = grid(707, 707)
-    bumps = 30 * np.sin(sphere.vertices[:, :1] / 40) * np.cos(sphere.vertices[:, 1:2] / 55)
-    clean = sphere.moved(sphere.vertices + bumps * (0, 0, 1))
+    used, faces = np.unique(icosphere(8).faces[:1_000_000], return_inverse=True)  # in no regular order
+    clean = Mesh(icosphere(8).vertices[used], faces.reshape(-1, 3))
     cn.report("r.html", noisy(clean, 0.2), clean)
     assert (place / "r.html").stat().st_size < 12e6

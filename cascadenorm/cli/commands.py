@@ -52,7 +52,7 @@ def denoise(
     **controls: Any,
 ) -> None:
     """Denoise a mesh file; by default into <stem>_denoised<suffix> beside it."""
-    from cascadenorm import api, reports
+    from cascadenorm import api
     from cascadenorm.cli import json_output, progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
@@ -62,6 +62,8 @@ def denoise(
     if truth is not None and report is None:
         raise typer.BadParameter("--truth is for a report: give --report as well")
     if report is not None:
+        from cascadenorm import reports
+
         reports.check_report(report, force=force)
     with progress_bars.progress_bar("denoising") as progress:
         denoised = api.denoised_file(
@@ -96,13 +98,15 @@ def inspect(
     as_json: Json = False,
 ) -> None:
     """Report what a mesh is, its defects and where they are, and how noisy it is."""
-    from cascadenorm import inspection, reports
+    from cascadenorm import inspection
     from cascadenorm.cli import json_output, tables
 
     mesh = sys.stdin.buffer if source == "-" else source
     if report is None:
         found = inspection.inspect(mesh, self_intersections=self_intersections)
     else:
+        from cascadenorm import reports
+
         found = reports.report(report, mesh, self_intersections=self_intersections, force=force).inspections["mesh"]
     if as_json:
         json_output.print_json("inspect", json_output.inspected(found))
@@ -120,13 +124,15 @@ def compare(
     as_json: Json = False,
 ) -> None:
     """Measure a mesh against the true one."""
-    from cascadenorm import api, reports
+    from cascadenorm import api
     from cascadenorm.cli import json_output, tables
 
     judged = sys.stdin.buffer if mesh == "-" else mesh
     if report is None:
         measures = api.compare(judged, reference)
     else:
+        from cascadenorm import reports
+
         measures = reports.report(report, judged, truth=reference, force=force).measures["mesh"]
     if as_json:
         json_output.print_json("compare", json_output.compared(mesh, reference, measures))
@@ -357,13 +363,29 @@ def render(
     *,
     output: Annotated[Path, typer.Option("-o", "--output", help="PNG file.")],
     size: Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")] = 600,
+    view: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Direction from the meshes toward the viewer, y upward.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Draw meshes into a picture, without a GPU or a window."""
     from cascadenorm.render.files import draw
 
-    draw(meshes, output, size=size, force=force)
+    draw(meshes, output, size=size, direction=_direction(view), force=force)
     print(output)
+
+
+def _direction(view: str | None) -> tuple[float, ...] | None:
+    """Read three numbers, not all of them 0."""
+    if view is None:
+        return None
+    try:
+        x, y, z = map(float, view.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"--view {view}: write three numbers, such as 0.5,0.4,0.8") from None
+    if not 0 < x * x + y * y + z * z < float("inf"):
+        raise typer.BadParameter(f"--view {view}: the numbers must be finite and not all 0")
+    return x, y, z
 
 
 def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:

@@ -27,6 +27,18 @@ def require_pillow() -> Any:
     return PIL
 
 
+def webp(image: Image) -> bytes:
+    """Return a picture as a WebP file, small and with losses that are hardly seen.
+
+    Raises
+    ------
+    MissingDependencyError : Pillow is not installed
+    """
+    file = io.BytesIO()
+    require_pillow().Image.fromarray(image).save(file, "WEBP", quality=85)
+    return file.getvalue()
+
+
 def png(image: Image) -> bytes:
     """Return a picture as a PNG file of 8 bits a channel.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 LEVEL = 6
 CODES = 1 << 16
-STEPS = 500
+STEPS = 250
 """Steps of a quantity up to the value that 99 % of its values are below."""
 
 

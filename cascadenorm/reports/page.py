@@ -26,7 +26,7 @@ def page(
     ----------
     title, summary : text; sentences, a paragraph each
     sections : titles and their HTML
-    picture, caption : a PNG file, and what it shows
+    picture, caption : a WebP file, and what it shows
     scene : of the viewer
     """
     here = files(__package__)
@@ -34,7 +34,7 @@ def page(
     data = json.dumps(scene, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     paragraphs = "".join(f"<p>{escape(line)}</p>" for line in summary)
     body = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
-    image = f'<img src="data:image/png;base64,{b64encode(picture).decode("ascii")}" alt="{escape(caption)}">'
+    image = f'<img src="data:image/webp;base64,{b64encode(picture).decode("ascii")}" alt="{escape(caption)}">'
     return f"""<!doctype html>
 <html lang="en">
 <head>
