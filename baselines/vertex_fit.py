@@ -14,8 +14,8 @@ Fit = Annotated[
     Literal["sweeps", "least-squares"],
     Parameter("how vertices follow the normals: Gauss-Seidel sweeps, or one sparse solve that may flip faces"),
 ]
-ATTACHMENT = 1e-3
-"""μ, weight of the given positions against the normals."""
+ATTACHMENT = 0.01
+"""μ, weight of the given positions against the normals; less overfits filtered normals, which belong to no surface."""
 
 
 def fit_vertices(

@@ -4,13 +4,13 @@ from shapes import cube, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
 from cascadenorm.baselines import vertex_fit
-from cascadenorm.baselines.vertex_fit import ATTACHMENT, least_squares_vertices
+from cascadenorm.baselines.vertex_fit import least_squares_vertices
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import registered
 
 
-def fitted(mesh, normals, attachment=ATTACHMENT):
+def fitted(mesh, normals, attachment=1e-3):
     weights = np.ones(len(mesh.faces))
     return mesh.moved(least_squares_vertices(mesh, normals, weights=weights, attachment=attachment))
 
