@@ -14,8 +14,10 @@ Neighborhood = Literal["distance", "rings"]
 """Which faces a filter adds: those within SPREADS spatial spreads, or within RINGS rings of faces."""
 SPREADS = 2.5
 """A disk of that radius holds 96 % of the Gaussian; two rings hold less than half at σ_s = 2 mean edge lengths."""
+MOST_NEIGHBORS = 2048
+"""Where tiny faces lie among much larger ones, a filter adds the first so many: even meshes have 180 for σ_s = 2."""
 RINGS = 2
-FACES_AT_A_TIME = 1 << 15  # whose neighbours are kept at once, of which there are 180 on an even mesh for σ_s = 2
+FACES_AT_A_TIME = 1 << 15  # whose neighbours are kept at once
 
 
 def filtered_normals(
@@ -35,7 +37,8 @@ def filtered_normals(
     sigma_s : spatial spreads, in mean edge lengths
     sigma_r : range spreads, chords between unit normals; infinity leaves the range weight out
     neighborhood : "distance" sums over faces whose centroid is at most SPREADS σ_s away and which such faces join to
-        the face, so that each filter has its Gaussian nearly whole; "rings" over the RINGS rings of faces around it
+        the face, MOST_NEIGHBORS at most, so that each filter has its Gaussian nearly whole; "rings" sums over the RINGS
+        rings of faces around it
 
     Returns
     -------
@@ -68,7 +71,7 @@ def _neighbors(mesh: Mesh, radius: float) -> Iterator[tuple[int, Csr]]:
         rows = np.arange(first, min(first + FACES_AT_A_TIME, count), dtype=np.int32)
         themselves = Csr(np.arange(len(rows) + 1, dtype=np.int64), rows)
         radii = np.full(len(rows), radius)
-        yield first, within(mesh.centroids[rows], radii, mesh.centroids, graph, themselves)
+        yield first, within(mesh.centroids[rows], radii, mesh.centroids, graph, themselves, most=MOST_NEIGHBORS)
 
 
 @kernel

@@ -20,6 +20,18 @@ def test_finds_all_points_within_the_radius_of_a_connected_mesh():
     assert pocket < 0.01 * len(found.indices)  # near in space, but only joined by points that are not
 
 
+def test_finds_at_most_so_many_and_those_of_the_nearest_rings():
+    sheet = grid(20, 20)
+    count = len(sheet.vertices)
+    everywhere, graph = np.full(count, np.inf), sheet.topology.vertex_neighbors
+    whole, few = (
+        within(sheet.vertices, everywhere, sheet.vertices, graph, each_alone(count), most=most) for most in (count, 9)
+    )
+    assert (whole.counts == count).all() and (few.counts == 9).all()
+    for i in range(count):
+        assert few.row(i).tolist() == whole.row(i)[:9].tolist()
+
+
 def test_does_not_jump_to_another_sheet():
     sheet = grid(4, 4)
     above = sheet.vertices + np.array([0, 0, 0.1])

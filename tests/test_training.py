@@ -2,6 +2,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -246,6 +247,16 @@ def test_each_process_has_a_card_of_its_own_or_none_has_one(monkeypatch, cards, 
     assert distributed.device() == torch.device(expected)
     with ThreadPoolExecutor(1) as pool:  # networks are trained in threads, which do not know of one another's card
         assert pool.submit(distributed.device).result() == torch.device(expected)
+
+
+def test_the_settings_of_cascade_are_those_of_the_paper():
+    """B-FND and G-FND, then B-FND twice; clusters with one hidden layer each; nothing but the filtered normals."""
+    config = read_config(Path(__file__).parents[1] / "configs" / "cascade.toml")
+    assert [stage.descriptor for stage in config.stages] == ["B+G", "B", "B"]
+    for stage in config.stages:
+        assert (stage.neighborhood, stage.weighting, stage.foldovers) == ("distance", "heights", "ignore")
+        assert not stage.sees_noisy and stage.activation == "tanh"
+    assert (config.clusters, config.context, len(config.fit.hidden)) == (4, 0, 1)
 
 
 def test_settings_are_read_from_toml(tmp_path):

@@ -6,8 +6,12 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import row, squared_distance
 
+UNLIMITED = 2**31 - 1
 
-def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr) -> Csr:
+
+def within(
+    centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr, *, most: int = UNLIMITED
+) -> Csr:
     """Find the points near each centre that a walk over near points reaches from the seeds.
 
     Parameters
@@ -16,13 +20,14 @@ def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph:
     points : (p, 3)
     graph : p rows, neighbours of each point
     seeds : k rows, where the walk of each centre starts; a seed that is too far is left out as any other point
+    most : points to find of each centre, the first on the walk
 
     Returns
     -------
     k rows: the points at most radii[i] from centers[i], in the order in which they are found
     """
     count = len(centers)
-    parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds)
+    parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds, most)
     indptr = np.zeros(count + 1, np.int64)
     np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
     return Csr(indptr, np.concatenate([found for _, found in parts]))
@@ -42,6 +47,7 @@ def _within_range(
     points: Vectors,
     neighbors: Csr,
     seeds: Csr,
+    most: int,
 ) -> tuple[Ints, Ints32]:
     """Search breadth first from the seeds of each centre in start … stop; the counts, and what is found."""
     seen = np.full(len(points), -1, np.int32)
@@ -52,7 +58,7 @@ def _within_range(
         first = end
         limit = radii[i] * radii[i]
         current = first - 1  # the seeds stand before the first point found
-        while current < end:
+        while current < end and end - first < most:
             if current < first:
                 low, high, source = seeds.indptr[i], seeds.indptr[i + 1], seeds.indices
             else:
@@ -68,6 +74,8 @@ def _within_range(
                 seen[j] = i
                 if squared_distance(row(points, j), row(centers, i)) > limit:
                     continue
+                if end - first == most:
+                    break
                 if end == len(found):
                     larger = np.empty(2 * len(found), np.int32)
                     larger[:end] = found
