@@ -112,6 +112,16 @@ def test_positions_are_off_by_half_a_level_and_the_result_by_as_much(place):
         assert np.abs(back - mesh.vertices).max() <= 0.501 / scene["levels"] * max(scene["extent"])
 
 
+def test_a_part_far_away_leaves_a_mesh_its_precision(place):
+    vertices = np.vstack([CLEAN.vertices, np.eye(3) + 5000])
+    cn.report("r.html", Mesh(vertices, np.vstack([CLEAN.faces, np.arange(3) + len(CLEAN.vertices)])))
+    scene = scene_of(place / "r.html")
+    codes = unpacked(scene["meshes"][0]["positions"])
+    back = np.array(scene["lower"]) + codes / scene["levels"] * scene["extent"]
+    assert np.abs(back - vertices).max() < 1e-3
+    assert np.linalg.norm(scene["view"]["target"]) < 0.2 and max(scene["view"]["reach"]) < 1.5
+
+
 def test_meshes_with_other_faces_are_shown_beside_each_other(place):
     measures = cn.report("r.html", cube(4), truth=cube(2)).measures["mesh"]
     assert measures == cn.compare(cube(4), cube(2))

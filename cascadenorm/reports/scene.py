@@ -16,19 +16,23 @@ from cascadenorm.reports.packing import in_steps, packed, packed_faces
 from cascadenorm.reports.places import Place
 
 FORMAT = 1
-LEVELS = (1 << 16) - 1
+LEVELS, FINE_LEVELS = (1 << 16) - 1, (1 << 24) - 1
+FEWEST = 30
+"""Levels along a mean edge below which FINE_LEVELS are used: a part far away makes the bounding box large."""
 
 
 def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
     """Pack meshes, what is known of their faces and vertices, and places to look at.
 
-    Positions are whole numbers from 0 to LEVELS in each direction of the bounding box of all meshes; a mesh with the
-    faces of an earlier one is that one and the displacements of its vertices.
+    Positions are whole numbers from 0 to LEVELS, or FINE_LEVELS, in each direction of the bounding box of all meshes;
+    a mesh with the faces of an earlier one is that one and the displacements of its vertices.
     """
     meshes = dict(zip((given.key for given in shown), scaled_alike(*(given.mesh for given in shown)), strict=True))
     unit = _unit(shown[0].mesh, meshes[shown[0].key])
     corners = np.concatenate([mesh.vertices[mesh.topology.used_vertices] for mesh in meshes.values()])
     lower, extent = corners.min(axis=0), np.ptp(corners, axis=0)
+    edge = min(mesh.mean_edge_length for mesh in meshes.values())
+    levels = LEVELS if edge * LEVELS >= FEWEST * extent.max() else FINE_LEVELS
     displays: dict[str, Display] = {}
     packed_meshes, codes = [], dict[str, NDArray[np.int64]]()
     for given in shown:
@@ -36,7 +40,7 @@ def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
         like = next((key for key in codes if np.array_equal(meshes[key].faces, mesh.faces)), None)
         displays[given.key] = drawn = displays[like] if like else display(mesh)
         place = np.divide(mesh.vertices - lower, extent, out=np.zeros_like(mesh.vertices), where=extent > 0)
-        codes[given.key] = np.rint(place[drawn.kept_vertices] * LEVELS).astype(np.int64)
+        codes[given.key] = np.rint(place[drawn.kept_vertices] * levels).astype(np.int64)
         packed_meshes.append(
             {
                 "name": given.key,
@@ -52,12 +56,17 @@ def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
                 "numbers": _numbers(given, drawn),
             }
         )
+    camera = Camera.looking_at(meshes[shown[-1].key])
     return {
         "format": FORMAT,
         "lower": (lower * unit).tolist(),
         "extent": (extent * unit).tolist(),
-        "levels": LEVELS,
-        "view": Camera.looking_at(meshes[shown[-1].key]).axes[2].tolist(),
+        "levels": levels,
+        "view": {
+            "from": camera.axes[2].tolist(),
+            "target": (camera.center * unit).tolist(),
+            "reach": [reach * unit for reach in camera.reach],
+        },
         "meshes": packed_meshes,
         "fields": [_packed_field(field, displays) for field in fields(meshes, unit)],
         "places": [place._asdict() for place in places],

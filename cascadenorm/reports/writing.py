@@ -140,7 +140,7 @@ def _summary(inspected: Inspected, measured: Measured, done: Report | None) -> l
     said = []
     if done is not None:
         said.append(
-            f"{done.method} moved {done.moved:,} of {counted(done.vertices, 'vertex', 'vertices')} by "
+            f"{done.method} moved {done.moved:,} of {done.vertices:,} vertices by "
             f"{done.mean_displacement:.3g} mean edge lengths on average and {done.largest_displacement:.3g} at most, "
             f"in {done.seconds:.1f} s."
         )
@@ -150,7 +150,7 @@ def _summary(inspected: Inspected, measured: Measured, done: Report | None) -> l
     for one, found in inspected:
         noise = "noise unknown" if found.noise is None else f"noise of about {found.noise:.2g} mean edge lengths"
         kinds = counted(len(found.findings), "kind of defect", "kinds of defects") if found.findings else "no defects"
-        said.append(f"{one.label}: {counted(found.faces, 'face')}, {noise}, {kinds}.")
+        said.append(f"{one.label}: {found.faces:,} faces, {noise}, {kinds}.")
     return said
 
 

@@ -43,7 +43,7 @@ export interface PackedScene {
   lower: [number, number, number];
   extent: [number, number, number];
   levels: number;
-  view: [number, number, number];
+  view: { from: number[]; target: number[]; reach: [number, number] };
   meshes: PackedMesh[];
   fields: PackedField[];
   places: Place[];

@@ -193,7 +193,7 @@ function initial(model: Model): State {
     color: "",
     limits: null,
     range: null,
-    view: { from: model.view, target: [0, 0, 0], distance: 4 * model.radius },
+    view: { from: model.view.from, target: model.view.target, distance: 4 * model.radius },
   };
 }
 

@@ -30,7 +30,7 @@ export interface Model {
   center: [number, number, number];
   size: number; // what is 1 in the frame, in the unit of the mesh
   radius: number; // of the sphere around all surfaces, in the frame
-  view: [number, number, number];
+  view: { from: number[]; target: number[]; reach: [number, number] }; // half of the width and height to be seen
 }
 
 export async function modelOf(scene: PackedScene): Promise<Model> {
@@ -56,14 +56,20 @@ export async function modelOf(scene: PackedScene): Promise<Model> {
       numbers: mesh.numbers && (await unpacked(mesh.numbers)),
     });
   }
+  const center = scene.lower.map((low, axis) => low + scene.extent[axis] / 2) as Model["center"];
+  const { from, target, reach } = scene.view;
   return {
     surfaces,
     fields: await fieldsOf(scene),
     places: scene.places,
-    center: scene.lower.map((low, axis) => low + scene.extent[axis] / 2) as Model["center"],
+    center,
     size,
     radius: Math.hypot(...scene.extent) / size / 2 || 1,
-    view: scene.view,
+    view: {
+      from,
+      target: target.map((value, axis) => (value - center[axis]) / size),
+      reach: [reach[0] / size, reach[1] / size],
+    },
   };
 }
 

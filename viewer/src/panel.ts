@@ -147,7 +147,7 @@ export class Panel {
     const rows: [string, string][] = [
       [surface.label, number === null ? "face of the display mesh" : `face ${number}`],
       ["Centroid", at.join(", ")],
-      ["Area", `${short(triangle.getArea() * this.model.size ** 2)} units²`],
+      ["Area", `${short(triangle.getArea() * this.model.size ** 2)} mesh units²`],
       ...this.model.fields
         .filter(({ values }) => values.has(picked.name))
         .map((field) => [field.label, withUnit(valueAt(field, surface, picked.face), field.unit)] as [string, string]),

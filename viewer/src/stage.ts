@@ -93,9 +93,11 @@ export class Stage {
 
   home(): View {
     const aspect = this.panes()[0].width / Math.max(this.canvas.clientHeight, 1) || 1;
-    const half = (FIELD_OF_VIEW / 2) * (Math.PI / 180);
-    const narrow = Math.min(half, Math.atan(Math.tan(half) * aspect));
-    return { from: this.model.view, target: [0, 0, 0], distance: (0.92 * this.model.radius) / Math.sin(narrow) };
+    const slope = Math.tan((FIELD_OF_VIEW / 2) * (Math.PI / 180));
+    const { from, target, reach } = this.model.view;
+    const [width, height] = reach;
+    const far = Math.max(width / (slope * aspect), height / slope) || this.model.radius;
+    return { from, target, distance: 1.08 * far + 0.7 * Math.max(width, height) }; // what is nearer looks larger
   }
 
   look({ from, target, distance }: View): void {
@@ -247,7 +249,7 @@ export class Stage {
   private shape(pane: Pane): void {
     const away = this.camera.position.length(); // the model is around the origin
     const reach = 1.05 * this.model.radius;
-    this.camera.near = Math.max(away - reach, 0.002 * this.model.radius);
+    this.camera.near = Math.max(away - reach, 0.02 * this.camera.position.distanceTo(this.controls.target));
     this.camera.far = away + reach;
     this.camera.aspect = pane.width / Math.max(this.canvas.clientHeight, 1);
     this.camera.updateProjectionMatrix();
