@@ -122,6 +122,16 @@ def test_a_part_far_away_leaves_a_mesh_its_precision(place):
     assert np.linalg.norm(scene["view"]["target"]) < 0.2 and max(scene["view"]["reach"]) < 1.5
 
 
+@pytest.mark.parametrize("scale", [1e300, 1e-310])
+def test_coordinates_of_any_size_are_shown(place, scale):
+    out = cn.denoise(ROUGH, method="laplacian")
+    cn.report("r.html", ROUGH.moved(ROUGH.vertices * scale), out.moved(out.vertices * scale))
+    scene = scene_of(place / "r.html")
+    assert max(scene["extent"]) == pytest.approx(2 * scale, rel=0.2)
+    angle = next(field for field in scene["fields"] if field["name"] == "angle")
+    assert 1 < angle["limits"][1] < 90
+
+
 def test_meshes_with_other_faces_are_shown_beside_each_other(place):
     measures = cn.report("r.html", cube(4), truth=cube(2)).measures["mesh"]
     assert measures == cn.compare(cube(4), cube(2))

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 LEVEL = 6
 CODES = 1 << 16
+LARGEST = 1e300
+"""Size beyond which a number is no value, so that differences are numbers."""
 STEPS = 250
 """Steps of a quantity up to the value that 99 % of its values are below."""
 
@@ -26,7 +28,7 @@ def in_steps(values: NDArray[np.float64]) -> Steps:
 
     The step is longer where the largest value would need more than CODES, so no value is cut off.
     """
-    known = np.isfinite(values)
+    known = np.abs(values) < LARGEST
     if not known.any():
         return Steps(np.zeros(values.shape, np.int64), 0.0, 1.0)
     start, stop = float(values[known].min()), float(values[known].max())

@@ -57,6 +57,8 @@ def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
             }
         )
     camera = Camera.looking_at(meshes[shown[-1].key])
+    with np.errstate(over="ignore"):  # what is too large for a number is no value
+        quantities = fields(meshes, unit)
     return {
         "format": FORMAT,
         "lower": (lower * unit).tolist(),
@@ -68,7 +70,7 @@ def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
             "reach": [reach * unit for reach in camera.reach],
         },
         "meshes": packed_meshes,
-        "fields": [_packed_field(field, displays) for field in fields(meshes, unit)],
+        "fields": [_packed_field(field, displays) for field in quantities],
         "places": [place._asdict() for place in places],
     }
 
