@@ -2,9 +2,11 @@
 
 import importlib
 import io
+import json
 import re
 import shlex
 import sys
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from cascadenorm import registry
 from cascadenorm.api import methods
 from cascadenorm.cli import run
 from cascadenorm.interop import save_mesh
+from cascadenorm.learned.config import TrainConfig
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -148,3 +151,18 @@ def test_the_pairs_of_the_readme_are_collected_from_clones(tmp_path, monkeypatch
     save_mesh(tmp_path / "c.obj", icosphere(2), force=True)
     with pytest.raises(SystemExit, match="162 vertices and 320 faces; the mesh that was measured has 42 and 80"):
         script.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
+
+
+def test_the_training_page_lists_every_setting_with_its_default():
+    text = (ROOT / "docs" / "training.md").read_text(encoding="utf-8")
+    found = dict(re.findall(r"^\| `([\w.]+)` \| (.+?) \|", text, re.MULTILINE))
+    config = asdict(TrainConfig())
+    flat = {
+        f"{key}.{name}" if name else key: inner
+        for key, value in config.items()
+        for name, inner in (value.items() if isinstance(value, dict) else [("", value)])
+    }
+    assert set(found) >= set(flat)
+    for key, value in flat.items():
+        listed = f"{len(value)} names" if key in ("data.families", "data.noise_kinds") else f"{json.dumps(value)}"
+        assert found[key].strip("`") == listed, key
