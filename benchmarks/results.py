@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
+from cascadenorm.cli.progress_bars import progress_tasks
 from cascadenorm.evaluation.harness import DEFAULT_METHODS, NOISY, Evaluation, evaluate
 
 BEGIN, END = "<!-- results: written by benchmarks/results.py -->", "<!-- end of results -->"
@@ -40,10 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = parser.parse_args(arguments)
     reference = json.loads(chosen.reference.read_text(encoding="utf-8")) if chosen.reference else None
     methods = tuple(chosen.method or DEFAULT_METHODS)
-    progress = Console(stderr=True)
-    done = evaluate(
-        [chosen.folder], methods=methods, progress=lambda text, part, parts: progress.print(f"{part}/{parts} {text}")
-    )
+    with progress_tasks() as progress:
+        done = evaluate([chosen.folder], methods=methods, progress=progress)
     if done.failures:
         raise SystemExit("\n".join(f"{failure.pair}, {failure.method}: {failure.error}" for failure in done.failures))
     text = chosen.readme.read_text(encoding="utf-8")
@@ -65,7 +62,7 @@ def results_table(done: Evaluation, methods: Sequence[str], reference: Reference
         (result.pair, result.method): (
             result.measures.normal_error_deg,
             result.measures.vertex_error_edges,
-            result.measures.turned_percent,
+            result.measures.flipped_percent,
         )
         for result in done.results
     }

@@ -18,7 +18,7 @@ from cascadenorm.mesh import Mesh, MeshError
 
 
 class Adapter(NamedTuple):
-    """How to take the vertices and triangles out of a foreign mesh, and how to copy it with other vertices."""
+    """How to take vertices and triangles out of a mesh of another library, and copy it with other vertices."""
 
     arrays: Callable[[Any], tuple[NDArray[Any], NDArray[Any]]]
     with_vertices: Callable[[Any, NDArray[Any]], Any]

@@ -161,7 +161,7 @@ FOUND = {
     "vertices without a face": {"unreferenced"},
     "edges with three faces": {"non_manifold_edges"},
     "components joined at a vertex": {"non_manifold_vertices"},
-    "every third face flipped": {"turned_edges"},
+    "every third face flipped": {"flipped_edges"},
     "inside out": {"inside_out"},
     "passes through itself": {"crossing_faces"},
     "soup: no vertex is shared": {"duplicate_vertices"},

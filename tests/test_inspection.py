@@ -47,7 +47,7 @@ def torus(around: int, across: int) -> Mesh:
 def test_a_clean_sphere_is_described_and_nothing_is_found():
     found = inspect(BALL)
     assert (found.vertices, found.faces, found.parts, found.closed) == (162, 320, 1, True)
-    assert (found.euler_characteristic, found.genus, found.rims, found.boundary_edges) == (2, 0, 0, 0)
+    assert (found.euler_characteristic, found.genus, found.boundary_loops, found.boundary_edges) == (2, 0, 0, 0)
     assert found.lower == (-1, -1, -1) and found.upper == (1, 1, 1)
     assert found.mean_edge_length == pytest.approx(BALL.mean_edge_length)
     assert found.area == pytest.approx(BALL.area) and found.volume == pytest.approx(BALL.volume)
@@ -61,7 +61,7 @@ def test_handles_and_parts_are_counted():
 
 def test_rims_of_open_meshes():
     sheet = inspect(without(grid(6, 6), [14, 14 + 36]))  # one square taken out of the middle
-    assert (sheet.rims, sheet.boundary_edges, sheet.closed) == (2, 4 * 6 + 4, False)
+    assert (sheet.boundary_loops, sheet.boundary_edges, sheet.closed) == (2, 4 * 6 + 4, False)
     assert sheet.genus is None and sheet.volume is None
 
 
@@ -139,7 +139,7 @@ def test_a_vertex_where_two_surfaces_meet():
 def test_turned_faces_and_parts_that_are_inside_out():
     faces = BALL.faces.copy()
     faces[40] = faces[40, ::-1]
-    found = only(Mesh(BALL.vertices, faces), "turned_edges")
+    found = only(Mesh(BALL.vertices, faces), "flipped_edges")
     assert found.count == 3 and {v for edge in found.first for v in edge} == set(faces[40].tolist())
     two = together(BALL.moved(BALL.vertices * 3), BALL)
     cavity = Mesh(two.vertices, np.concatenate([two.faces[:320], two.faces[320:, ::-1]]))
@@ -326,9 +326,7 @@ def test_the_json_holds_every_field(tmp_path, capsys):
     assert run(["inspect", str(tmp_path / "bad.obj"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["version"], found["command"]) == (1, "inspect")
-    assert set(found) - {"version", "command", "boundary_loops", "flipped_edges"} == set(
-        Inspection.__dataclass_fields__
-    )
+    assert set(found) - {"version", "command", "rims", "turned_edges"} == set(Inspection.__dataclass_fields__)
     assert (found["boundary_loops"], found["flipped_edges"]) == (found["rims"], found["turned_edges"])
     assert found["bad_indices"] == {"count": 1, "first": [2]} and found["genus"] is None
 

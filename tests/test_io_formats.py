@@ -11,7 +11,7 @@ from cascadenorm import io
 from cascadenorm.io.base import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.polygons import Polygons, triangulate
-from cascadenorm.io.via_trimesh import foreign
+from cascadenorm.io.via_trimesh import trimesh_kind
 from cascadenorm.mesh import Mesh, MeshError, unit
 
 OFF_TETRAHEDRON = b"\n".join(
@@ -293,13 +293,13 @@ def test_other_formats_go_through_trimesh(tmp_path):
     import trimesh
 
     data = trimesh.Scene([trimesh.creation.box(), trimesh.creation.icosphere(subdivisions=1)]).export(file_type="glb")
-    file = foreign("glb")(data)
-    moved = foreign("glb")(written(file.with_vertices(file.mesh.vertices * 2)))
+    file = trimesh_kind("glb")(data)
+    moved = trimesh_kind("glb")(written(file.with_vertices(file.mesh.vertices * 2)))
     assert written(file) == data
     assert moved.mesh.area == pytest.approx(4 * file.mesh.area, rel=1e-5)
     assert file.content().positions.shape == file.positions.shape
     with pytest.raises(io.ReadError, match="trimesh cannot read this as glb"):
-        foreign("glb")(data[:100])
+        trimesh_kind("glb")(data[:100])
     with pytest.raises(io.ReadError, match="no triangle mesh"):
         read(b"0 0 0\n1 0 0\n", "xyz")
 

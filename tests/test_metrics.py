@@ -16,7 +16,7 @@ def turned(mesh: Mesh, degrees: float, axis: int) -> Mesh:
 def test_a_mesh_is_no_error_away_from_itself():
     found = measure(noisy(icosphere(2), 0.1), noisy(icosphere(2), 0.1))
     assert found.normal_error_deg == found.normal_error_rms_deg == found.normal_error_p95_deg == 0
-    assert found.turned_percent == 0
+    assert found.flipped_percent == 0
     assert found.hausdorff_diagonal < 1e-15
     assert found.vertex_error_edges < 1e-15
     assert found.volume_ratio == 1
@@ -54,7 +54,7 @@ def test_a_turned_plane_is_off_by_the_angle(degrees):
     found = measure(turned(plane, degrees, axis=0), plane)
     assert found.normal_error_deg == pytest.approx(degrees, rel=1e-9)
     assert found.normal_error_p95_deg == pytest.approx(degrees, rel=1e-9)
-    assert found.turned_percent == (100 if degrees > 90 else 0)
+    assert found.flipped_percent == (100 if degrees > 90 else 0)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

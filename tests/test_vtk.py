@@ -120,7 +120,7 @@ def test_volumes_are_refused(tmp_path):
 
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr(files, "is_installed", lambda: False)
-    monkeypatch.setattr("cascadenorm.io.via_trimesh.foreign_formats", list)
+    monkeypatch.setattr("cascadenorm.io.via_trimesh.trimesh_formats", list)
     for format, packages in {"vtu": "meshio", "3mf": "lxml networkx", "dae": "pycollada"}.items():
         words = re.escape(
             f"'{format}' files needs {packages}, which is not installed: pip install \"cascadenorm[formats]"

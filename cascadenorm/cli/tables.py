@@ -61,7 +61,7 @@ def print_left_out(losses: Sequence[str]) -> None:
 
 def print_inspection(found: Inspection) -> None:
     """Print what a mesh is, and a line for each finding."""
-    loops = f"{counted(found.rims, 'boundary loop')} of {counted(found.boundary_edges, 'edge')} in all"
+    loops = f"{counted(found.boundary_loops, 'boundary loop')} of {counted(found.boundary_edges, 'edge')} in all"
     kind = "closed" if found.closed else f"open: {loops}"
     genus = f", genus {found.genus}" if found.genus is not None else ""
     euler = f"Euler characteristic {found.euler_characteristic}{genus}"
@@ -160,7 +160,7 @@ def _cells(result: Result, *, name: str) -> tuple[str, ...]:
         result.method,
         f"{measures.normal_error_deg:.2f}",
         f"{measures.vertex_error_edges:.3f}",
-        f"{measures.turned_percent:.3f}",
+        f"{measures.flipped_percent:.3f}",
         f"{measures.hausdorff_diagonal:.4f}",
         "open" if measures.volume_ratio is None else f"{measures.volume_ratio:.4f}",
         f"{result.seconds:.2f}" if result.seconds else "",

@@ -23,7 +23,7 @@ class Measures:
     normal_error_deg : E_a, mean angle between the face normals, in degrees
     normal_error_rms_deg : root of the mean square of that angle
     normal_error_p95_deg : 95 % of the faces are at most that far off
-    turned_percent : share of the faces that are off by more than 90°
+    flipped_percent : share of the faces that are off by more than 90°
     vertex_error_edges : E_v, mean distance of the vertices to the true surface, in mean edge lengths of the true mesh
     hausdorff_diagonal : largest distance of a vertex of either mesh to the other surface, over the diagonal of the
         true mesh's bounding box
@@ -33,7 +33,7 @@ class Measures:
     normal_error_deg: float
     normal_error_rms_deg: float
     normal_error_p95_deg: float
-    turned_percent: float
+    flipped_percent: float
     vertex_error_edges: float
     hausdorff_diagonal: float
     volume_ratio: float | None
@@ -44,7 +44,7 @@ class Measures:
             "normal error E_a, mean": f"{self.normal_error_deg:.3f} deg",
             "normal error, root mean square": f"{self.normal_error_rms_deg:.3f} deg",
             "normal error, 95 % of the faces": f"{self.normal_error_p95_deg:.3f} deg",
-            "faces flipped (off by more than 90 deg)": f"{self.turned_percent:.3f} %",
+            "faces flipped (off by more than 90 deg)": f"{self.flipped_percent:.3f} %",
             "vertex error E_v, mean": f"{self.vertex_error_edges:.4f} mean edge lengths",
             "Hausdorff distance": f"{self.hausdorff_diagonal:.5f} diagonals",
             "volume ratio": "open" if self.volume_ratio is None else f"{self.volume_ratio:.6f}",
@@ -80,7 +80,7 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
         normal_error_deg=float(angles.mean()),
         normal_error_rms_deg=float(np.sqrt(np.square(angles).mean())),
         normal_error_p95_deg=float(np.percentile(angles, 95)),
-        turned_percent=float(100 * (angles > 90).mean()),
+        flipped_percent=float(100 * (angles > 90).mean()),
         vertex_error_edges=float(there.mean() / reference.mean_edge_length),
         hausdorff_diagonal=float(max(there.max(), back.max()) / reference.diagonal),
         volume_ratio=_volume_ratio(mesh, reference),

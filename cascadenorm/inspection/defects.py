@@ -16,7 +16,7 @@ THIN = 0.01
 """A face whose height is smaller than this share of its longest side is a sliver."""
 
 
-def turned_edges(topology: Topology) -> Mask:
+def flipped_edges(topology: Topology) -> Mask:
     """Return which edges have two faces that run along them the same way, (e,)."""
     return np.asarray((topology.edge_faces.counts == 2) & (topology.balance != 0))
 

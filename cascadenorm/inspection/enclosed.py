@@ -11,7 +11,7 @@ from cascadenorm.mesh import Mesh
 
 
 class Enclosed(NamedTuple):
-    """The closed, consistently wound parts of a mesh.
+    """The closed, consistently oriented parts of a mesh.
 
     Parameters
     ----------

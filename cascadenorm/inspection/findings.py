@@ -9,7 +9,7 @@ FINDINGS = {
         "vertex is non-manifold, its faces not all connected by edges there",
         "vertices are non-manifold, their faces not all connected by edges there",
     ),
-    "turned_edges": (
+    "flipped_edges": (
         "edge has two faces of inconsistent orientation, one of them flipped",
         "edges have two faces of inconsistent orientation, one of them flipped",
     ),

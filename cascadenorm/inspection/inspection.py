@@ -13,7 +13,7 @@ from cascadenorm.geometry.error_kind import ErrorKind, error_kind
 from cascadenorm.geometry.noise_level import noise_level
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.inspection.crossings import crossing_faces
-from cascadenorm.inspection.defects import boundary_loop_count, pinched_vertices, repeats, thin_faces, turned_edges
+from cascadenorm.inspection.defects import boundary_loop_count, flipped_edges, pinched_vertices, repeats, thin_faces
 from cascadenorm.inspection.enclosed import enclosed
 from cascadenorm.interop import adapter
 from cascadenorm.learned.cascade import auto
@@ -60,10 +60,10 @@ class Inspection:
     repeated_corners : faces that repeat a vertex
     parts : connected components that have a face
     closed : whether every edge has two faces or more
-    rims, boundary_edges : chains of edges with a single face, and those edges
+    boundary_loops, boundary_edges : chains of edges with a single face, and those edges
     non_manifold_edges : with more than two faces
     non_manifold_vertices : where faces meet that do not are connected there
-    turned_edges : whose two faces run along them the same way, so that one of them is flipped
+    flipped_edges : whose two faces run along them the same way, so that one of them is flipped
     inside_out : closed parts with a negative volume, by a face of each; cavities are such parts as well
     zero_area, slivers : faces without height, and those with one below 1 % of their longest side
     duplicate_faces : faces on the same three vertices as an earlier one
@@ -91,11 +91,11 @@ class Inspection:
     repeated_corners: Found
     parts: int
     closed: bool
-    rims: int
+    boundary_loops: int
     boundary_edges: int
     non_manifold_edges: Found
     non_manifold_vertices: Found
-    turned_edges: Found
+    flipped_edges: Found
     inside_out: Found
     zero_area: Found
     slivers: Found
@@ -213,11 +213,11 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
     return {
         "parts": len(np.unique(topology.face_components)),
         "closed": bool((around > 1).all()),
-        "rims": boundary_loop_count(topology),
+        "boundary_loops": boundary_loop_count(topology),
         "boundary_edges": int((around == 1).sum()),
         "non_manifold_edges": numbered.at_edges(topology.edges[around > 2]),
         "non_manifold_vertices": numbered.at_vertices(pinched_vertices(topology)),
-        "turned_edges": numbered.at_edges(topology.edges[turned_edges(topology)]),
+        "flipped_edges": numbered.at_edges(topology.edges[flipped_edges(topology)]),
         "inside_out": numbered.at_faces(inside_out),
         "zero_area": numbered.at_faces(flat),
         "slivers": numbered.at_faces(thin),
@@ -245,8 +245,8 @@ def _error(mesh: Mesh, exponent: int) -> ErrorKind | None:
 NONE_FOUND = Found(0, ())
 
 NOTHING: dict[str, Any] = {
-    **dict.fromkeys(("parts", "rims", "boundary_edges", "euler_characteristic"), 0),
-    **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "turned_edges", "inside_out"), NONE_FOUND),
+    **dict.fromkeys(("parts", "boundary_loops", "boundary_edges", "euler_characteristic"), 0),
+    **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "flipped_edges", "inside_out"), NONE_FOUND),
     **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "crossing_faces"), NONE_FOUND),
     **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise", "error")),
     "closed": False,

@@ -47,8 +47,8 @@ class Content:
     face_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
 
-    def without_misnamed(self) -> "Content":
-        """Leave out polygons that name positions that do not exist; elsewhere their numbers may mean some that do."""
+    def without_out_of_range(self) -> "Content":
+        """Leave out polygons with indices out of range, which may mean positions that exist elsewhere."""
         bad = np.zeros(len(self.polygons), bool)
         bad[self.polygons.owners[self.polygons.out_of_range(len(self.positions))]] = True
         if not bad.any():
@@ -175,7 +175,7 @@ class MeshFile(ABC):
         """Return what other formats can take over."""
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         here._isolates = self._isolates
-        return here._read_content().without_misnamed()
+        return here._read_content().without_out_of_range()
 
     def face_labels(self) -> list[Labels]:
         """Return what the polygons are labelled with: their properties; in some formats also materials and the like.

@@ -20,10 +20,10 @@ from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply import PlyFile
 from cascadenorm.io.polygons import Polygons
-from cascadenorm.io.sidecar_files import companions
+from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.via_trimesh import NEEDS as TRIMESH_NEEDS
-from cascadenorm.io.via_trimesh import foreign, foreign_formats, foreign_outputs
+from cascadenorm.io.via_trimesh import trimesh_formats, trimesh_kind, trimesh_outputs
 from cascadenorm.io.vtk import VtkFile, VtuFile, is_installed
 from cascadenorm.mesh import Mesh
 
@@ -69,7 +69,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
         chosen = (format or _sniffed(data) or Path(name).suffix).lower().lstrip(".")
         kind = _kind(chosen)
         if kind is None:
-            known = ", ".join(dict.fromkeys([*FORMATS, *_meshio_formats(), *foreign_formats()]))
+            known = ", ".join(dict.fromkeys([*FORMATS, *_meshio_formats(), *trimesh_formats()]))
             if chosen in NEEDS:
                 raise _missing("reading", chosen)
             raise ReadError(
@@ -110,7 +110,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     if file.format != chosen and isinstance(file, GltfContainer) and issubclass(kind, GltfContainer):
         file = file.repacked(kind)
     if path and file.format == chosen and not is_special(path):
-        beside, lost = companions(file, path, force=force)
+        beside, lost = sidecar_files(file, path, force=force)
         for copy in beside:
             copy.parent.mkdir(parents=True, exist_ok=True)
         _write_files(file, path, beside, force=force)
@@ -170,7 +170,7 @@ def check_target(file: MeshFile, target: Source, *, format: str, force: bool) ->
         path = Path(target)
         for beside in file.may_write(path):
             check_output(beside, force=force)
-        companions(file, path, force=force)
+        sidecar_files(file, path, force=force)
 
 
 def output_format(target: Source, otherwise: str = "") -> str:
@@ -189,7 +189,7 @@ def output_format(target: Source, otherwise: str = "") -> str:
     chosen = (extension or otherwise).lower().lstrip(".")
     if chosen in FORMATS:
         return chosen  # without loading the packages that know others
-    known = [*FORMATS, *_meshio_formats(), *foreign_outputs()]
+    known = [*FORMATS, *_meshio_formats(), *trimesh_outputs()]
     if not chosen:
         raise OutputError(f"the name {target} has no extension that says in which format to write: {', '.join(known)}")
     if chosen in NEEDS and _kind(chosen) is None:
@@ -212,7 +212,7 @@ def _missing(work: str, format: str) -> MissingDependencyError:
 
 
 def _kind(format: str) -> type[MeshFile] | None:
-    return FORMATS.get(format) or _meshio_formats().get(format) or foreign(format)
+    return FORMATS.get(format) or _meshio_formats().get(format) or trimesh_kind(format)
 
 
 def _meshio_formats() -> dict[str, type[MeshFile]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from cascadenorm.io.base import MeshFile, OutputError, Piece
 
 
-def companions(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path, Iterable[Piece]], list[str]]:
+def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path, Iterable[Piece]], list[str]]:
     """Return what has to be written beside a target so that the file finds what it names.
 
     Parameters

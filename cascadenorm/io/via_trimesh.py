@@ -26,7 +26,7 @@ INPUTS = ("3dxml", "3mf", "ctm", "dae", "glb", "gltf", "step", "stp", "xaml", "x
 OUTPUTS = ("3mf", "dae")  # beside the native ones; others that trimesh writes lose the faces
 
 
-class ForeignFile(MeshFile):
+class TrimeshFile(MeshFile):
     """A scene of one or more meshes as trimesh holds it; positions are float64, in the frame of each mesh."""
 
     moving_loses = ("what trimesh does not hold of it (units, metadata, names)",)
@@ -61,8 +61,8 @@ class ForeignFile(MeshFile):
         shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
         first = np.concatenate([[0], np.cumsum([len(mesh.vertices) for _, mesh in shown])])
         positions = np.concatenate([mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in shown])
-        wound = [mesh.faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.faces for matrix, mesh in shown]
-        faces = np.concatenate([part + start for part, start in zip(wound, first, strict=False)])
+        oriented = [mesh.faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.faces for matrix, mesh in shown]
+        faces = np.concatenate([part + start for part, start in zip(oriented, first, strict=False)])
         kinds = {mesh.visual.kind for _, mesh in shown}
         colors = {}
         if kinds == {"vertex"}:
@@ -93,23 +93,23 @@ class ForeignFile(MeshFile):
         return _exported(mesh, cls.format), lost
 
 
-def foreign(format: str) -> type[ForeignFile] | None:
+def trimesh_kind(format: str) -> type[TrimeshFile] | None:
     """Return the class for an extension, or None where trimesh does not know it."""
-    if format not in foreign_formats():
+    if format not in trimesh_formats():
         return None
-    return cast(type[ForeignFile], type(f"ForeignFile({format})", (ForeignFile,), {"format": format}))
+    return cast(type[TrimeshFile], type(f"TrimeshFile({format})", (TrimeshFile,), {"format": format}))
 
 
-def foreign_formats() -> list[str]:
+def trimesh_formats() -> list[str]:
     """Return the extensions that trimesh knows with the packages installed here."""
     import trimesh
 
     return sorted({*INPUTS} & {*trimesh.available_formats()})
 
 
-def foreign_outputs() -> list[str]:
+def trimesh_outputs() -> list[str]:
     """Return the extensions in which trimesh writes meshes with the packages installed here."""
-    return [format for format in OUTPUTS if format in foreign_formats()]
+    return [format for format in OUTPUTS if format in trimesh_formats()]
 
 
 def _exported(scene: Any, format: str) -> bytes:

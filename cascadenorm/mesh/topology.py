@@ -221,7 +221,7 @@ def _edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[
         for k in range(around.indptr[i], around.indptr[i + 1]):
             f = around.indices[k]
             if k > around.indptr[i] and around.indices[k - 1] == f:
-                continue  # a face that names the vertex twice
+                continue  # a face that repeats the vertex
             for side in range(3):
                 a, b = faces[f, side], faces[f, (side + 1) % 3]
                 if min(a, b) == i:

@@ -44,7 +44,7 @@ def _shape(found: Inspection) -> dict[str, str]:
         "vertices": f"{found.vertices:,}",
         "faces": f"{found.faces:,}",
         "connected components": f"{found.parts:,}",
-        "surface": "closed" if found.closed else f"open, {counted(found.rims, 'boundary loop')}",
+        "surface": "closed" if found.closed else f"open, {counted(found.boundary_loops, 'boundary loop')}",
         "genus": "none" if found.genus is None else str(found.genus),
         "mean edge length": _number(found.mean_edge_length),
         "area": _number(found.area),
