@@ -31,6 +31,8 @@ FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 NOT_RUN = "<!-- not run: "
 """Stands, with the reason, in the line before a Python block that a test cannot run."""
 
+OF_OTHERS = {"__pycache__", "NUMBA_CACHE_DIR", "torchrun"}
+
 
 def named(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
@@ -62,6 +64,19 @@ def test_the_architecture_names_only_what_exists():
             places = [folder.parent / name for folder in folders] + [folder / name for folder in folders]
             found = any(place.exists() or place.with_name(f"{name}.py").exists() for place in places)
             assert found, f"there is no {name} in{where}"
+
+
+def test_the_text_of_the_architecture_names_only_what_exists():
+    text = FENCE.sub("", (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"))
+    words = set(re.findall(r"[\w-]+", (ROOT / "pyproject.toml").read_text(encoding="utf-8")))
+    for path in (path for name in ("cascadenorm", "baselines", "data_gen") for path in (ROOT / name).rglob("*.py")):
+        words |= {path.stem, *re.findall(r'(?<=")[\w-]+|\w+', path.read_text(encoding="utf-8"))}
+    for name in re.findall(r"`([A-Za-z_][\w./-]*)(?:\(…?\.*\))?`", text):
+        if "/" in name or name.endswith(".py"):
+            homes = (ROOT, ROOT / "cascadenorm", ROOT / "tests")
+            assert any((home / name).exists() for home in homes) or name == "demo_data/", f"there is no file {name}"
+        else:
+            assert name in OF_OTHERS or set(name.split(".")) <= words, f"nothing is called {name}"
 
 
 def blocks(text: str, language: str) -> list[str]:

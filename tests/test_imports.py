@@ -1,9 +1,11 @@
 """Which module may import which, and what is loaded when."""
 
 import ast
+import re
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -22,7 +24,7 @@ MAY_IMPORT = {
     "workers": {"mesh", "errors"},
     "geometry": METHODS,
     "baselines": {*METHODS, "baselines"},
-    "data_gen": {"mesh", "errors", "workers", "data_gen"},
+    "data_gen": {"mesh", "errors", "progress", "workers", "data_gen"},
     "learned": {*METHODS, "baselines", "data_gen", "workers", "learned"},
     "io": {*MESH, "io"},
     "interop": {*MESH, "io"},
@@ -94,10 +96,30 @@ def test_every_rule_is_about_a_module():
         assert any(covers(rule, module) for module in MODULES), f"there is no module {rule}"
 
 
+def test_the_picture_of_the_architecture_is_that_of_the_code():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    _, picture, _ = page[page.index("## Imports point one way") :].split("```", 2)
+    chains = re.findall(r"[\w.]+(?:, [\w.]+)*(?: ◀─ [\w.]+(?:, [\w.]+)*)+", picture)
+    steps = [step for chain in chains for step in pairwise([names.split(", ") for names in chain.split(" ◀─ ")])]
+    arrows = {(low, high) for lows, highs in steps for low in lows for high in highs}
+    drawn = {name for arrow in arrows for name in arrow}
+    assert drawn >= {rule.partition(".")[0] for rule in MAY_IMPORT} - {"messages", "progress"}
+
+    below = {name: {low for low, high in arrows if high == name} for name in drawn}
+    for name in TopologicalSorter(below).static_order():  # an order there is: no circle is drawn
+        below[name] |= {lower for low in below[name] for lower in below[low]}
+
+    def drawn_as(module: str) -> str:
+        return max((name for name in drawn if covers(name, module)), key=len, default="")
+
+    for module, path in MODULES.items():
+        for other in imported(path) if drawn_as(module) else ():
+            lower = drawn_as(other)
+            assert lower in {"", drawn_as(module), *below[drawn_as(module)]}, f"{module} imports {other}: no arrow"
+
+
 def test_no_modules_import_each_other_in_a_circle():
     graph = {module: imported(path) - {module} for module, path in MODULES.items()}
-    packages = {module for module, path in MODULES.items() if path.name == "__init__.py"}
-    graph = {m: {n for n in names if not (n in packages and covers(n, m))} for m, names in graph.items()}
     try:
         tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:
