@@ -13,8 +13,9 @@ from cascadenorm.evaluation.pairs import Places, training_pairs
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
-from cascadenorm.learned.launch import Progress, is_local_main, is_main, silent
+from cascadenorm.learned.launch import is_local_main, is_main
 from cascadenorm.mesh import limit_threads
+from cascadenorm.progress import Progress, silent
 from cascadenorm.registry import ParameterError
 
 SHIPPED = ("auto", "cascade")

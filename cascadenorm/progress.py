@@ -1,12 +1,24 @@
-"""Progress of a method, reported to a listener."""
+"""Progress: the fraction of one method that is done, and the parts of a longer task."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from typing import Protocol
 
 Listener = Callable[[float], object]
 """Called with the fraction done, from 0 to 1; what it raises ends the method."""
+
+
+class Progress(Protocol):
+    """Called as work of many parts goes on, such as an evaluation or a training; what it raises ends the work."""
+
+    def __call__(self, task: str, done: int, total: int, note: str = "") -> object:
+        """Say that `done` of `total` parts of a task are done; the note tells what comes next or what came out."""
+
+
+def silent(task: str, done: int, total: int, note: str = "") -> None:
+    """Say nothing."""
 
 
 @dataclass

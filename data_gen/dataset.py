@@ -16,6 +16,7 @@ from cascadenorm.data_gen.noise import NoiseKind, displacements
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.surface import UnfitShapeError
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.progress import Progress, silent
 from cascadenorm.workers import side_by_side
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
@@ -179,8 +180,14 @@ def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, worker
         yield from each(partial(pair, config), chosen)
 
 
-def write_dataset(folder: Path, config: DatasetConfig, *, write: Callable[[Path, Mesh], None], workers: int = 1,
-                  progress: Callable[[int, int], None] | None = None) -> None:  # fmt: skip
+def write_dataset(
+    folder: Path,
+    config: DatasetConfig,
+    *,
+    write: Callable[[Path, Mesh], None],
+    workers: int = 1,
+    progress: Progress = silent,
+) -> None:
     """Write `<index>_<family>/noisy.ply` and `clean.ply` for each pair, then `dataset.json` with what they are.
 
     Parameters
@@ -188,7 +195,7 @@ def write_dataset(folder: Path, config: DatasetConfig, *, write: Callable[[Path,
     folder : made if it is not there; files in it are overwritten
     write : writes a mesh to a path
     workers : processes
-    progress : called with (pairs done, pairs in all) after each pair
+    progress : called with (task, pairs done, pairs in all) after each pair
     """
     folder.mkdir(parents=True, exist_ok=True)
     entries = []
@@ -200,8 +207,7 @@ def write_dataset(folder: Path, config: DatasetConfig, *, write: Callable[[Path,
         sizes = {"vertices": len(made.clean.vertices), "faces": len(made.clean.faces)}
         about = {"family": made.family, "noise_kind": made.noise_kind, "level": made.level}
         entries.append({"name": name, **about, **sizes})
-        if progress is not None:
-            progress(len(entries), config.count)
+        progress("generating", len(entries), config.count)
     text = json.dumps({"config": asdict(config), "pairs": entries}, indent=1)
     (folder / "dataset.json").write_text(text + "\n", encoding="utf-8")
 

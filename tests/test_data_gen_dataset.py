@@ -94,7 +94,7 @@ def test_a_data_set_is_written_whole_and_reports_progress(tmp_path):
     config = DatasetConfig(count=3, seed=4, **QUICK)
     calls = []
     write_dataset(tmp_path / "set", config, write=write_arrays, progress=lambda *call: calls.append(call))
-    assert calls == [(1, 3), (2, 3), (3, 3)]
+    assert calls == [("generating", 1, 3), ("generating", 2, 3), ("generating", 3, 3)]
     index = json.loads((tmp_path / "set" / "dataset.json").read_text())
     assert index["config"]["seed"] == 4
     for number, entry in enumerate(index["pairs"]):

@@ -91,10 +91,11 @@ def test_progress_counts_all_parts_once(folder):
     seen = []
     evaluate([folder, folder / "ball"], methods=["laplacian", "laplacian"], progress=lambda *what: seen.append(what))
     assert seen == [
-        ("ball: noisy", 0, 4),
-        ("ball: laplacian", 1, 4),
-        ("cube: noisy", 2, 4),
-        ("cube: laplacian", 3, 4),
+        ("evaluating", 0, 4, "ball: noisy"),
+        ("evaluating", 1, 4, "ball: laplacian"),
+        ("evaluating", 2, 4, "cube: noisy"),
+        ("evaluating", 3, 4, "cube: laplacian"),
+        ("evaluating", 4, 4),
     ]
 
 

@@ -190,7 +190,7 @@ def evaluate(
 
     if csv is not None:
         check_output(csv, force=force)
-    with progress_bars.progress_steps() as progress:
+    with progress_bars.progress_tasks() as progress:
         done = harness.evaluate(
             folders,
             methods=method or harness.DEFAULT_METHODS,
@@ -246,7 +246,7 @@ def generate(
     from cascadenorm.cli import progress_bars
     from cascadenorm.evaluation import pairs
 
-    with progress_bars.progress_steps() as progress:
+    with progress_bars.progress_tasks() as progress:
         pairs.write_pairs(folder, count=count, seed=seed, workers=workers, force=force, progress=progress)
     print(f"{counted(count, 'pair')} in {folder}")
 
@@ -320,7 +320,7 @@ def demo(
     from cascadenorm.cli import progress_bars, tables
     from cascadenorm.errors import MissingDependencyError
 
-    with progress_bars.progress_steps() as progress:
+    with progress_bars.progress_tasks() as progress:
         examples = demonstration.demo(folder, progress=progress)
     tables.print_table(demonstration.table(examples))
     try:

@@ -1,7 +1,7 @@
 """The demonstration: three noisy meshes that come with the package, denoised, measured and drawn."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +15,7 @@ from cascadenorm.interop import as_mesh, save_mesh
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.mesh import Mesh, angles_between
+from cascadenorm.progress import Progress, silent
 from cascadenorm.render import Camera, Image, error_colors, error_legend, png, render, side_by_side
 
 EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.45, 0.4, 0.8), "head": (0.15, 0.15, 1), "scan": None}
@@ -51,7 +52,7 @@ def demo(
     folder: str | PathLike[str] = FOLDER,
     *,
     methods: Sequence[str] = METHODS,
-    progress: Callable[[str, int, int], object] | None = None,
+    progress: Progress = silent,
 ) -> list[Example]:
     """Denoise the examples and leave the meshes in a folder.
 
@@ -59,7 +60,7 @@ def demo(
     ----------
     folder : made if it is not there; files of an earlier demonstration are replaced, others are left alone
     methods : names, with their default parameters
-    progress : called with (what comes next, parts done, parts in all)
+    progress : called with (task, parts done, parts in all, what comes next)
 
     Returns
     -------
@@ -70,17 +71,17 @@ def demo(
     OutputError : the folder is a file, or cannot be written to
     """
     folder = Path(folder)
-    report = progress or (lambda text, done, total: None)
-    total = len(EXAMPLES) + 1
+    task, total = "demonstration", len(EXAMPLES) + 1
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        report("compiling, the first time", 0, total)
+        progress(task, 0, total, "compiling, the first time")
         _warm_up(methods)
         examples: list[Example] = []
         for name in EXAMPLES:
-            report(name, len(examples) + 1, total)
+            progress(task, len(examples) + 1, total, name)
             examples.append(_example(name, methods))
             _save(folder / name, examples[-1])
+        progress(task, total, total)
     except OSError as error:
         raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
     return examples

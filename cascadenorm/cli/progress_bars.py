@@ -1,34 +1,27 @@
 """Progress on a terminal, on stderr."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bars
 
-from cascadenorm.learned import launch
+from cascadenorm.progress import Listener, Progress
 
 
 @contextmanager
-def progress_bar(text: str) -> Iterator[Callable[[float], object]]:
-    """Show the share that is done, on a terminal."""
-    with _progress() as bar:
+def progress_bar(text: str) -> Iterator[Listener]:
+    """Show the fraction that is done, on a terminal."""
+    with _bars() as bar:
         task = bar.add_task(text, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        yield lambda fraction: bar.update(task, completed=fraction)
 
 
 @contextmanager
-def progress_steps() -> Iterator[Callable[[str, int, int], object]]:
-    """Show what is being done and how many parts are done, on a terminal."""
-    with _progress() as bar:
-        task = bar.add_task("", total=None)
-        yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
-
-
-@contextmanager
-def progress_tasks() -> Iterator[launch.Progress]:
+def progress_tasks() -> Iterator[Progress]:
     """Show tasks as they begin and end, several at once: bars on a terminal, else a line for each that is finished."""
-    with _progress() as bar:
+    with _bars() as bar:
         started: dict[str, TaskID] = {}
 
         def show(task: str, done: int, total: int, note: str = "") -> None:
@@ -43,7 +36,7 @@ def progress_tasks() -> Iterator[launch.Progress]:
         yield show
 
 
-def _progress() -> Progress:
+def _bars() -> Bars:
     console = Console(stderr=True, markup=False)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    return Bars(*columns, console=console, transient=True, disable=not console.is_terminal)

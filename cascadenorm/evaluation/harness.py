@@ -1,7 +1,7 @@
 """Methods on pairs of a noisy and a clean mesh, measured."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -17,6 +17,7 @@ from cascadenorm.evaluation.metrics import Measures, measure
 from cascadenorm.evaluation.pairs import Pair, Places, find_pairs, result_file
 from cascadenorm.interop import as_mesh
 from cascadenorm.mesh import Mesh
+from cascadenorm.progress import Progress, silent
 from cascadenorm.registry import find
 
 DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
@@ -81,7 +82,7 @@ def evaluate(
     parameters: Mapping[str, Any] | None = None,
     strength: float = 1.0,
     threads: int | None = None,
-    progress: Callable[[str, int, int], object] | None = None,
+    progress: Progress = silent,
 ) -> Evaluation:
     """Denoise the noisy mesh of each pair by each method and measure it against the clean one.
 
@@ -92,7 +93,7 @@ def evaluate(
     results : of other programs: the name of each and its folder, which holds a mesh `<pair>.*` for each pair
     parameters : given to each of the methods
     strength, threads : as in `denoise`
-    progress : called with (what comes next, parts done, parts in all)
+    progress : called with (task, parts done, parts in all, what comes next)
 
     Returns
     -------
@@ -115,7 +116,7 @@ def evaluate(
     _check_results(places, methods, pairs)
     done = Evaluation([], [])
     names = tuple(dict.fromkeys((NOISY, *methods, *places)))
-    warm = False
+    parts, warm = len(pairs) * len(names), False
     for number, pair in enumerate(pairs):
         try:
             noisy, clean = as_mesh(pair.noisy), as_mesh(pair.clean)
@@ -126,13 +127,13 @@ def evaluate(
             _warm_up(noisy, methods, settings)
             warm = True
         for place, name in enumerate(names):
-            if progress is not None:
-                progress(f"{pair.name}: {name}", number * len(names) + place, len(pairs) * len(names))
+            progress("evaluating", number * len(names) + place, parts, f"{pair.name}: {name}")
             try:
                 other = as_mesh(result_file(places[name], pair)) if name in places else None
                 done.results.append(_result(pair.name, name, noisy, clean, settings, other))
             except FAILURES as error:
                 done.failures.append(Failure(pair.name, name, error))
+    progress("evaluating", parts, parts)
     return done
 
 

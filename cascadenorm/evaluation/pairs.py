@@ -1,6 +1,6 @@
 """Folders of noisy/clean pairs: found on disk, read for a training, or generated."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from importlib.util import find_spec
 from os import PathLike
@@ -18,6 +18,7 @@ from cascadenorm.interop import as_mesh, save_mesh
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
 from cascadenorm.learned.config import DATA
 from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
+from cascadenorm.progress import Progress, silent
 
 Places = str | PathLike[str] | Iterable[str | PathLike[str]]
 """One path or several."""
@@ -122,7 +123,7 @@ def write_pairs(
     seed: int,
     workers: int = 1,
     force: bool = False,
-    progress: Callable[[str, int, int], object] | None = None,
+    progress: Progress = silent,
 ) -> None:
     """Generate pairs as trainings do, each in a folder of its own, and `dataset.json` beside them.
 
@@ -132,7 +133,7 @@ def write_pairs(
     count, seed : how many, and of what; the same numbers give the same files
     workers : processes
     force : write into a folder that is not empty
-    progress : called with (what is done, pairs done, pairs in all)
+    progress : called with (task, pairs done, pairs in all) after each pair
 
     Raises
     ------
@@ -146,13 +147,8 @@ def write_pairs(
     if folder.is_dir() and any(folder.iterdir()) and not force:
         raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
     config = replace(DATA, count=count, seed=seed)
-
-    def report(done: int, total: int) -> None:
-        if progress is not None:
-            progress("generating", done, total)
-
     try:
-        write_dataset(folder, config, write=_overwrite, workers=workers, progress=report)
+        write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)
     except OutputError:
         raise
     except OSError as error:

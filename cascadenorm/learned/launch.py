@@ -1,16 +1,8 @@
-"""Which of the processes of a training this one is, and the progress that the main one reports; without torch."""
+"""Which of the processes of a training this one is; without torch."""
 
 import os
-from typing import Protocol
 
 from cascadenorm.learned.config import ConfigError
-
-
-class Progress(Protocol):
-    """How a training reports its progress."""
-
-    def __call__(self, task: str, done: int, total: int, note: str = "") -> object:
-        """Report that `done` of `total` parts of a task are done."""
 
 
 def is_single_process() -> bool:
@@ -35,7 +27,3 @@ def is_main() -> bool:
 def is_local_main() -> bool:
     """Whether this process is the first one on its machine, which sees to the files there."""
     return is_single_process() or os.environ["LOCAL_RANK"] == "0"
-
-
-def silent(task: str, done: int, total: int, note: str = "") -> None:
-    """Report nothing."""

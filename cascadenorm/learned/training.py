@@ -24,12 +24,13 @@ from cascadenorm.learned import distributed
 from cascadenorm.learned.cascade import FORMAT, Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.features import Array, FeatureScaler, pairwise_features
-from cascadenorm.learned.launch import Progress, is_local_main, is_main, silent
+from cascadenorm.learned.launch import is_local_main, is_main
 from cascadenorm.learned.networks import Faces, train_network
 from cascadenorm.learned.regression import Regression, nearest
 from cascadenorm.learned.samples import Sample
 from cascadenorm.learned.stage_settings import StageSettings
 from cascadenorm.mesh import Vectors, in_blocks, thread_count
+from cascadenorm.progress import Progress, silent
 from cascadenorm.workers import Map, side_by_side
 
 KMEANS_FACES = 50_000
