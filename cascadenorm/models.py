@@ -27,10 +27,11 @@ class Denoiser:
     Parameters
     ----------
     cascade : the model; `load` reads one from a file, `shipped` gives one that comes with the package
+    method : what denoises with it, "auto" or "cascade"
     """
 
-    def __init__(self, cascade: Cascade) -> None:
-        self.cascade = cascade
+    def __init__(self, cascade: Cascade, *, method: str = "auto") -> None:
+        self.cascade, self.method = cascade, method
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Denoiser":
@@ -45,7 +46,7 @@ class Denoiser:
     @classmethod
     def shipped(cls, name: str = "auto") -> "Denoiser":
         """Return a model that comes with the package, one of SHIPPED."""
-        return cls(shipped(name))
+        return cls(shipped(name), method=name)
 
     @property
     def card(self) -> dict[str, Any]:
@@ -53,13 +54,13 @@ class Denoiser:
         return deepcopy(dict(self.cascade.card))
 
     def denoise(self, mesh: Any, faces: Any = None, **settings: Any) -> Any:
-        """Denoise a mesh of any kind, as `cascadenorm.denoise` does, with this model.
+        """Denoise a mesh, as `cascadenorm.denoise(mesh, faces, method=…, model=…)` does with this model.
 
-        Settings are those of `cascadenorm.denoise`, and `sweeps` of the vertex update; method and model are given.
+        Settings are those of `cascadenorm.denoise` and of the method, such as `sweeps`; method and model are given.
         """
         if given := settings.keys() & {"method", "model"}:
             raise ParameterError(f"{given.pop()} is given by the Denoiser: leave it out")
-        return denoise(mesh, faces, method="cascade", model=self.cascade, **settings)
+        return denoise(mesh, faces, method=self.method, model=self.cascade, **settings)
 
 
 def train(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import icosphere, noisy
+from shapes import cube, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.baselines.vertex_update import recover_vertices
@@ -68,10 +68,28 @@ def test_a_stage_moves_vertices_to_its_normals_as_its_settings_say(weighting, fo
     np.testing.assert_array_equal(apply_stage(stage, rough, rough).vertices, expected)
 
 
-def test_a_denoiser_is_the_method_with_its_weights():
+@pytest.mark.parametrize("settings", [{}, {"sweeps": 3}, {"strength": 1.5}])
+@pytest.mark.parametrize("name", ["auto", "cascade"])
+def test_a_denoiser_is_the_method_with_its_weights(name, settings):
     mesh = noisy(icosphere(3), 0.2)
-    expected = cn.denoise(mesh, method="cascade").vertices
-    assert (cn.Denoiser.shipped("cascade").denoise(mesh).vertices == expected).all()
+    mesh = Mesh(
+        np.concatenate([mesh.vertices, 5 + cube(4).vertices]), np.concatenate([mesh.faces, 642 + cube(4).faces])
+    )
+    expected = cn.denoise(mesh, method=name, **settings).vertices
+    np.testing.assert_array_equal(cn.Denoiser.shipped(name).denoise(mesh, **settings).vertices, expected)
+    if "strength" not in settings:  # above 1 it removes detail
+        assert (expected[642:] == mesh.vertices[642:]).all() == (name == "auto")  # which leaves exact geometry alone
+
+
+def test_a_model_in_a_file_denoises_as_the_default_method_does(tmp_path):
+    path, mesh = tmp_path / "mine.safetensors", noisy(icosphere(2), 0.2)
+    path.write_bytes(shipped("cascade").to_bytes())
+    expected = cn.denoise(mesh, model=path).vertices
+    np.testing.assert_array_equal(cn.Denoiser.load(path).denoise(mesh).vertices, expected)
+
+
+def test_a_denoiser_takes_no_other_method_or_model():
+    mesh = noisy(icosphere(2), 0.2)
     with pytest.raises(cn.ParameterError, match="method is given by the Denoiser"):
         cn.Denoiser.shipped("cascade").denoise(mesh, method="auto")
     with pytest.raises(cn.ParameterError, match="model is a Denoiser; it must be the path"):

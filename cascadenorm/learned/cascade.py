@@ -141,9 +141,9 @@ Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the process
 
 
 @method("auto", source="after Wang, Liu, Tong 2016", converges=True)
-def auto(mesh: Mesh, *, model: Model = None, device: Device = "cpu") -> Vectors:
+def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device = "cpu") -> Vectors:
     """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, in three stages."""
-    vertices = without_drift(mesh, _loaded(model, "auto").vertices(mesh, engine=_engine(device)))
+    vertices = without_drift(mesh, _loaded(model, "auto").vertices(mesh, sweeps=sweeps, engine=_engine(device)))
     return safeguarded(mesh, vertices)
 
 
