@@ -1,11 +1,14 @@
 """Normals after many bilateral passes, filtered with four range spreads side by side, which is where the time goes."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import spatial_weights
-from cascadenorm.mesh import Csr, Mesh, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats32, Mesh, kernel, parallel_for
 from cascadenorm.progress import track
 
 REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
@@ -35,7 +38,7 @@ def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> NDArra
     after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
     out[:, 0] = normals[:, :, 0]
     for done in track(passes[-1]):
-        parallel_for(len(normals), _reach_range, normals, own, *rings, weights, STEEPNESS, after)
+        parallel_for(len(normals), _reach_range, normals, own, rings, weights, STEEPNESS, after)
         normals, after = after, normals
         if done + 1 in passes:
             first = 1 + LANES * passes.index(done + 1)
@@ -52,7 +55,7 @@ def ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float
     return rings, own, spatial_weights(mesh, rings, 1.0, own)
 
 
-def _add_neighbor(total, normals, f, g, weight, steepness):  # type: ignore[no-untyped-def]
+def _add_neighbor(total: Floats32, normals: Floats32, f: int, g: int, weight: np.float32, steepness: Floats32) -> None:
     """Add the normals of face g to the sums of its neighbour f, (3, LANES), each by how near it is to that of f."""
     zero, one = np.float32(0), np.float32(1)
     for r in range(LANES):
@@ -70,7 +73,7 @@ def _add_neighbor(total, normals, f, g, weight, steepness):  # type: ignore[no-u
 
 
 @overload(_add_neighbor)
-def _compiled(total, normals, f, g, weight, steepness):  # type: ignore[no-untyped-def]
+def _compiled(total: Any, normals: Any, f: Any, g: Any, weight: Any, steepness: Any) -> Callable[..., Any]:
     """Choose what `_add_neighbor` is compiled to: vector instructions, or its own loops where those fail."""
     try:
         from cascadenorm.baselines.bilateral_lanes import add_lanes, equals
@@ -83,15 +86,24 @@ def _compiled(total, normals, f, g, weight, steepness):  # type: ignore[no-untyp
 
 
 @kernel
-def _reach_range(start, stop, normals, own, indptr, indices, weights, steepness, out):  # type: ignore[no-untyped-def]
+def _reach_range(
+    start: int,
+    stop: int,
+    normals: Floats32,
+    own: Floats32,
+    rings: Csr,
+    weights: Floats32,
+    steepness: Floats32,
+    out: Floats32,
+) -> None:
     """One pass of LANES filters side by side, each on its own normals; iteration f alone writes out[f]."""
     total = np.empty((3, LANES), np.float32)
     for f in range(start, stop):
         for d in range(3):
             for r in range(LANES):
                 total[d, r] = own[f] * normals[f, d, r]
-        for k in range(indptr[f], indptr[f + 1]):
-            _add_neighbor(total, normals, f, indices[k], weights[k], steepness)  # type: ignore[no-untyped-call]
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            _add_neighbor(total, normals, f, rings.indices[k], weights[k], steepness)
         for r in range(LANES):
             length = np.sqrt(total[0, r] ** 2 + total[1, r] ** 2 + total[2, r] ** 2)
             for d in range(3):

@@ -94,6 +94,7 @@ def _sweep_range(
         place = row(vertices, i)
         step[:] = 0.0
         total, turned = 0.0, 0
+        # each face around pulls the vertex along its normal, towards its plane; those that face against it are counted
         for k in range(last - first):
             f = around.indices[first + k]
             a, b, c = faces[f]

@@ -119,6 +119,7 @@ def _collapse_cheap(c: HalfEdges, quadrics: Floats, evenness: float, bound: floa
             break
         if c.origin[h] == -1 or c.twin[h] < h:
             continue
+        # the vertex that vanishes must not be a corner
         if c.kind[c.origin[h]] == CORNER:
             h = c.twin[h]
         a, b = c.origin[h], c.origin[after(h)]
@@ -127,6 +128,7 @@ def _collapse_cheap(c: HalfEdges, quadrics: Floats, evenness: float, bound: floa
         share, cost = _best(c, quadrics, evenness, h)
         if cost > bound or not collapse_keeps_manifold(c, h, ring, other):
             continue
+        # collapse where no face around turns over or becomes too long; errors of the two vertices add up
         place = c.points[a] + share * (c.points[b] - c.points[a])
         longest = 4 * c.length[a]
         if faces_survive(c, a, b, place, longest, ring) and faces_survive(c, b, a, place, longest, ring):

@@ -190,6 +190,7 @@ def collapse_keeps_manifold(c: HalfEdges, h: int, ring: Ints, other: Ints) -> bo
     count, closed = leaving(c, a, ring)
     if not closed or count < 3 or count > RING // 2:
         return False
+    # the two vertices beside the edge lose a neighbour each, the merged one has what both had
     left, right = c.origin[before(h)], c.origin[before(g)]
     for v in (left, right):
         around, whole = leaving(c, v, other)
@@ -198,6 +199,7 @@ def collapse_keeps_manifold(c: HalfEdges, h: int, ring: Ints, other: Ints) -> bo
     around, whole = leaving(c, b, other)
     if around == 0 or around > RING // 2 or (whole and count + around < 7):
         return False
+    # a third common neighbour would make an edge with four faces
     for i in range(count):
         w = c.origin[after(ring[i])]
         if w in (left, right, b):
@@ -255,6 +257,7 @@ def split(c: HalfEdges, h: int, m: int) -> None:
     a, b, left = c.origin[h], c.origin[after(h)], c.origin[before(h)]
     outer, outer_mark = c.twin[after(h)], c.marked[after(h)]
     inner, inner_mark = c.twin[before(h)], c.marked[before(h)]
+    # the face of h keeps the half up to m, a new face gets the other one
     p, r = 3 * (h // 3), 3 * c.used[1]
     c.used[1] += 1
     c.origin[p], c.origin[p + 1], c.origin[p + 2] = a, m, left
@@ -267,6 +270,7 @@ def split(c: HalfEdges, h: int, m: int) -> None:
         tie(c, p, -1, mark)
         tie(c, r, -1, mark)
         return
+    # the same for the face of its twin
     right = c.origin[before(g)]
     outer, outer_mark = c.twin[before(g)], c.marked[before(g)]
     inner, inner_mark = c.twin[after(g)], c.marked[after(g)]

@@ -68,11 +68,13 @@ def _split_long(c: HalfEdges, bound: float) -> None:
                 relative = distance(c.points[a], c.points[b]) / (0.5 * (c.length[a] + c.length[b]))
                 if relative > longest:
                     h, longest = k, relative
+        # a face whose edges are short enough is done; one that was split is looked at again
         if h == -1:
             face += 1
             continue
         if 3 * c.used[1] + 6 > len(c.origin) or c.used[0] == len(c.points):
             return
+        # the new vertex halves the edge, and lies on a crease if the edge does
         a, b, m = c.origin[h], c.origin[after(h)], c.used[0]
         c.used[0] += 1
         for k in range(3):
@@ -94,6 +96,7 @@ def _collapse_short(c: HalfEdges, bound: float) -> None:
         size = distance(c.points[a], c.points[b])
         if size >= bound * target:
             continue
+        # the vertex that is held more stays; one that is held goes along its crease alone, or where it coincides with b
         if c.kind[a] > c.kind[b]:
             h = c.twin[h]
             a, b = b, a
@@ -102,6 +105,8 @@ def _collapse_short(c: HalfEdges, bound: float) -> None:
             continue
         if not collapse_keeps_manifold(c, h, ring, other):
             continue
+
+        # to the middle of the edge, or to the one that is held
         middle = 0.5 if c.kind[a] == c.kind[b] else 1.0
         place = c.points[a] + middle * (c.points[b] - c.points[a])
         longest = LONG * target if bound > 0.5 else 1e300
@@ -144,6 +149,7 @@ def _flip_edges(c: HalfEdges, by_valence: bool) -> None:
         if worst > 0.05 and dot(one, other) < 0.9 * np.sqrt(dot(one, one) * dot(other, other)):
             continue
         new_worst = min(shape(pa, pr, pl), shape(pr, pb, pl))
+        # towards six neighbours, four at a boundary, or for the better of the two triangles
         if by_valence:
             gain = 0
             for vertex, change in ((a, -1), (b, -1), (left, 1), (right, 1)):
@@ -188,6 +194,7 @@ def _mend(c: HalfEdges) -> int:
             continue
         if shape(c.points[c.origin[h]], c.points[c.origin[h + 1]], c.points[c.origin[h + 2]]) > THIN:
             continue
+        # a triangle without area: either its shortest edge goes, or its longest one is flipped
         short, long = h, h
         for k in range(h, h + 3):
             size = distance(c.points[c.origin[k]], c.points[c.origin[after(k)]])
@@ -197,6 +204,7 @@ def _mend(c: HalfEdges) -> int:
                 long = k
         a, b = c.origin[short], c.origin[after(short)]
         longest = distance(c.points[c.origin[long]], c.points[c.origin[after(long)]])
+        # a needle: merge the two vertices that are close, or move one of them away
         if distance(c.points[a], c.points[b]) < 0.2 * longest and c.twin[short] != -1:
             if c.kind[a] > c.kind[b]:
                 short = c.twin[short]
@@ -219,6 +227,7 @@ def _mend(c: HalfEdges) -> int:
             continue
         if leaving(c, a, ring)[0] < 4 or leaving(c, b, ring)[0] < 4:
             continue
+        # a cap: flip its longest edge, since the faces that come out lie on the right side
         mark, p, q = c.marked[long], 3 * (long // 3), 3 * (g // 3)
         flip(c, long)
         if mark:  # the crease goes on along the two short sides, through the vertex that was beside it
@@ -240,6 +249,7 @@ def _slide(c: HalfEdges, share: float) -> Vectors:
             continue
         count, _ = leaving(c, v, ring)
         p = c.points[v]
+        # towards the area-weighted mean of the centroids around; on a crease, of the neighbours on it
         goal, normal, total = np.zeros(3), np.zeros(3), 0.0
         for i in range(count):
             q, r = c.points[c.origin[after(ring[i])]], c.points[c.origin[before(ring[i])]]
@@ -259,6 +269,8 @@ def _slide(c: HalfEdges, share: float) -> Vectors:
         size = np.sqrt((normal * normal).sum())
         if total == 0.0 or size == 0.0:
             continue
+
+        # within the tangent plane, or along the crease
         goal *= share / total
         normal /= size
         along = (goal * normal).sum()

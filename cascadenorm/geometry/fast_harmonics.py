@@ -87,9 +87,12 @@ def _local_range(
         first, next_one = end, end
         if end == len(found):
             found, weights = np.concatenate((found, found)), np.concatenate((weights, weights))
+        # the centre itself, with weight 1
         seen[center] = c
         found[end], weights[end] = center, 1.0
         end += 1
+
+        # breadth first from there, over vertices within reach alone: what another sheet brings near stays out
         while next_one < end:
             i = found[next_one]
             next_one += 1

@@ -81,6 +81,7 @@ def _least_bend(points: Vectors, outside: Vectors, taken: Bools, choice: Ints32)
     n = len(points)
     bend, area = np.zeros((n, n)), np.zeros((n, n))
     normal, beside = np.empty(3), np.empty(3)
+    # dynamic programming (Barequet, Sharir 1995): chords in order of their span, each from two shorter ones
     for gap in range(2, n):
         for i in range(n - gap):
             k = i + gap
@@ -88,12 +89,14 @@ def _least_bend(points: Vectors, outside: Vectors, taken: Bools, choice: Ints32)
             for m in range(i + 1, k):
                 total = area[i, m] + area[m, k] + _normal(points, i, m, k, normal)
                 worst = max(bend[i, m], bend[m, k])
+                # bends across the two other sides: to the triangle beyond a chord, or to the face beyond the hole
                 for a, b in ((i, m), (m, k)):
                     if b == a + 1:
                         beside[:] = outside[a]
                     else:
                         _normal(points, a, choice[a, b], b, beside)
                     worst = max(worst, 1.0 - (normal * beside).sum())
+                # the last chord closes the loop and has a face beyond it; one that is an edge elsewhere is avoided
                 if gap == n - 1:
                     worst = max(worst, 1.0 - (normal * outside[k]).sum())
                 elif taken[i, k]:

@@ -87,6 +87,7 @@ def _search(
             node = stack[top]
             if away[top] > best:
                 continue
+            # an inner box: its nearer child comes to the top of the stack
             if node < first_leaf:
                 near, far = 2 * node + 1, 2 * node + 2
                 to_near, to_far = _box_distance2(p, boxes, near), _box_distance2(p, boxes, far)
@@ -96,6 +97,7 @@ def _search(
                 stack[top + 1], away[top + 1] = near, to_near
                 top += 2
                 continue
+            # a leaf: of triangles equally near the one with the smallest number is kept
             first = (node - first_leaf) * LEAF
             for t in range(first, min(first + LEAF, len(corners))):
                 distance = _triangle_distance2(p, corners[t])

@@ -57,6 +57,7 @@ def _within_range(
     for i in range(start, stop):
         first = end
         limit = radii[i] * radii[i]
+        # a queue in `found` itself: points from `first` on, those before `current` have been visited
         current = first - 1  # the seeds stand before the first point found
         while current < end and end - first < most:
             if current < first:
@@ -76,6 +77,7 @@ def _within_range(
                     continue
                 if end - first == most:
                     break
+                # make room, twice as much each time
                 if end == len(found):
                     larger = np.empty(2 * len(found), np.int32)
                     larger[:end] = found

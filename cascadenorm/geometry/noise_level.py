@@ -5,7 +5,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
 FEWEST = 30  # edges below which nothing is said
@@ -60,10 +60,10 @@ def local_noise(mesh: Mesh) -> NDArray[np.float64]:
     squares = np.square(_differences_along(mesh, edges)) if len(edges) else np.empty(0)
     edges, squares = edges[np.isfinite(squares)], squares[np.isfinite(squares)]
     count = len(mesh.vertices)
-    total = np.bincount(edges.ravel(), np.repeat(squares, 2), count)
+    total = scatter_add(edges.ravel(), np.repeat(squares, 2), count)
     number = np.bincount(edges.ravel(), minlength=count).astype(np.float64)
     a, b = mesh.topology.edges.T
-    around, numbers = (x + np.bincount(a, x[b], count) + np.bincount(b, x[a], count) for x in (total, number))
+    around, numbers = (x + scatter_add(a, x[b], count) + scatter_add(b, x[a], count) for x in (total, number))
     variance = np.divide(around, numbers, out=np.full(count, np.nan), where=numbers > 0)
     return np.asarray(np.sqrt(variance) / mesh.mean_edge_length)
 
@@ -123,6 +123,7 @@ def _differences(
             neighbors.indices[neighbors.indptr[j] : neighbors.indptr[j + 1]],
         )
         spread_i, spread_j = _spread(vertices, i, around_i), _spread(vertices, j, around_j)
+        # no direction, or neighbours in one place: nothing can be said
         if length == 0 or spread_i == 0 or spread_j == 0:
             out[e] = np.nan
             continue
@@ -130,8 +131,10 @@ def _differences(
         a, b = 0.5 + 0.5 * spread_j / spread_i, 0.5 + 0.5 * spread_i / spread_j
         a_each, b_each = a / len(around_i), b / len(around_j)
         at_i, at_j = a + b_each, -b - a_each
+        # height is the combination of positions along the normal, squares the sum of its squared weights
         squares = at_i * at_i + at_j * at_j
         height = at_i * (vertices[i] * normal).sum() + at_j * (vertices[j] * normal).sum()
+        # neighbours of i, of which some are those of j as well, then those of j alone
         for v in around_i:
             if v != j:
                 weight = -a_each + (b_each if v in around_j else 0.0)

@@ -81,6 +81,7 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, against: Boo
     """
     for e in range(len(edges)):
         a, b = edges[e]
+        # an edge is passed where its faces have at most two third vertices: one face, two, or copies of these
         apexes = _count_apexes(faces, around.indices[around.indptr[e] : around.indptr[e + 1]], a, b)
         first = -1
         for f in around.indices[around.indptr[e] : around.indptr[e + 1]]:
@@ -91,6 +92,7 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, against: Boo
             if first < 0:
                 first = f
             elif apexes <= 2:
+                # neighbours run along their edge in opposite ways, copies of one face in the same way
                 alike = _runs(faces, f, a, b) == _runs(faces, first, a, b)
                 twins = _apex(faces, f, a, b) == _apex(faces, first, a, b)
                 _unite(patch, against, first, f, alike != twins)

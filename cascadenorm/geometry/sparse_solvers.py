@@ -121,6 +121,7 @@ def _nested_dissection(indptr: Ints, indices: Ints32, positions: Vectors, leaf: 
         first, last = boxes.pop()
         if last - first <= leaf:
             continue
+        # cut the box in half across its longest side, by the number of unknowns
         inside = order[first:last].copy()
         low, high = positions[inside[0]].copy(), positions[inside[0]].copy()
         for i in inside:
@@ -134,9 +135,13 @@ def _nested_dissection(indptr: Ints, indices: Ints32, positions: Vectors, leaf: 
             along[k] = positions[inside[k], axis]
         inside = inside[np.argsort(along, kind="mergesort")]
         middle = len(inside) // 2
+
+        # mark the two halves; labels of boxes differ, so marks of other boxes do not count
         label += 2
         for k in range(len(inside)):
             half[inside[k]] = label if k < middle else label + 1
+
+        # unknowns of the lower half that touch the upper one separate the two, and come last
         end, cut = first, 0
         for i in inside[:middle]:
             touches = False

@@ -49,6 +49,8 @@ def _crossing(start: int, stop: int, corners: Floats, named: Ints, boxes: Floats
             lower[d] = min(corners[f, 0, d], corners[f, 1, d], corners[f, 2, d])
             upper[d] = max(corners[f, 0, d], corners[f, 1, d], corners[f, 2, d])
         found[f] = False
+
+        # depth first through boxes that overlap that of the face
         stack[0], top, near = 0, 1, 0
         while top > 0 and not found[f] and near < MOST_NEAR:
             top -= 1

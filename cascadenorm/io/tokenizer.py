@@ -39,14 +39,17 @@ def cut(data: Bytes, start: int, continued: bool, starts: Places, ends: Places, 
     i = start
     while i < len(data):
         if _is_space(data[i]):
+            # white space ends a word, a line end a line
             fresh = fresh or data[i] == 10 or data[i] == 13
             i += 1
         elif data[i] == 35:
+            # a comment goes on to the end of its line
             while i < len(data) and data[i] != 10 and data[i] != 13:
                 i += 1
         elif continued and _join(data, i):
             i += _join(data, i)
         else:
+            # a word, perhaps the first one of its line
             if fresh:
                 if len(lines):
                     lines[found_lines] = words
@@ -71,6 +74,7 @@ def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, v
         negative = i < end and data[i] == 45
         if negative or (i < end and data[i] == 43):
             i += 1
+        # digits, with at most one point among them, as a whole number and a power of ten
         mantissa = digits = exponent = 0
         seen_point = False
         while i < end and (48 <= data[i] <= 57 or (data[i] == 46 and not seen_point)):
@@ -85,6 +89,8 @@ def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, v
             i += 1
         if digits == 0 or mantissa >= 1 << 53:
             continue
+
+        # the exponent, if there is one
         if i + 1 < end and (data[i] == 101 or data[i] == 69):
             i += 1
             down = data[i] == 45
@@ -97,6 +103,8 @@ def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, v
                 power = 10 * power + int(data[i]) - 48
                 i += 1
             exponent += -power if down else power
+
+        # one exact number times or over another rounds once, as a correct reader does
         if i < end or exponent < -22 or exponent > 22:
             continue
         value = mantissa / POWERS[-exponent] if exponent < 0 else mantissa * POWERS[exponent]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cascadenorm.mesh import Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 
 PASSES = 64
 
@@ -27,15 +27,15 @@ def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = PASSES) -> Vec
     drift = np.einsum("ij,ij->i", vertices - mesh.vertices, normals)
     spare = np.empty_like(drift)
     for _ in range(passes):
-        parallel_for(len(drift), _mean_range, drift, *mesh.topology.vertex_neighbors, spare)
+        parallel_for(len(drift), _mean_range, drift, mesh.topology.vertex_neighbors, spare)
         drift, spare = spare, drift
     return np.asarray(vertices - drift[:, None] * normals)
 
 
 @kernel
-def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-untyped-def]
+def _mean_range(start: int, stop: int, values: Floats, neighbors: Csr, out: Floats) -> None:
     for i in range(start, stop):
         total = values[i]
-        for k in range(indptr[i], indptr[i + 1]):
-            total += values[indices[k]]
-        out[i] = total / (1 + indptr[i + 1] - indptr[i])
+        for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
+            total += values[neighbors.indices[k]]
+        out[i] = total / (1 + neighbors.indptr[i + 1] - neighbors.indptr[i])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.learned.descriptors import Stack
-from cascadenorm.mesh import Mesh, in_blocks, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Csr, Floats32, Mesh, in_blocks, kernel, parallel_for, scatter_add
 
 Array = NDArray[np.float32]
 
@@ -113,7 +113,7 @@ def context_features(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np
         kept.append(np.empty_like(values))
         for left in range(rounds - 1, -1, -1):
             after = spare if left % 2 else kept[-1]
-            parallel_for(len(values), _mean_range, values, rings.indptr, rings.indices, after)
+            parallel_for(len(values), _mean_range, values, rings, after)
             values = after
     return [*kept, mean]
 
@@ -150,13 +150,13 @@ def openness(mesh: Mesh) -> NDArray[np.float32]:
 
 
 @kernel
-def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-untyped-def]
+def _mean_range(start: int, stop: int, values: Floats32, rings: Csr, out: Floats32) -> None:
     for f in range(start, stop):
-        count = np.float32(1 + indptr[f + 1] - indptr[f])
+        count = np.float32(1 + rings.indptr[f + 1] - rings.indptr[f])
         for p in range(values.shape[1]):
             out[f, p] = values[f, p]
-        for k in range(indptr[f], indptr[f + 1]):
-            g = indices[k]
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
             for p in range(values.shape[1]):
                 out[f, p] += values[g, p]
         for p in range(values.shape[1]):
@@ -164,7 +164,7 @@ def _mean_range(start, stop, values, indptr, indices, out):  # type: ignore[no-u
 
 
 @kernel
-def _pair_range(start, stop, stack, out):  # type: ignore[no-untyped-def]
+def _pair_range(start: int, stop: int, stack: Floats32, out: Floats32) -> None:
     """1 - cos + FLOOR, cos by half the squared chord, which keeps its digits where two normals nearly agree."""
     count = stack.shape[1]
     axes = np.empty((3, count), np.float32)  # in each of which the later normals are neighbours

@@ -227,6 +227,7 @@ def _edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[
                 if min(a, b) == i:
                     found[end] = max(a, b)
                     end += 1
+        # each inner edge was found twice, from either face: keep one
         found[first:end].sort()
         last, end = end, first
         for k in range(first, last):
@@ -286,6 +287,7 @@ def _face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: in
         seen[f] = f
         level_start, level_stop = first, first
         for step in range(ring):
+            # the faces of the last ring, or the face itself, lead to the next ring over their vertices
             level_size = 1 if step == 0 else level_stop - level_start
             for i in range(level_size):
                 center = f if step == 0 else found[level_start + i]
