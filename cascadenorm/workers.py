@@ -1,4 +1,7 @@
-"""Work in several processes, each on one thread."""
+"""Work in several processes, each on one thread.
+
+By concurrent.futures: joblib's processes print traces at Ctrl-C and outlive a parent that is killed.
+"""
 
 import os
 import signal

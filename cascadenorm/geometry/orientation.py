@@ -78,6 +78,8 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, against: Boo
     """Number each face by the first of its patch, and tell whether it is oriented against that one.
 
     Until the end, `patch` leads to an earlier face of the same patch, and `against` is meant against that one.
+    Union-find with a bit for each face. The connected components of the orientation double cover, of a spanning tree
+    where a patch has a single side, are the same, but take scipy eight times as long.
     """
     for e in range(len(edges)):
         a, b = edges[e]
