@@ -36,7 +36,13 @@ def progress_tasks() -> Iterator[Progress]:
         yield show
 
 
-def _bars() -> Bars:
+@contextmanager
+def _bars() -> Iterator[Bars]:
     console = Console(stderr=True, markup=False)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    return Bars(*columns, console=console, transient=True, disable=not console.is_terminal)
+    bars = Bars(*columns, console=console, transient=True, disable=not console.is_terminal)
+    if bars.disable:  # rich 14 ends the line of a bar that it has not drawn
+        yield bars
+    else:
+        with bars:
+            yield bars
