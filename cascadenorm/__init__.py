@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from cascadenorm.learned.config import TrainConfig, read_config
     from cascadenorm.mesh import Mesh
     from cascadenorm.models import Denoiser, train
+    from cascadenorm.regions import denoise_region_files, denoise_regions
     from cascadenorm.reports import report
     from cascadenorm.spectra import Spectrum, spectrum
 
@@ -59,6 +60,8 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "compare": "api",
     "denoise": "api",
     "denoise_file": "api",
+    "denoise_region_files": "regions",
+    "denoise_regions": "regions",
     "evaluate": "evaluation.harness",
     "farthest_points": "geometry.farthest_points",
     "fast_harmonics": "geometry.fast_harmonics",
@@ -98,6 +101,8 @@ __all__ = [
     "compare",
     "denoise",
     "denoise_file",
+    "denoise_region_files",
+    "denoise_regions",
     "evaluate",
     "farthest_points",
     "fast_harmonics",

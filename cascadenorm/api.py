@@ -283,8 +283,40 @@ def _denoised_file(
     *,
     force: bool,
 ) -> Denoised:
-    # Everything that can be refused before reading is refused
     method.checked(parameters)
+    opened = opened_file(source, output, controls, force=force)
+    start = time.perf_counter()
+    vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
+    seconds = time.perf_counter() - start
+    return written_file(opened, vertices, method, parameters, controls, seconds=seconds, force=force)
+
+
+class Opened(NamedTuple):
+    """A file that was read, and where it will be written.
+
+    Parameters
+    ----------
+    format : of the output
+    mesh : n vertices
+    controls : over the mesh, where they were given by names in the file
+    """
+
+    source: str | PathLike[str] | BinaryIO
+    output: str | PathLike[str] | BinaryIO
+    format: str
+    file: io.MeshFile
+    mesh: Mesh
+    controls: Controls
+
+
+def opened_file(
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None,
+    controls: Controls,
+    *,
+    force: bool,
+) -> Opened:
+    """Read a file to be denoised; everything that can be refused before reading is refused before."""
     output = _checked_output(source, output, force=force)
     file = io.read(source)
     if controls["on_bad"] == "isolate":
@@ -292,21 +324,30 @@ def _denoised_file(
     format = io.output_format(output, file.format)
     check_target(file, output, format=format, force=force)
     mesh = mesh_of_file(file, source_name(source))
+    return Opened(source, output, format, file, mesh, selected(controls, file))
 
-    # Denoise
-    over_mesh = selected(controls, file)
-    start = time.perf_counter()
-    vertices = controlled(method, mesh, parameters, over_mesh, dtype=file.positions.dtype)
-    seconds = time.perf_counter() - start
 
-    # Write; formats with whole numbers need the limit to round within it
+def written_file(
+    opened: Opened,
+    vertices: NDArray[np.float64],
+    method: Method,
+    parameters: dict[str, Any],
+    controls: Controls,
+    *,
+    seconds: float,
+    force: bool,
+) -> Denoised:
+    """Write a file with other vertices of its mesh, (n, 3), and report what was done; controls as they were given."""
+    source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
+
+    # Formats with whole numbers need the limit to round within it
     small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow where coordinates are huge
     with np.errstate(over="ignore"):
         framed = framed_length("max_displacement", controls["max_displacement"], small, exponent)
         limit = float(np.ldexp(framed, exponent))
     try:
         moved = file.with_vertices(vertices, limit=limit)
-        left_out = io.write(moved, output, format=format, force=force)
+        left_out = io.write(moved, output, format=opened.format, force=force)
     except ReadError as error:  # a fault of the source that only other formats need to know
         raise error.within(source_name(source)) from error.__cause__
 

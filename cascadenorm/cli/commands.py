@@ -85,6 +85,39 @@ def denoise(
         tables.print_denoised(done, file=out)
 
 
+@app.command("denoise-regions")
+@takes_controls()
+def denoise_regions(
+    sources: Annotated[list[str], typer.Argument(metavar="IN...", help="Mesh files.")],
+    *,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder, where files keep their names.")
+    ] = None,
+    method: Method = "auto",
+    model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
+    settings: Set = None,
+    force: Force = False,
+    as_json: Json = False,
+    **controls: Any,
+) -> None:
+    """Denoise mesh files whose walls coincide, as those of a segmentation do: shared walls stay shared."""
+    from cascadenorm import regions
+    from cascadenorm.cli import json_output, progress_bars, tables
+
+    parameters = _parameters(settings)
+    if model is not None:
+        parameters["model"] = model
+    with progress_bars.progress_bar("denoising") as progress:
+        done = regions.denoise_region_files(
+            sources, output, method=method, parameters=parameters, force=force, progress=progress, **controls
+        )
+    if as_json:
+        json_output.print_json("denoise-regions", {"files": [json_output.denoised(one) for one in done]})
+    else:
+        for one in done:
+            tables.print_denoised(one, file=sys.stdout)
+
+
 @app.command()
 def inspect(
     source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],

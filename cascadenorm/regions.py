@@ -1,0 +1,223 @@
+"""Several meshes denoised together, whose walls coincide as those of the regions of a segmentation do."""
+
+import time
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.api import DEFAULT_METHOD, Report, opened_file, written_file
+from cascadenorm.controls.controls import controlled
+from cascadenorm.controls.selection import welded
+from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
+from cascadenorm.errors import ParameterError
+from cascadenorm.geometry.coincidence import coincident, joined
+from cascadenorm.interop import adapter
+from cascadenorm.io.welding import weld
+from cascadenorm.mesh import Bools, Mesh, limit_threads
+from cascadenorm.registry import Method, find
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+
+class Given(NamedTuple):
+    """A mesh as it was given, its copies of vertices at seams joined.
+
+    Parameters
+    ----------
+    given : what the caller holds
+    vertices : its (k, 3) vertices
+    welds : (k,) the vertex of `mesh` that each is
+    mesh : n vertices
+    """
+
+    given: Any
+    vertices: NDArray[Any]
+    welds: NDArray[np.int32]
+    mesh: Mesh
+
+    @classmethod
+    def of(cls, given: Any) -> "Given":
+        """Take a pair of arrays, a `Mesh`, or a mesh of another library."""
+        if isinstance(given, Mesh):
+            return cls(given, given.vertices, np.arange(len(given.vertices), dtype=np.int32), given)
+        if isinstance(given, tuple | list) and len(given) == 2:
+            vertices, mesh = np.asarray(given[0]), Mesh(*given)
+            return cls(given, vertices, np.arange(len(vertices), dtype=np.int32), mesh)
+        vertices, faces = adapter(given).arrays(given)
+        checked_faces = Mesh(vertices, faces).faces.astype(np.int64)
+        welds, first = weld(vertices, checked_faces)
+        return cls(given, vertices, welds, Mesh(vertices[first], welds[checked_faces]))
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type of the result."""
+        return self.vertices.dtype if self.vertices.dtype.kind == "f" else np.dtype(np.float64)
+
+    def moved(self, vertices: NDArray[Any]) -> Any:
+        """Return what the caller holds with other vertices of `mesh`."""
+        if isinstance(self.given, Mesh):
+            return self.given.moved(vertices)
+        if isinstance(self.given, tuple | list):
+            return vertices
+        copies = vertices[self.welds]
+        return adapter(self.given).with_vertices(self.given, np.where(copies == self.vertices, self.vertices, copies))
+
+
+@takes_controls
+def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **parameters: Any) -> list[Any]:
+    """Denoise meshes whose walls coincide, such as the regions of a segmentation; shared walls stay shared.
+
+    Vertices of different meshes that coincide within rounding count as one, and move to one place, to the last bit.
+    Meshes that share no vertex with others are denoised as `denoise` does.
+
+    Parameters
+    ----------
+    meshes : each a pair of arrays, vertices (n, 3) and faces (m, 3); or a `cascadenorm.Mesh`, or a mesh of trimesh,
+        pyvista, open3d or meshio
+    method : one of `methods()`
+    parameters : of the method
+
+    Controls with a value for each vertex, each face or each edge are refused here; `denoise_region_files` takes names.
+
+    Returns
+    -------
+    For each mesh what `denoise` returns for it: the new vertices, or a copy of the mesh
+
+    Raises
+    ------
+    MeshError, ParameterError : as in `denoise`
+    """
+    controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
+    for name in ("mask", "fixed", "only", "creases"):
+        given: Any = controls[name]  # type: ignore[literal-required]
+        if np.ndim(given) or isinstance(given, str | PathLike):
+            raise ParameterError("is of one mesh; here there are several", parameter=name)
+    every = [Given.of(mesh) for mesh in meshes]
+    with limit_threads(controls["threads"]):
+        moved = _together(
+            find(method), [one.mesh for one in every], parameters, [controls] * len(every), [one.dtype for one in every]
+        )
+    return [one.moved(vertices) for one, vertices in zip(every, moved, strict=True)]
+
+
+@takes_controls
+def denoise_region_files(
+    sources: Sequence[str | PathLike[str]],
+    folder: str | PathLike[str] | None = None,
+    *,
+    method: str = DEFAULT_METHOD,
+    force: bool = False,
+    parameters: dict[str, Any] | None = None,
+    **controls: "Unpack[Controls]",
+) -> list[Report]:
+    """Denoise mesh files whose walls coincide, as `denoise_regions` does; each keeps all but positions and normals.
+
+    Parameters
+    ----------
+    sources : paths
+    folder : where each file is written under its own name; None: `<stem>_denoised<suffix>` beside the source
+    method : one of `methods()`
+    force : replace existing files
+    parameters : of the method
+
+    Controls are given by names, which refer to each file.
+
+    Returns
+    -------
+    What was done to each file; seconds are those of all together
+
+    Raises
+    ------
+    ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`
+    """
+    every, chosen, given = checked(controls), find(method), parameters or {}
+    chosen.checked(given)
+    with limit_threads(every["threads"]):
+        targets = [None if folder is None else Path(folder) / Path(source).name for source in sources]
+        if folder is not None:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+        opened = [opened_file(s, t, every, force=force) for s, t in zip(sources, targets, strict=True)]
+        start = time.perf_counter()
+        meshes, over = [file.mesh for file in opened], [file.controls for file in opened]
+        moved = _together(chosen, meshes, given, over, [file.file.positions.dtype for file in opened])
+        seconds = time.perf_counter() - start
+        return [
+            written_file(file, vertices, chosen, given, every, seconds=seconds, force=force).report
+            for file, vertices in zip(opened, moved, strict=True)
+        ]
+
+
+def _together(
+    method: Method,
+    meshes: Sequence[Mesh],
+    parameters: dict[str, Any],
+    controls: Sequence[Controls],
+    types: Sequence[np.dtype[Any]],
+) -> list[NDArray[Any]]:
+    """Return the new vertices of each mesh, in its type; groups of meshes that share vertices move together."""
+    out: list[NDArray[Any]] = [np.empty(0)] * len(meshes)
+    _, groups = coincident(meshes)
+    for group in np.unique(groups):
+        mine = np.flatnonzero(groups == group).tolist()
+        found = _group(
+            method, [meshes[i] for i in mine], parameters, [controls[i] for i in mine], [types[i] for i in mine]
+        )
+        for i, vertices in zip(mine, found, strict=True):
+            out[i] = vertices
+    return out
+
+
+def _group(
+    method: Method,
+    meshes: Sequence[Mesh],
+    parameters: dict[str, Any],
+    controls: Sequence[Controls],
+    types: Sequence[np.dtype[Any]],
+) -> list[NDArray[Any]]:
+    if len(meshes) == 1:
+        return [controlled(method, meshes[0], parameters, controls[0], dtype=types[0])]
+
+    # One mesh, in the coarsest of the types, so that each can hold what comes out
+    first, _ = coincident(meshes)
+    whole = joined(meshes, first)
+    over = welded(_concatenated(meshes, controls), whole.vertices.astype(np.int32))
+    coarsest = min(types, key=lambda kind: kind.itemsize)
+    moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest)
+
+    # To each mesh its vertices; those that did not move keep their own bits
+    still = (moved == whole.mesh.vertices.astype(coarsest)).all(axis=1)
+    ends = np.cumsum([len(mesh.vertices) for mesh in meshes])[:-1]
+    return [
+        np.where(still[rows][:, None], mesh.vertices, moved[rows]).astype(kind)
+        for mesh, rows, kind in zip(meshes, np.split(whole.vertices, ends), types, strict=True)
+    ]
+
+
+def _concatenated(meshes: Sequence[Mesh], controls: Sequence[Controls]) -> Controls:
+    """Return the controls of all meshes as those of one, its vertices and faces one mesh after the other."""
+    one = controls[0].copy()
+    if one["mask"] is not None:
+        one["mask"] = np.concatenate([np.asarray(given["mask"]) for given in controls])
+    if one["fixed"] is not None:
+        one["fixed"] = np.concatenate(
+            [_chosen(c["fixed"], len(m.vertices)) for c, m in zip(controls, meshes, strict=True)]
+        )
+    if one["only"] is not None:
+        one["only"] = np.concatenate([_chosen(c["only"], len(m.faces)) for c, m in zip(controls, meshes, strict=True)])
+    if np.ndim(cast(ArrayLike, one["creases"])):
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+        pairs = [np.asarray(c["creases"]) + start for c, start in zip(controls, starts, strict=False)]
+        one["creases"] = np.concatenate(pairs)
+    return one
+
+
+def _chosen(given: Any, count: int) -> Bools:
+    """Return (count,) bool for what is given so, or by indices."""
+    chosen = np.zeros(count, bool)
+    chosen[np.asarray(given)] = True
+    return chosen
