@@ -112,3 +112,16 @@ def test_walls_open_at_the_border_of_the_volume():
     vertices = cn.denoise(mesh.vertices, mesh.faces)
     before, after = (wall_angle(p, PARTITIONS["four cells"]) for p in (part, moved(part, vertices)))
     assert after < 0.3 * before
+
+
+@pytest.mark.parametrize("name", PARTITIONS)
+def test_volume_of_each_region_is_kept(name):
+    found = walls(name)
+    fixed = np.arange(50)
+    options = {"method": "taubin", "iterations": 20, "fixed": fixed}
+    free = moved(found, cn.denoise(found.mesh.vertices, found.mesh.faces, **options))
+    kept = moved(found, cn.denoise(found.mesh.vertices, found.mesh.faces, volume="keep", **options))
+    assert (np.abs(volumes(free) / volumes(found) - 1) > 1e-3).all()
+    np.testing.assert_allclose(volumes(kept), volumes(found), rtol=1e-9)
+    assert (kept.mesh.vertices[fixed] == found.mesh.vertices[fixed]).all()
+    assert np.abs(kept.mesh.vertices - free.mesh.vertices).max() < 0.1 * found.mesh.mean_edge_length

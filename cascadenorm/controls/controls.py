@@ -16,6 +16,7 @@ from cascadenorm.controls.walls import joined_walls
 from cascadenorm.controls.weights import holds_some, vertex_weights
 from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.geometry.orientation import oriented
+from cascadenorm.geometry.region_volumes import with_region_volumes
 from cascadenorm.geometry.shells import Shells, divided
 from cascadenorm.geometry.volume import with_volume_of
 from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, one_blas_thread, without_lines
@@ -63,7 +64,7 @@ def controlled(
         step = _step(method, framed, parts, checked, controls, detail, removed)
         displacement = _accumulated(step, framed, strength * weights)
         if controls["volume"] == "keep":
-            displacement = _volume_preserving(framed, displacement, weights)
+            displacement = _volume_preserving(framed, parts, displacement, weights)
     if controls["progress"] is not None:
         controls["progress"](1.0)
     return displaced(mesh, displacement, exponent=exponent, limit=limit, dtype=np.dtype(dtype))
@@ -188,9 +189,15 @@ def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64]) -> Vect
     return displacement
 
 
-def _volume_preserving(mesh: Mesh, displacement: Vectors, weights: NDArray[np.float64]) -> Vectors:
-    """Return a displacement after which closed components have their volume; vertices of weight 0 stay."""
+def _volume_preserving(
+    mesh: Mesh, parts: Shells | None, displacement: Vectors, weights: NDArray[np.float64]
+) -> Vectors:
+    """Return a displacement after which closed components and regions have their volume; those of weight 0 stay."""
     if not displacement.any():
         return displacement
-    kept = with_volume_of(mesh, mesh.vertices + displacement, weights=weights)
+    vertices = mesh.vertices + displacement
+    if parts is None:
+        kept = with_volume_of(mesh, vertices, weights=weights)
+    else:
+        kept = with_region_volumes(parts, mesh, vertices, weights=weights)
     return np.where(weights[:, None] > 0, kept - mesh.vertices, 0.0)

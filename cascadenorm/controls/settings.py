@@ -143,7 +143,8 @@ class Controls(TypedDict, total=False):
     volume: Annotated[
         Literal["keep"] | None,
         Control(
-            help="Scale each closed component about its centroid to the volume that it had.",
+            help="Scale each closed component about its centroid to the volume that it had; where regions share walls, "
+            "offset these until each region has its volume.",
             example="keep",
             flag="--keep-volume",
         ),
