@@ -136,12 +136,14 @@ def _pulled(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
 
 
 def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Generator) -> tuple[NoiseKind, float]:
-    """Draw kind and level of noise: that of depth cameras only for what they see, and mostly none for few faces."""
+    """Draw kind and level of noise: that of depth cameras for what they see, little for few faces, none for CAD."""
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
     if family is not None and family.measured:  # whose level is that of its own error
         kinds = [kind for kind in kinds if kind != "none"] or ["normal"]
     if family is not None and family.part == "low-poly" and rng.random() < CLEAN_LOW_POLY:
         kinds = ["none"]
+    if family is not None and family.part == "tessellation":
+        kinds = ["none"]  # nobody measures such triangles
     sensed = not kinds or (family is not None and family.seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
     level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from cascadenorm.data_gen import cad, organic
+from cascadenorm.data_gen.cad_tessellation import cad_part
 from cascadenorm.data_gen.decimate import thinned
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.fusion import fused
@@ -20,7 +21,7 @@ from cascadenorm.data_gen.volumes import segmentation, tomogram
 USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
 
 
-Part = Literal["whole", "piece", "low-poly", "view", "fused", "mask", "slices", "tomogram", "points"]
+Part = Literal["whole", "piece", "low-poly", "view", "fused", "mask", "slices", "tomogram", "points", "tessellation"]
 
 
 @dataclass(frozen=True)
@@ -29,15 +30,16 @@ class Family:
 
     Parameters
     ----------
-    shape : draws a field, given the edge length to expect: detail finer than that would be lost
+    shape : draws a field, given the edge length to expect: detail finer than that would be lost; None for parts as CAD
+        kernels tessellate them, which come from no field
     weight : how often the family is drawn, relative to the others
     sharp : edges of the shape become edges of the mesh
     part : the whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces; what a depth
         camera sees from one side; what several do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
-        level of a tomogram; or the surface reconstructed from noisy points
+        level of a tomogram; the surface reconstructed from noisy points; or faces of a CAD model, each triangulated
     """
 
-    shape: Callable[[float, np.random.Generator], Field]
+    shape: Callable[[float, np.random.Generator], Field] | None
     weight: float
     sharp: bool
     part: Part = "whole"
@@ -66,6 +68,9 @@ class Family:
             reconstruction; meshes of other families are without noise, whatever it is, and both of the pair are the
             same
         """
+        if self.shape is None:
+            part = cad_part(faces=faces, rng=rng)
+            return Measured.on_surface(part, part)
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         field = self.shape(float(np.sqrt(2.3 * area / faces)), rng)
         extent = extent_of(field, rng=rng)
@@ -128,4 +133,5 @@ FAMILIES: dict[str, Family] = {
     "slices": Family(OBJECTS, 0.9, sharp=True, part="slices"),
     "tomogram": Family(OBJECTS, 0.9, sharp=True, part="tomogram"),
     "points": Family(OBJECTS, 0.9, sharp=True, part="points"),
+    "cad_tessellation": Family(None, 0.9, sharp=True, part="tessellation"),
 }

@@ -5,6 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shapes import cube, grid, icosphere, noisy
 
+from cascadenorm.data_gen.cad_tessellation import cad_part
+from cascadenorm.data_gen.noise import displacements
+from cascadenorm.data_gen.surface import UnfitShapeError
 from cascadenorm.data_gen.volumes import marching_cubes
 from cascadenorm.geometry.exactness import coplanar_neighbors, exact_vertices, lattice_share
 from cascadenorm.mesh import Mesh
@@ -42,8 +45,83 @@ def test_a_little_noise_makes_it_measured(make, level):
     assert not exact_vertices(noisy(make(), level)).any()
 
 
-def test_curved_surfaces_are_not_exact():
-    assert not exact_vertices(icosphere(3)).any()
+def torus(rows: int, columns: int, *, waves: float = 0.0) -> Mesh:
+    """A torus, its tube of a radius that may vary along it."""
+    u, v = np.meshgrid(*(2 * np.pi * np.arange(k) / k for k in (rows, columns)), indexing="ij")
+    tube = 0.3 * (1 + waves * np.sin(4 * u) * np.sin(3 * v))
+    reach = 1 + tube * np.cos(v)
+    vertices = np.stack([reach * np.cos(u), reach * np.sin(u), tube * np.sin(v)], axis=-1).reshape(-1, 3)
+    i, k = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
+    a, b = i * columns + k, (i + 1) % rows * columns + k
+    c, d = (i + 1) % rows * columns + (k + 1) % columns, i * columns + (k + 1) % columns
+    return Mesh(vertices, np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))]))
+
+
+def spiked(mesh: Mesh, share: float, level: float) -> Mesh:
+    rng = np.random.default_rng(0)
+    hit = rng.random(len(mesh.vertices)) < share
+    return mesh.moved(mesh.vertices + level * mesh.mean_edge_length * hit[:, None] * rng.normal(size=(len(hit), 3)))
+
+
+def coil(turns: float, steps: int) -> Mesh:
+    """A square bar along a helix: all its vertices are on sharp edges."""
+    s = np.linspace(0, 2 * np.pi * turns, steps)[:, None]
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * 0.1
+    reach, rise = 1 + corners[:, 0], corners[:, 1] + 0.08 * s
+    vertices = np.stack([reach * np.cos(s), reach * np.sin(s), rise], axis=-1).reshape(-1, 3)
+    a = (4 * np.arange(steps - 1)[:, None] + np.arange(4)).ravel()
+    b = (4 * np.arange(steps - 1)[:, None] + np.roll(np.arange(4), -1)).ravel()
+    walls = np.concatenate([np.stack([a, a + 4, b + 4], axis=1), np.stack([a, b + 4, b], axis=1)])
+    last = 4 * (steps - 1)
+    ends = np.array([(0, 1, 2), (0, 2, 3), (last, last + 2, last + 1), (last, last + 3, last + 2)])
+    return Mesh(vertices, np.concatenate([walls, ends]))
+
+
+CURVED = {"torus": torus(60, 24), "thin torus": torus(200, 12), "coarse torus": torus(16, 7), "coil": coil(2.5, 80)}
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_clean_curved_surfaces_are_exact_and_noise_makes_them_measured(name):
+    mesh = CURVED[name]
+    assert exact_vertices(mesh).all()
+    assert exact_vertices(mesh.moved(mesh.vertices.astype(np.float32))).all()
+    assert not exact_vertices(noisy(mesh, 0.15)).any()
+
+
+@pytest.mark.parametrize("level", [0.03, 0.1, 0.3])
+def test_a_little_noise_on_a_fine_torus_is_measured(level):
+    assert not exact_vertices(noisy(torus(240, 80), level)).any()
+
+
+@pytest.mark.parametrize(("share", "level"), [(0.1, 0.2), (0.1, 0.5), (0.3, 0.1)])
+def test_spikes_on_a_fine_torus_are_measured(share, level):
+    assert not exact_vertices(spiked(torus(240, 80), share, level)).any()
+
+
+def test_even_triangles_that_are_smooth_all_over_are_not_exact():
+    assert not exact_vertices(icosphere(4)).any()
+
+
+def test_waves_that_go_to_and_fro_are_not_exact():
+    assert not exact_vertices(torus(120, 48, waves=0.15)).any()
+
+
+def test_an_error_alike_over_several_edges_is_measured():
+    ball = icosphere(4)
+    error = displacements(ball, "correlated", level=0.3, rng=np.random.default_rng(1))
+    assert not exact_vertices(ball.moved(ball.vertices + error)).any()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_parts_as_cad_kernels_tessellate_them_are_exact(seed):
+    rng = np.random.default_rng([7, seed])
+    while True:
+        try:
+            part = cad_part(faces=None, rng=rng)
+        except UnfitShapeError:
+            continue
+        break
+    assert exact_vertices(part).all()
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -9,7 +9,7 @@ from test_exactness import cylinder
 
 import cascadenorm as cn
 from cascadenorm.geometry.foldovers import foldovers, without_flips
-from cascadenorm.learned.cascade import safeguarded
+from cascadenorm.geometry.safeguards import safeguarded
 from cascadenorm.mesh import Mesh
 
 

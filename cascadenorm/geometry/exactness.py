@@ -1,9 +1,11 @@
-"""Surfaces that were computed, not measured: most triangles lie in one plane with a neighbour, as CAD leaves them."""
+"""Surfaces that were computed, not measured: their triangles are coplanar with a neighbour, as CAD leaves them, or bend
+evenly, as chords of a smooth surface."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.geometry.chords import Chords, chords, error_shares
+from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 COPLANAR = 3e-6
 """Height of a vertex over the plane of the triangle across an edge, in diagonals, up to which the two are one plane.
@@ -13,8 +15,8 @@ Coordinates in single precision come within a tenth of it; measured ones hardly 
 SMALL = 1e-3  # of the median edge length: the height is less than that too, where a far vertex makes the diagonal long
 FACES, AREA = 0.2, 0.5
 """Shares of the triangles, and of the area, of a component that have a coplanar neighbour, from which it is exact."""
-UNEVEN = 0.5
-"""Coefficient of variation of the edge lengths, above which triangles are as a CAD kernel makes them."""
+UNEVEN, UNEVEN_CURVED = 0.5, 0.35
+"""Coefficients of variation of the edge lengths, above which flat and curved surfaces are as CAD kernels mesh them."""
 EVEN_AREA = 0.8
 """In place of AREA where triangles are even: those of a depth image with coarse disparities are coplanar, too."""
 DIRECTIONS = 64
@@ -22,17 +24,32 @@ DIRECTIONS = 64
 LATTICE = 0.95
 """Share of the edges that the most frequent DIRECTIONS vectors hold, from which a mesh lies on a lattice."""
 FEWEST = 1000  # edges of a mesh that can be told to lie on a lattice
-STEPS = 0.2
+STEPS = 0.1
 """Share of the concave or of the convex among the edges that are not flat, whichever is less: steps have both."""
+ERROR, ERROR_FLAT = 0.55, 0.75
+"""Share of error in the chords of a component (see `error_shares`), up to which it is exact; the second one where SOME
+of its triangles have a coplanar neighbour, which no noise leaves."""
+SOME = 0.1
+CREASED = 0.1
+"""Share of the edges that do not join smooth vertices, from which a component has creases."""
 RESOLUTION = 0.02  # of the median edge length, within which two edge vectors are the same
 
 
-def exact_vertices(mesh: Mesh) -> NDArray[np.bool_]:
+def exact_vertices(mesh: Mesh, measured: Chords | None = None) -> NDArray[np.bool_]:
     """Tell which vertices belong to components that were computed and carry no error.
 
     Noise, however small, leaves no two triangles coplanar; CAD kernels triangulate planar and ruled faces, so that most
     triangles have a coplanar neighbour. Segmentations have too, but their vertices lie on a lattice, and so their edges
     are few vectors repeated: such a mesh is not exact unless it has no steps, as a box with a grid on its sides.
+
+    Where faces are curved twice no triangles are coplanar. There edges are chords of a smooth surface (see `chords`),
+    and most bend the same way; noise bends them to and fro. A smooth error that is wider than many edges looks like
+    shape; so such a component must also have coplanar triangles, uneven ones, or creases.
+
+    Parameters
+    ----------
+    mesh : n vertices
+    measured : its chords, where they are known
 
     Returns
     -------
@@ -45,11 +62,14 @@ def exact_vertices(mesh: Mesh) -> NDArray[np.bool_]:
     faces = np.bincount(part[clean], minlength=count) / np.maximum(np.bincount(part, minlength=count), 1)
     areas = np.maximum(scatter_add(part, mesh.areas, count), np.finfo(float).tiny)
     covered = scatter_add(part[clean], mesh.areas[clean], count) / areas
-    likely = (faces >= FACES) & (covered >= AREA)
-    if not likely.any() or (lattice_share(mesh) >= LATTICE and _has_steps(mesh)):
-        return exact
-    even = _unevenness(mesh, part, count) <= UNEVEN
-    exact[mesh.faces[(likely & ~(even & (covered < EVEN_AREA)))[part]]] = True
+    measured = measured or chords(mesh)
+    unevenness = _unevenness(mesh, part, count)
+    flat = (faces >= FACES) & (covered >= AREA) & ((unevenness > UNEVEN) | (covered >= EVEN_AREA))
+    error = error_shares(mesh, measured, _rounding(mesh), part, count)
+    smooth = (error <= ERROR) & ((unevenness > UNEVEN_CURVED) | (_creased(mesh, measured, part, count) >= CREASED))
+    computed = flat | smooth | ((error <= ERROR_FLAT) & (faces >= SOME))
+    if computed.any() and not (lattice_share(mesh) >= LATTICE and _has_steps(mesh)):
+        exact[mesh.faces[computed[part]]] = True
     return exact
 
 
@@ -94,7 +114,14 @@ def _has_steps(mesh: Mesh) -> bool:
     return bool(min(concave, convex) > STEPS * (concave + convex))
 
 
-def _unevenness(mesh: Mesh, part: NDArray[np.int32], count: int) -> NDArray[np.float64]:
+def _creased(mesh: Mesh, measured: Chords, part: Ints32, count: int) -> Floats:
+    """Share of the interior edges of each component that do not join smooth vertices, (count,)."""
+    label = part[mesh.topology.face_pairs[:, 0]]
+    rough = np.bincount(label[~measured.smooth], minlength=count)
+    return np.asarray(rough / np.maximum(np.bincount(label, minlength=count), 1))
+
+
+def _unevenness(mesh: Mesh, part: Ints32, count: int) -> Floats:
     """Coefficient of variation of the edge lengths of each component, (count,)."""
     corners = mesh.vertices[mesh.faces]
     lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)

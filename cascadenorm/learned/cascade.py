@@ -9,7 +9,6 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
@@ -17,8 +16,7 @@ from cascadenorm.baselines.iterated_bilateral import NEAR_PASSES, REACH_PASSES, 
 from cascadenorm.baselines.normal_filter_bank import RINGS, SPREADS
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.errors import MissingDependencyError
-from cascadenorm.geometry.exactness import exact_vertices
-from cascadenorm.geometry.foldovers import without_flips
+from cascadenorm.geometry.safeguards import safeguarded
 from cascadenorm.learned.descriptors import (
     LATER_SMOOTH_PASSES,
     SIGMA_R,
@@ -145,11 +143,6 @@ def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device
     """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, in three stages."""
     vertices = without_drift(mesh, _loaded(model, "auto").vertices(mesh, sweeps=sweeps, engine=_engine(device)))
     return safeguarded(mesh, vertices)
-
-
-def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
-    """Keep the vertices of exact components, and flip no face but foldovers, wherever a model wants the vertices."""
-    return without_flips(mesh, np.where(exact_vertices(mesh)[:, None], mesh.vertices, vertices))
 
 
 @method("cascade", source="Wang, Liu, Tong 2016")

@@ -1,0 +1,195 @@
+"""Edges against the normals at their ends: a chord of a smooth surface makes the same angle with both, noise does not.
+
+For an edge from x_i to x_j and unit vertex normals, the sagitta <x_j - x_i, n_j - n_i>/2 is what the surface bends, and
+the residual <x_j - x_i, n_i + n_j>/2 is error: it vanishes on spheres and cylinders, however they are triangulated, and
+is of third order in the length of the edge on any smooth surface.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cascadenorm.mesh import (
+    Bools,
+    Csr,
+    Floats,
+    Ints32,
+    Mesh,
+    Vectors,
+    angles_between,
+    kernel,
+    parallel_for,
+    scatter_add,
+)
+from cascadenorm.mesh.vectors import Three, Vector, cross, dot, length, row, subtract
+
+PASSES = 8  # averages over neighbours that a noise estimate is taken from: about four rings
+FEWEST = 150  # edges that bend, or join smooth vertices, of a component from which a share of error is taken
+SMOOTH = 0.5 * math.sqrt(3)
+"""Cosine, 30°, of the largest angle between a vertex normal and a face around it where the surface is smooth."""
+SAME_SIDE = 0.5
+"""Cosine, 60°, of the angle to the mean normal of an edge up to which faces at its ends are on its side of a crease."""
+
+
+class Chords(NamedTuple):
+    """Of each edge with two faces, (i,): absolute residual, absolute sagitta, and whether both ends are smooth."""
+
+    residuals: Floats
+    sagittas: Floats
+    smooth: Bools
+
+
+def chords(mesh: Mesh) -> Chords:
+    """Measure each edge that has two faces against the normals at its ends, those of this side at a crease.
+
+    A normal is the mean of faces by their area over the squared lengths of the two sides that meet in the vertex, which
+    is exact on spheres (Max 1999).
+    """
+    topology, n = mesh.topology, len(mesh.vertices)
+    around = topology.vertex_faces
+    cosines = np.empty(n)
+    parallel_for(n, _cosine_range, mesh.vertices, mesh.faces, mesh.normals, around, cosines)
+    cosines[topology.edges[topology.edge_faces.counts != 2]] = -1.0
+    edges, pairs = (np.ascontiguousarray(x) for x in (topology.edges[topology.interior_edges], topology.face_pairs))
+    out = np.empty((len(edges), 2))
+    parallel_for(len(edges), _chord_range, mesh.vertices, mesh.faces, mesh.normals, edges, pairs, around, out)
+    residuals, sagittas = np.ascontiguousarray(out.T)
+    return Chords(residuals, sagittas, np.asarray((cosines[edges] >= SMOOTH).all(axis=1)))
+
+
+def local_noise(mesh: Mesh, residuals: Floats) -> Floats:
+    """Estimate the noise around each vertex: the RMS of the residuals of the chords within about four rings.
+
+    Returns
+    -------
+    (n,) in the unit of the mesh; 0 for a vertex without an edge
+    """
+    topology, n = mesh.topology, len(mesh.vertices)
+    ends = topology.edges[topology.interior_edges].ravel()
+    each = np.repeat(residuals**2, 2)
+    sums = scatter_add(ends, np.stack([each, np.ones_like(each)], axis=1), n)
+    spare = np.empty_like(sums)
+    for _ in range(PASSES):
+        parallel_for(n, _mean_range, sums, topology.vertex_neighbors, spare)
+        sums, spare = spare, sums
+    return np.sqrt(np.divide(sums[:, 0], sums[:, 1], out=np.zeros(n), where=sums[:, 1] > 0))
+
+
+def error_shares(mesh: Mesh, measured: Chords, rounding: float, part: Ints32, count: int) -> Floats:
+    """Residual of the chords over their sagitta, plus 1 - |Σ bend| / Σ |bend|, of each component, (count,).
+
+    The bend of an edge is the angle between its faces, negative where it is concave. Residual and sagitta are root mean
+    squares over the edges between smooth vertices; where there are few of these, medians over all that bend.
+    Infinite for components with few edges that bend.
+
+    Parameters
+    ----------
+    measured : the chords of the mesh
+    rounding : how far the centroid of a face may lie off the plane of its neighbour where the two do not bend
+    part : (m,) component of each face, 0 … count - 1
+    """
+    first, second = mesh.topology.face_pairs.T
+    across = mesh.centroids[second] - mesh.centroids[first]
+    rise = np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second])
+    bent = (np.abs(rise) > rounding) & (mesh.areas[first] > 0) & (mesh.areas[second] > 0)
+    label = part[first]
+    enough = np.bincount(label[bent], minlength=count) >= FEWEST
+    share = np.full(count, np.inf)
+    if not enough.any():
+        return share
+    angle = angles_between(mesh.normals[first[bent]], mesh.normals[second[bent]])
+    along = np.abs(scatter_add(label[bent], np.copysign(angle, rise[bent]), count))
+    cancelled = 1 - along / np.maximum(scatter_add(label[bent], angle, count), np.finfo(float).tiny)
+
+    residuals, sagittas, smooth = measured
+    many = np.bincount(label[smooth], minlength=count) >= FEWEST
+    squares = [scatter_add(label[smooth], values[smooth] ** 2, count) for values in (residuals, sagittas)]
+    medians = [_medians(label[bent], values[bent], count) for values in (residuals, sagittas)]
+    error, bend = (np.where(many, np.sqrt(q), m) for q, m in zip(squares, medians, strict=True))
+    known = enough & (bend > 0)
+    share[known] = error[known] / bend[known] + cancelled[known]
+    return share
+
+
+def _medians(label: Ints32, values: Floats, count: int) -> Floats:
+    """Upper median of the values with each label; 0 where there are none."""
+    order = np.lexsort((values, label))
+    sizes = np.bincount(label, minlength=count)
+    middle = np.cumsum(sizes) - sizes + sizes // 2
+    out = np.zeros(count)
+    out[sizes > 0] = values[order[middle[sizes > 0]]]
+    return out
+
+
+@kernel
+def _cosine_range(
+    start: int, stop: int, vertices: Vectors, faces: Ints32, normals: Vectors, around: Csr, out: Floats
+) -> None:
+    """Least cosine of the angle between the normal of a vertex and those of its faces; -1 where there is none."""
+    for i in range(start, stop):
+        mine = around.indices[around.indptr[i] : around.indptr[i + 1]]
+        normal = _normal(vertices, faces, normals, mine, i, np.zeros(3), 0.0)
+        size = length(normal)
+        out[i] = 1.0 if size > 0 else -1.0
+        for f in mine:
+            if size > 0:
+                out[i] = min(out[i], dot(normal, row(normals, f)) / size)
+
+
+@kernel
+def _chord_range(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    faces: Ints32,
+    normals: Vectors,
+    edges: Ints32,
+    pairs: Ints32,
+    around: Csr,
+    out: Floats,
+) -> None:
+    mean, rises = np.empty(3), np.empty(2)
+    for e in range(start, stop):
+        mean[:] = normals[pairs[e, 0]] + normals[pairs[e, 1]]
+        least = SAME_SIDE * length(mean)
+        step = subtract(row(vertices, edges[e, 1]), row(vertices, edges[e, 0]))
+        for end in range(2):
+            v = edges[e, end]
+            mine = around.indices[around.indptr[v] : around.indptr[v + 1]]
+            normal = _normal(vertices, faces, normals, mine, v, mean, least)
+            size = length(normal)
+            rises[end] = dot(step, normal) / size if size > 0 else 0.0
+        out[e, 0] = 0.5 * abs(rises[0] + rises[1])
+        out[e, 1] = 0.5 * abs(rises[1] - rises[0])
+
+
+@kernel
+def _normal(
+    vertices: Vectors, faces: Ints32, normals: Vectors, mine: Ints32, v: int, direction: Three, least: float
+) -> Vector:
+    """Sum of the weighted normals of the faces around a vertex, of those that go along a direction by so much."""
+    x = y = z = 0.0
+    for f in mine:
+        n = row(normals, f)
+        if dot(n, direction) < least:
+            continue
+        a, b, c = faces[f]
+        while a != v:
+            a, b, c = b, c, a
+        one, other = subtract(row(vertices, b), row(vertices, a)), subtract(row(vertices, c), row(vertices, a))
+        squares = dot(one, one) * dot(other, other)
+        weight = length(cross(one, other)) / squares if squares > 0 else 0.0
+        x, y, z = x + weight * n[0], y + weight * n[1], z + weight * n[2]
+    return x, y, z
+
+
+@kernel
+def _mean_range(start: int, stop: int, values: Floats, around: Csr, out: Floats) -> None:
+    for i in range(start, stop):
+        mine = around.indices[around.indptr[i] : around.indptr[i + 1]]
+        for d in range(values.shape[1]):
+            total = values[i, d]
+            for j in mine:
+                total += values[j, d]
+            out[i, d] = total / (1 + len(mine))

@@ -1,0 +1,51 @@
+"""How far vertices may go, wherever a model wants them: on exact surfaces nowhere, else as far as noise explains."""
+
+import numpy as np
+
+from cascadenorm.geometry.chords import chords, local_noise
+from cascadenorm.geometry.exactness import exact_vertices
+from cascadenorm.geometry.foldovers import without_flips
+from cascadenorm.mesh import Floats, Mesh, Vectors
+
+NOISES = 30.0
+"""Times the estimated noise around it that a vertex may move. Of independent noise 4 times are enough; of an error that
+is alike over several edges, or of an edge that a reconstruction has rounded, the estimate sees a fifteenth."""
+HEIGHTS = 4.0
+"""Times the height of the tallest face around it that a vertex may move."""
+
+
+def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
+    """Return vertices with displacements taken back as far as the bounds ask for.
+
+    The vertices of exact components stay where they are (see `exact_vertices`), no other vertex moves farther than
+    `displacement_bounds`, and no face flips but foldovers (see `without_flips`).
+
+    Parameters
+    ----------
+    mesh : the input, n vertices
+    vertices : (n, 3), where a model wants them
+
+    Returns
+    -------
+    (n, 3)
+    """
+    displacement = vertices - mesh.vertices
+    length = np.linalg.norm(displacement, axis=1)
+    bounds = displacement_bounds(mesh)
+    far = length > bounds
+    moved = vertices.copy()
+    moved[far] = mesh.vertices[far] + (bounds[far] / length[far])[:, None] * displacement[far]
+    return without_flips(mesh, moved)
+
+
+def displacement_bounds(mesh: Mesh) -> Floats:
+    """How far each vertex may move, (n,), in the unit of the mesh.
+
+    0 on exact components and for vertices without a face, else the least of NOISES times the noise estimated around the
+    vertex (see `local_noise`) and HEIGHTS times the height of its tallest face.
+    """
+    tallest = np.zeros(len(mesh.vertices))
+    np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))
+    measured = chords(mesh)
+    bounds = np.minimum(NOISES * local_noise(mesh, measured.residuals), HEIGHTS * tallest)
+    return np.where(exact_vertices(mesh, measured), 0.0, bounds)
