@@ -1,8 +1,5 @@
 """Normals after many bilateral passes, filtered with four range spreads side by side, which is where the time goes."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
@@ -55,7 +52,7 @@ def ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float
     return rings, own, spatial_weights(mesh, rings, 1.0, own)
 
 
-def _add_neighbor(total: Floats32, normals: Floats32, f: int, g: int, weight: np.float32, steepness: Floats32) -> None:
+def _add_neighbor(total, normals, f, g, weight, steepness):  # type: ignore[no-untyped-def]
     """Add the normals of face g to the sums of its neighbour f, (3, LANES), each by how near it is to that of f."""
     zero, one = np.float32(0), np.float32(1)
     for r in range(LANES):
@@ -73,7 +70,7 @@ def _add_neighbor(total: Floats32, normals: Floats32, f: int, g: int, weight: np
 
 
 @overload(_add_neighbor)
-def _compiled(total: Any, normals: Any, f: Any, g: Any, weight: Any, steepness: Any) -> Callable[..., Any]:
+def _compiled(total, normals, f, g, weight, steepness):  # type: ignore[no-untyped-def]
     """Choose what `_add_neighbor` is compiled to: vector instructions, or its own loops where those fail."""
     try:
         from cascadenorm.baselines.bilateral_lanes import add_lanes, equals
@@ -103,7 +100,7 @@ def _reach_range(
             for r in range(LANES):
                 total[d, r] = own[f] * normals[f, d, r]
         for k in range(rings.indptr[f], rings.indptr[f + 1]):
-            _add_neighbor(total, normals, f, rings.indices[k], weights[k], steepness)
+            _add_neighbor(total, normals, f, rings.indices[k], weights[k], steepness)  # type: ignore[no-untyped-call]
         for r in range(LANES):
             length = np.sqrt(total[0, r] ** 2 + total[1, r] ** 2 + total[2, r] ** 2)
             for d in range(3):

@@ -178,7 +178,7 @@ def test_reaching_stack_holds_the_bilateral_filter_after_its_passes():
 def test_filters_side_by_side_are_what_the_plain_code_says():
     rng, rings = np.random.default_rng(0), MESH.topology.face_rings(1)
     normals = unit(rng.normal(size=(len(MESH.faces), LANES, 3))).transpose(0, 2, 1).astype(np.float32)
-    given = (np.ascontiguousarray(normals), MESH.areas.astype(np.float32), *rings)
+    given = (np.ascontiguousarray(normals), MESH.areas.astype(np.float32), rings)
     weights, steepness = rng.random(len(rings.indices), np.float32), np.float32([0, 0.1, 1, 10])
     vectors, plain = np.empty((2, *normals.shape), np.float32)
     _reach_range(0, len(normals), *given, weights, steepness, vectors)
