@@ -35,12 +35,12 @@ def test_system_and_its_solution_equal_dense_ones(operator):
     )
     system = edge_system(quads, len(vertices))
     values, ours = np.empty(len(system.pattern.indices)), np.empty_like(vertices)
-    _assemble(*system[1:], rough.vertices, vertices, coefficients, alpha, beta, price, values, ours)
+    _assemble(system, rough.vertices, vertices, coefficients, alpha, beta, price, values, ours)
     dense = np.zeros_like(matrix)
     dense[system.pattern.rows, system.pattern.indices] = values
     np.testing.assert_allclose(dense, matrix, atol=1e-12)
     np.testing.assert_allclose(ours, right, atol=1e-12)
-    _conjugate_gradients(*system.pattern, values, ours, vertices, 1e-26, 500)
+    _conjugate_gradients(system.pattern, values, ours, vertices, 1e-26, 500)
     np.testing.assert_allclose(vertices, np.linalg.solve(matrix, right), atol=1e-12)
 
 
