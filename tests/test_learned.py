@@ -35,7 +35,6 @@ from cascadenorm.learned.features import (
     CONTEXT_STEPS,
     FLOOR,
     FeatureScaler,
-    component_deviations,
     context_features,
     openness,
     pairwise_features,
@@ -75,10 +74,10 @@ def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
 
 
 def stage_settings(descriptor: str, *, later: bool = False, activation: str = "tanh") -> StageSettings:
-    """Settings of a stage; a later one sees the noisy normals too, and the deviations of features."""
+    """Settings of a stage; a later one sees the noisy normals too."""
     return StageSettings(
         descriptor=descriptor, neighborhood="distance", sees_noisy=later, activation=activation, weighting="heights",
-        foldovers="ignore", deviations=later,
+        foldovers="ignore",
     )  # fmt: skip
 
 
@@ -87,7 +86,7 @@ def random_regression(descriptor: str, *, later: bool = False, seed: int = 0, ac
     rng = np.random.default_rng(seed)
     parts = DESCRIPTORS[descriptor](MESH, MESH, FILTERS, "distance")
     k, hidden, clusters, p = sum(part.shape[1] for part in parts) + later, 7, 3, 5
-    d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1 + later) + 1
+    d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1) + 1
 
     def random(*shape: int) -> np.ndarray:
         return rng.normal(size=shape).astype(np.float32)
@@ -265,23 +264,11 @@ def test_openness_is_zero_for_a_closed_component_and_one_for_a_flat_sheet():
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_deviations_are_those_of_each_connected_component():
-    mesh = Mesh(
-        np.concatenate([MESH.vertices, MESH.vertices + 9]),
-        np.concatenate([MESH.faces, MESH.faces + len(MESH.vertices)]),
-    )
-    values = np.random.default_rng(0).normal(size=(len(mesh.faces), 3)).astype(np.float32)
-    m = len(MESH.faces)
-    values[m:] = 0.5 * values[m:] + 2
-    expected = np.repeat([values[:m].std(axis=0), values[m:].std(axis=0)], m, axis=0)
-    np.testing.assert_allclose(component_deviations(values, mesh), expected, rtol=1e-5)
-
-
 @pytest.mark.parametrize("activation", ["tanh", "silu"])
 def test_array_path_equals_torch(activation):
     stage = random_regression("B+G", activation=activation)
     stack = stage_stack(stage.settings, MESH, MESH)
-    x = stage.scaler.features(stack, stage.scaler.context(stack, MESH, deviations=False))
+    x = stage.scaler.features(stack, stage.scaler.context(stack, MESH))
     stage = replace(stage, centers=x[[0, 9, 99]])
     distances = np.linalg.norm(x[:, None] - stage.centers, axis=2)
     expected = np.empty((len(x), 3))

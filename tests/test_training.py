@@ -91,7 +91,7 @@ def test_features_to_learn_from_are_those_at_run_time():
         mean=mean, scale=scale, projection=rng.normal(size=(45, 2)).astype(np.float32),
         context_mean=context_mean, context_scale=context_scale,
     )  # fmt: skip
-    context = scaler.context(stack, mesh, deviations=False)
+    context = scaler.context(stack, mesh)
     together = torch.from_numpy(np.concatenate(context, axis=1))
     learned = TorchFeatures(scaler, torch.device("cpu"))(torch.from_numpy(stack), together)
     np.testing.assert_allclose(learned, scaler.features(stack, context), rtol=0, atol=1e-5)

@@ -87,7 +87,6 @@ class TrainConfig:
     neighborhood : which faces the filters B and G add, "rings" or "distance" as published
     sees_noisy : whether the stages after the first read the noisy normals as well
     context : principal directions of the features that are averaged around a face; 0 leaves context features out
-    deviations : whether the context has their standard deviations over the connected component as well
     last_weighting : of the vertex update after the last stage, "angles" or "heights" as published, which the other
         stages have
     foldovers : in the vertex update, "avoid" or "ignore" as published
@@ -102,7 +101,6 @@ class TrainConfig:
     neighborhood: Neighborhood = "rings"
     sees_noisy: bool = True
     context: int = 24
-    deviations: bool = False
     last_weighting: Weighting = "angles"
     foldovers: Foldovers = "avoid"
     fit: Fit = field(default_factory=Fit)
@@ -131,7 +129,6 @@ class TrainConfig:
                 activation=self.fit.activation,
                 weighting=self.last_weighting if number == last else "heights",
                 foldovers=self.foldovers,
-                deviations=self.deviations,
             )
             for number, descriptor in enumerate(self.descriptors)
         )

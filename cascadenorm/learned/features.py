@@ -26,7 +26,7 @@ class FeatureScaler:
     mean, scale : (d,) of the pairwise features x of the face itself: (x - mean) * scale
     projection : (d, p) principal directions of these features; their means around the face, and how open the mesh is,
         are its context features; there are none where p is 0
-    context_mean, context_scale : (c,) of the context features: 5 p + 1, or 6 p + 1 with deviations
+    context_mean, context_scale : (5 p + 1,) of the context features
     """
 
     mean: Array
@@ -35,23 +35,21 @@ class FeatureScaler:
     context_mean: Array
     context_scale: Array
 
-    def context(self, stack: Stack, mesh: Mesh, *, deviations: bool) -> list[Array]:
+    def context(self, stack: Stack, mesh: Mesh) -> list[Array]:
         """Average the principal components of the features around each face, and say how open the mesh is.
 
         Parameters
         ----------
         stack : (m, k, 3) filtered normals of all faces of the mesh
-        deviations : whether the standard deviations over the connected component belong to the context
 
         Returns
         -------
-        5 of (m, p), or 6 with the deviations, then (m, 1), not yet of mean 0 and deviation 1; (m, 0) alone where p is 0
+        5 of (m, p), then (m, 1), not yet of mean 0 and deviation 1; (m, 0) alone where p is 0
         """
         if not self.projection.size:
             return [np.empty((len(stack), 0), np.float32)]
         components = in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
-        spread = [component_deviations(components, mesh)] if deviations else []
-        return [*context_features(components, mesh), *spread, openness(mesh)[:, None]]
+        return [*context_features(components, mesh), openness(mesh)[:, None]]
 
     def features(self, stack: Stack, context: Sequence[Array]) -> Array:
         """Return the normalised features of faces: their own, then those of their context.
@@ -62,7 +60,7 @@ class FeatureScaler:
 
         Returns
         -------
-        (m, d + c)
+        (m, d + 5 p + 1), or (m, d) where p is 0
         """
         around = np.concatenate(context, axis=1)
         around -= self.context_mean
@@ -123,15 +121,6 @@ def component_means(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float
     component = mesh.topology.face_components
     sizes = np.maximum(np.bincount(component), 1)
     return np.asarray((scatter_add(component, values, len(sizes)) / sizes[:, None]).astype(np.float32)[component])
-
-
-def component_deviations(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]:
-    """Return the standard deviations of features, one row a face, over the connected component of the face, (m, p).
-
-    They tell a rough surface from one that is smooth but for its edges, and so noise from detail.
-    """
-    squares = component_means(np.square(values - component_means(values, mesh)), mesh)
-    return np.asarray(np.sqrt(squares))
 
 
 def openness(mesh: Mesh) -> NDArray[np.float32]:

@@ -66,7 +66,7 @@ class Regression:
         (m, 3) float64, unit; where the weighted sum vanishes, the first of the filtered normals
         """
         with one_blas_thread():  # the blocks are on several threads already
-            context = self.scaler.context(stack, mesh, deviations=self.settings.deviations)
+            context = self.scaler.context(stack, mesh)
 
             def sums(start: int, stop: int) -> Array:
                 rows = slice(start, stop)

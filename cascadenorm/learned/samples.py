@@ -50,7 +50,7 @@ class Sample:
         """Return the filtered normals of the faces drawn, and their context, (rows, c)."""
         mesh, noisy = self.meshes()
         stack = stage_stack(settings, mesh, noisy)
-        context = [part[self.rows] for part in scaler.context(stack, mesh, deviations=settings.deviations)]
+        context = [part[self.rows] for part in scaler.context(stack, mesh)]
         return stack[self.rows], np.concatenate(context, axis=1)
 
     def apply_stage(self, stage: Regression) -> Vectors:

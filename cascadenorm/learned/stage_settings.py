@@ -36,7 +36,6 @@ class StageSettings:
     descriptor : which filtered normals it reads, a name in DESCRIPTORS
     neighborhood : which faces the filters B and G add, "distance" or "rings"; the others add one ring
     sees_noisy : whether it reads the normals of the mesh before the first stage as well, behind the filtered ones
-    deviations : whether its context has the deviations of features over the connected component
     activation : between the layers of its networks, a name in ACTIVATIONS
     weighting, foldovers : of the vertex update, as `recover_vertices` takes them
     """
@@ -47,4 +46,3 @@ class StageSettings:
     activation: str
     weighting: Weighting
     foldovers: Foldovers
-    deviations: bool = False

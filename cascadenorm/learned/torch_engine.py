@@ -19,7 +19,7 @@ from cascadenorm.baselines.smoothed_normals import vertex_directions
 from cascadenorm.baselines.vertex_update import OVER_RELAXATION, Foldovers, Weighting, face_weights
 from cascadenorm.learned.descriptors import Filters, Stack
 from cascadenorm.learned.engine import Engine
-from cascadenorm.learned.features import CONTEXT_STEPS, component_deviations, component_means, openness
+from cascadenorm.learned.features import CONTEXT_STEPS, component_means, openness
 from cascadenorm.learned.networks import ACTIVATIONS, TorchFeatures
 from cascadenorm.learned.regression import Regression
 from cascadenorm.mesh import Csr, Mesh, Vectors, unit
@@ -186,8 +186,7 @@ def _regressed(device: torch.device, stage: Regression, mesh: Mesh, stack: Stack
     parts = [slice(start, start + ROWS) for start in range(0, len(stack), ROWS)]
     context = torch.empty(len(stack), 0, device=device)
     if scaler.projection.size:
-        components = torch.cat([features.own(normals[rows]) @ projection for rows in parts])
-        context = _context_features(components, mesh, deviations=stage.settings.deviations)
+        context = _context_features(torch.cat([features.own(normals[rows]) @ projection for rows in parts]), mesh)
     total = []
     for rows in parts:
         x = features(normals[rows], context[rows])
@@ -203,10 +202,9 @@ def _regressed(device: torch.device, stage: Regression, mesh: Mesh, stack: Stack
     return unit(torch.cat(total).cpu().numpy(), otherwise=stack[:, 0])
 
 
-def _context_features(values: Tensor, mesh: Mesh, *, deviations: bool) -> Tensor:
-    """As `FeatureScaler.context`."""
-    whole = [component_means, component_deviations] if deviations else [component_means]
-    components = [torch.tensor(of(values.cpu().numpy(), mesh), device=values.device) for of in whole]
+def _context_features(values: Tensor, mesh: Mesh) -> Tensor:
+    """As `features.context_features` and `openness`, which stand last."""
+    mean = torch.tensor(component_means(values.cpu().numpy(), mesh), device=values.device)
     rings, kept = _Rows(mesh.topology.face_rings(1), values.device), []
     for done in range(1, CONTEXT_STEPS[-1] + 1):
         after = torch.empty_like(values)
@@ -215,7 +213,7 @@ def _context_features(values: Tensor, mesh: Mesh, *, deviations: bool) -> Tensor
         values = after
         if done in CONTEXT_STEPS:
             kept.append(values)
-    return torch.cat([*kept, *components, torch.tensor(openness(mesh)[:, None], device=values.device)], dim=1)
+    return torch.cat([*kept, mean, torch.tensor(openness(mesh)[:, None], device=values.device)], dim=1)
 
 
 class _Group(NamedTuple):
