@@ -94,7 +94,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
     """
     controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     for name in ("mask", "fixed", "only", "creases"):
-        given: Any = controls[name]  # type: ignore[literal-required]
+        given: Any = controls[name]
         if np.ndim(given) or isinstance(given, str | PathLike):
             raise ParameterError("is of one mesh; here there are several", parameter=name)
     every = [Given.of(mesh) for mesh in meshes]
