@@ -123,4 +123,4 @@ def test_a_card_with_too_little_memory_is_a_memory_error():
         raise torch.cuda.OutOfMemoryError("tried to allocate 80 GiB")
 
     with pytest.raises(MemoryError, match="80 GiB"):
-        torch_engine._there(torch.device("cpu"), too_much)()
+        torch_engine._on(torch.device("cpu"), too_much)()
