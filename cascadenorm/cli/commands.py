@@ -316,7 +316,7 @@ def train(
     settings = QUICK if quick else TrainConfig() if config is None else read_config(config)
     if seed is not None:
         settings = replace(settings, seed=seed, data=replace(settings.data, seed=seed))
-    with progress_bars.progress_tasks() as progress:
+    with progress_bars.progress_tasks(log=True) as progress:
         models.train(
             settings,
             output,

@@ -19,8 +19,13 @@ def progress_bar(text: str) -> Iterator[Listener]:
 
 
 @contextmanager
-def progress_tasks() -> Iterator[Progress]:
-    """Show tasks as they begin and end, several at once: bars on a terminal, else a line for each that is finished."""
+def progress_tasks(*, log: bool = False) -> Iterator[Progress]:
+    """Show tasks as they begin and end, several at once, as bars on a terminal.
+
+    Parameters
+    ----------
+    log : print a line for each task that is finished, on a terminal or not
+    """
     with _bars() as bar:
         started: dict[str, TaskID] = {}
 
@@ -31,7 +36,8 @@ def progress_tasks() -> Iterator[Progress]:
             bar.update(started[task], completed=done, description=text)
             if done == total:
                 bar.remove_task(started.pop(task))
-                bar.console.print(f"{text}: done", highlight=False)
+                if log:
+                    bar.console.print(f"{text}: done", highlight=False)
 
         yield show
 

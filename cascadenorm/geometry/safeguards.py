@@ -10,6 +10,8 @@ from cascadenorm.mesh import Floats, Mesh, Vectors
 NOISES = 30.0
 """Times the estimated noise around it that a vertex may move. Of independent noise 4 times are enough; of an error that
 is alike over several edges, or of an edge that a reconstruction has rounded, the estimate sees a fifteenth."""
+FEWEST = 8
+"""Edges with two faces of a component, of which fewer tell nothing of its noise; a tetrahedron has 6."""
 HEIGHTS = 4.0
 """Times the height of the tallest face around it that a vertex may move."""
 
@@ -42,10 +44,14 @@ def displacement_bounds(mesh: Mesh) -> Floats:
     """How far each vertex may move, (n,), in the unit of the mesh.
 
     0 on exact components and for vertices without a face, else the least of NOISES times the noise estimated around the
-    vertex (see `local_noise`) and HEIGHTS times the height of its tallest face.
+    vertex (see `local_noise`) and HEIGHTS times the height of its tallest face. On components with fewer than FEWEST
+    edges between two faces there is no estimate, and the height alone counts.
     """
     tallest = np.zeros(len(mesh.vertices))
     np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))
-    measured = chords(mesh)
-    bounds = np.minimum(NOISES * local_noise(mesh, measured.residuals), HEIGHTS * tallest)
+    measured, part = chords(mesh), mesh.topology.face_components
+    noise = local_noise(mesh, measured.residuals)
+    untold = np.bincount(part[mesh.topology.face_pairs[:, 0]], minlength=int(part.max()) + 1) < FEWEST
+    noise[mesh.faces[untold[part]]] = np.inf
+    bounds = np.minimum(NOISES * noise, HEIGHTS * tallest)
     return np.where(exact_vertices(mesh, measured), 0.0, bounds)
