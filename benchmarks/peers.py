@@ -9,6 +9,7 @@ MeshLib, whose licence is not commercial, is asked only by --meshlib.
 
 import argparse
 import json
+import signal
 import subprocess
 import sys
 import tempfile
@@ -30,6 +31,8 @@ BEGIN, END = "<!-- peers: written by benchmarks/peers.py -->", "<!-- end of peer
 PACKAGES = ("vtk", "pymeshlab", "trimesh", "scipy", "open3d")
 OPTIONAL = "MeshLib"
 NOISY = "noisy"
+STOPPED = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
+"""Signals by which somebody has ended a process that did not crash."""
 Figure = tuple[float, float]
 """Mean angle in degrees and RMS distance in mean edge lengths."""
 
@@ -121,9 +124,11 @@ def _measured(python: Path, noisy: Mesh, names: Sequence[str], figure: object) -
         given = Path(folder) / "in.npz"
         np.savez(given, vertices=noisy.vertices, faces=noisy.faces)
         script = Path(__file__).with_name("peer_filters.py")
-        subprocess.run([python, script, given, folder, *names], check=True)
         found: dict[str, list[Figure | None]] = {}
-        for name in names:
+        for name in names:  # each in a process of its own, since some crash
+            done = subprocess.run([python, script, given, folder, name], check=False)
+            if done.returncode > 0 or -done.returncode in STOPPED:
+                raise SystemExit(f"{python} {script.name} ended with {done.returncode}")
             paths = [Path(folder) / f"{name}-{number}.npz" for number in range(len(FILTERS[name][1]))]
             found[name] = [figure(_mesh(path)) if path.exists() else None for path in paths]
         return found
