@@ -59,7 +59,7 @@ def test_handles_and_parts_are_counted():
     assert (found.parts, found.genus, found.euler_characteristic) == (3, 2, 2)
 
 
-def test_rims_of_open_meshes():
+def test_boundary_loops_of_open_meshes():
     sheet = inspect(without(grid(6, 6), [14, 14 + 36]))  # one square taken out of the middle
     assert (sheet.boundary_loops, sheet.boundary_edges, sheet.closed) == (2, 4 * 6 + 4, False)
     assert sheet.genus is None and sheet.volume is None

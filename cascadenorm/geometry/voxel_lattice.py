@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh, Vectors, scatter_add
 
 Lattice = NDArray[np.float64]
 """(3, 3), its rows the edges of a voxel."""
@@ -38,7 +38,7 @@ def lattice_of_mask(mesh: Mesh) -> Lattice | None:
     candidates = _different(sums.reshape(-1, 3), edge)
     used = mesh.vertices[mesh.topology.used_vertices]
     offsets = used[:: max(1, len(used) // 2000)] - used[0]
-    for lattice in _orthogonal_triples(candidates, edge):
+    for lattice in _orthogonal_triples(candidates):
         if _in_the_middle_of_edges(offsets, lattice):
             return lattice
     return None
@@ -48,28 +48,32 @@ def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
     """Vectors along edges, each direction once; None where there are too many kinds."""
     ends = mesh.topology.edges[:: max(1, len(mesh.topology.edges) // MOST_EDGES)]
     vectors = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
-    cells = np.round(vectors / (STEP * edge)).astype(np.int64)
-    leading = np.take_along_axis(cells, (cells != 0).argmax(axis=1)[:, None], axis=1)
-    _, number, counts = np.unique(cells * np.sign(leading), axis=0, return_inverse=True, return_counts=True)
+    cells, sign = _directions(vectors, STEP * edge)
+    _, number, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     common = np.argsort(-counts, kind="stable")[:DIRECTIONS]
     if counts[common].sum() < COVERED * len(cells):
         return None
-    totals = np.stack([np.bincount(number.ravel(), vectors[:, d] * np.sign(leading[:, 0])) for d in range(3)], axis=1)
+    totals = scatter_add(number.ravel(), vectors * sign, len(counts))
     return np.asarray((totals / counts[:, None])[common])
+
+
+def _directions(vectors: Vectors, size: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Round vectors to multiples of a size, (n, 3), and give opposite ones the same sign, (n, 1)."""
+    cells = np.round(vectors / size).astype(np.int64)
+    sign = np.sign(np.take_along_axis(cells, (cells != 0).argmax(axis=1)[:, None], axis=1))
+    return cells * sign, sign
 
 
 def _different(vectors: Vectors, edge: float) -> Vectors:
     """Vectors of which none is zero or another's negative, shortest first."""
-    cells = np.round(vectors / (4 * STEP * edge)).astype(np.int64)
-    leading = np.take_along_axis(cells, (cells != 0).argmax(axis=1)[:, None], axis=1)
-    _, first = np.unique(cells * np.sign(leading), axis=0, return_index=True)
+    _, first = np.unique(_directions(vectors, 4 * STEP * edge)[0], axis=0, return_index=True)
     kept = vectors[first]
     lengths = np.linalg.norm(kept, axis=1)
     kept, lengths = kept[lengths > 0.1 * edge], lengths[lengths > 0.1 * edge]
     return np.asarray(kept[np.argsort(lengths, kind="stable")])
 
 
-def _orthogonal_triples(vectors: Vectors, edge: float) -> list[Lattice]:
+def _orthogonal_triples(vectors: Vectors) -> list[Lattice]:
     """Triples of perpendicular vectors among the shortest, by the volume that they span."""
     few = vectors[:200]
     lengths = np.linalg.norm(few, axis=1)
