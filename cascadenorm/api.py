@@ -29,7 +29,16 @@ from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import check_target, extensible
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.welding import weld
-from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated, limit_threads, without_lines
+from cascadenorm.mesh import (
+    Mesh,
+    bad_faces,
+    bad_vertices,
+    in_frame,
+    in_good_order,
+    isolated,
+    limit_threads,
+    without_lines,
+)
 from cascadenorm.registry import Method, find, registered
 
 if TYPE_CHECKING:
@@ -379,8 +388,9 @@ def _error_found(method: Method, mesh: Mesh, vertices: NDArray[np.float64], stre
     if method.name != DEFAULT_METHOD or not strength:
         return None
     small, exponent = in_frame(without_lines(mesh))
-    moves = np.ldexp(vertices - mesh.vertices, -exponent) / min(strength, 1.0)
-    return error_kind(small, small.vertices + moves, exponent=exponent)
+    order = in_good_order(small)
+    moves = np.ldexp(vertices - mesh.vertices, -exponent)[order.numbers] / min(strength, 1.0)
+    return error_kind(order.mesh, order.mesh.vertices + moves, exponent=exponent)
 
 
 def _checked_output(

@@ -19,7 +19,17 @@ from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.region_volumes import with_region_volumes
 from cascadenorm.geometry.shells import Shells, divided
 from cascadenorm.geometry.volume import with_volume_of
-from cascadenorm.mesh import Mesh, Vectors, first_places, in_frame, one_blas_thread, without_lines
+from cascadenorm.mesh import (
+    Ints,
+    Mesh,
+    Renumbered,
+    Vectors,
+    first_places,
+    in_frame,
+    in_good_order,
+    one_blas_thread,
+    without_lines,
+)
 from cascadenorm.progress import report_to, track
 from cascadenorm.registry import REGION, Method
 
@@ -32,9 +42,10 @@ def controlled(
 ) -> NDArray[Any]:
     """Apply a method to a mesh under controls.
 
-    The method sees the mesh centered at the origin, scaled by a power of two to about unit size, consistently oriented
-    and without degenerate faces. Its displacement is added to the vertices in their own coordinates, so coordinates far
-    from the origin lose nothing, and a vertex that does not move or that no face uses keeps its bits.
+    The method sees the mesh centered at the origin, scaled by a power of two to about unit size, consistently oriented,
+    without degenerate faces, and in an order that is kind to memory. Its displacement is added to the vertices in their
+    own coordinates, so coordinates far from the origin lose nothing, and a vertex that does not move or that no face
+    uses keeps its bits.
 
     Parameters
     ----------
@@ -53,21 +64,23 @@ def controlled(
     checked = _checked_parameters(method, parameters)
     faces, mesh = mesh.faces, without_lines(mesh)
     weights = vertex_weights(mesh, controls, faces)
+    framed, exponent = in_frame(mesh)
+    order = in_good_order(framed)
+    weights = weights[order.numbers]
     if REGION in method.settings and holds_some(controls):
         checked[REGION] = weights > 0
-    framed, exponent = in_frame(mesh)
-    framed, parts = divided(oriented(framed))
+    framed, parts = divided(oriented(order.mesh))
     detail = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
         strength, removed = _strength(method, controls, framed, exponent)
-        step = _step(method, framed, parts, checked, controls, detail, removed)
+        step = _step(method, framed, order, parts, checked, controls, detail, removed)
         displacement = _accumulated(step, framed, strength * weights)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, parts, displacement, weights)
     if controls["progress"] is not None:
         controls["progress"](1.0)
-    return displaced(mesh, displacement, exponent=exponent, limit=limit, dtype=np.dtype(dtype))
+    return displaced(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
 
 
 def in_words(controls: Controls) -> dict[str, Any]:
@@ -106,6 +119,7 @@ def _strength(method: Method, controls: Controls, framed: Mesh, exponent: int) -
 def _step(
     method: Method,
     mesh: Mesh,
+    order: Renumbered,
     parts: Shells | None,
     parameters: Mapping[str, Any],
     controls: Controls,
@@ -119,34 +133,43 @@ def _step(
     Parameters
     ----------
     mesh : in the frame; every mesh that the step is given has its faces
+    order : how its vertices are numbered
     parts : the shells of its regions, where these share walls
     detail : width of the smallest feature to keep, in the unit of the frame
     removed : width of the largest feature to remove
     """
     creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read
-    edges = None if creases is None else crease_edges(mesh, creases)
+    edges = None if creases is None else crease_edges(mesh, creases, order.places)
     if parts is None:
-        return _surface_step(method, mesh, parameters, controls, edges, detail, removed)
+        return _surface_step(method, mesh, order.numbers, parameters, controls, edges, detail, removed)
     if REGION in parameters:
         parameters = {**parameters, REGION: parameters[REGION][parts.owners]}
     edges = None if edges is None else parts.of_edges(mesh, edges)
-    each = _surface_step(method, parts.mesh, parameters, controls, edges, detail, removed)
+    each = _surface_step(method, parts.mesh, order.numbers[parts.owners], parameters, controls, edges, detail, removed)
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
 
 
 def _surface_step(
     method: Method,
     mesh: Mesh,
+    numbers: Ints,
     parameters: Mapping[str, Any],
     controls: Controls,
     creases: NDArray[np.bool_] | None,
     detail: float,
     removed: float,
 ) -> Step:
-    """Return the step of a mesh without shared walls; `creases` tells of each of its edges whether it is one."""
+    """Return the step of a mesh without shared walls.
+
+    Parameters
+    ----------
+    numbers : (n,) its vertices as they were given, for messages
+    creases : (e,) whether each of its edges is one
+    """
     # Along creases the method, and all that follows, sees copies of the vertices
     sides = None if creases is None else cut(mesh, creases)
     seen = mesh if sides is None else sides.mesh
+    numbers = numbers if sides is None else numbers[sides.owners]
     if sides is not None and REGION in parameters:
         parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
 
@@ -156,7 +179,7 @@ def _surface_step(
 
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
-        vertices = _finite(method, method.function(seen, **parameters))
+        vertices = _finite(method, method.function(seen, **parameters), numbers)
         vertices = without_finer(removed, seen, vertices, everywhere=controls["remove_detail"] is not None)
         if edges is not None:
             vertices = smoothed_boundary(seen, edges, vertices)
@@ -167,8 +190,9 @@ def _surface_step(
     return step
 
 
-def _finite(method: Method, vertices: Vectors) -> Vectors:
-    bad = np.asarray(~np.isfinite(vertices).all(axis=1))
+def _finite(method: Method, vertices: Vectors, numbers: Ints) -> Vectors:
+    bad = np.zeros(numbers.max() + 1, bool)
+    bad[numbers[~np.isfinite(vertices).all(axis=1)]] = True
     if bad.any():
         raise DenoiseError(
             f"{method.name} returned {bad.sum()} vertices that are not finite (vertices {first_places(bad)})",

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.mesh import Mesh, Vectors, first_places, scatter_add
+from cascadenorm.mesh import Ints, Mesh, Vectors, first_places, scatter_add
 
 HOLD = 0.02  # weight h of the mean of the copies, against 1 - cos of the angle between two sides
 
@@ -64,7 +64,7 @@ class Sides(NamedTuple):
         return joined
 
 
-def crease_edges(mesh: Mesh, creases: float | ArrayLike) -> NDArray[np.bool_]:
+def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints | None = None) -> NDArray[np.bool_]:
     """Return (e,) which edges of the mesh are creases.
 
     Parameters
@@ -72,6 +72,7 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike) -> NDArray[np.bool_]:
     mesh : e edges; faces may have any orientation, and those without area have no angle
     creases : an angle in degrees, and creases are the edges whose two face normals differ by more than that; or (k, 2)
         vertex indices of edges
+    places : (n,) the vertex of the mesh that each of these indices means; None: the same
 
     Raises
     ------
@@ -82,7 +83,7 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike) -> NDArray[np.bool_]:
             raise ParameterError(f"is {creases!r}; an angle in degrees must be within 0 … 180", parameter="creases")
         return _angles(mesh) > np.radians(float(creases))
     pairs = np.asarray(creases)
-    return _given(mesh, pairs if pairs.size else np.zeros((0, 2), np.int64))
+    return _given(mesh, pairs if pairs.size else np.zeros((0, 2), np.int64), places)
 
 
 def _angles(mesh: Mesh) -> NDArray[np.float64]:
@@ -98,7 +99,7 @@ def _angles(mesh: Mesh) -> NDArray[np.float64]:
     return angles
 
 
-def _given(mesh: Mesh, pairs: NDArray[Any]) -> NDArray[np.bool_]:
+def _given(mesh: Mesh, pairs: NDArray[Any], places: Ints | None) -> NDArray[np.bool_]:
     """Return which edges join the given pairs of vertices."""
     if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise ParameterError(
@@ -108,7 +109,11 @@ def _given(mesh: Mesh, pairs: NDArray[Any]) -> NDArray[np.bool_]:
         )
     # Edges are sorted by their vertices, so a pair is found by one number
     count, edges = len(mesh.vertices), mesh.topology.edges.astype(np.int64)
-    low, high = np.sort(pairs.astype(np.int64), axis=1).T
+    within = (pairs >= 0) & (pairs < count)
+    ends = np.where(within, pairs, -1).astype(np.int64)
+    if places is not None:
+        ends = np.where(within, places[ends], -1)
+    low, high = np.sort(ends, axis=1).T
     keys = edges[:, 0] * count + edges[:, 1]
     place = np.minimum(np.searchsorted(keys, low * count + high), len(keys) - 1)
     bad = (edges[place, 0] != low) | (edges[place, 1] != high)

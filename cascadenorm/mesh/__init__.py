@@ -18,6 +18,7 @@ from cascadenorm.mesh.frame import in_frame, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh
+from cascadenorm.mesh.ordering import Renumbered, in_good_order
 from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, parallel_for, thread_count
 from cascadenorm.mesh.topology import Csr, Topology
 
@@ -31,6 +32,7 @@ __all__ = [
     "Ints32",
     "Mesh",
     "MeshError",
+    "Renumbered",
     "Topology",
     "Vectors",
     "angles_between",
@@ -39,6 +41,7 @@ __all__ = [
     "first_places",
     "in_blocks",
     "in_frame",
+    "in_good_order",
     "isolated",
     "kernel",
     "limit_threads",
