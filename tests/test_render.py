@@ -1,5 +1,9 @@
 import io
+import re
 import sys
+import zlib
+from base64 import b64decode
+from pathlib import Path
 
 import numpy as np
 import PIL.Image
@@ -7,12 +11,19 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.cli import run
-from cascadenorm.errors import MissingDependencyError
+from cascadenorm.errors import MissingDependencyError, ParameterError
+from cascadenorm.evaluation.metrics import measure
+from cascadenorm.geometry.curvature import mean_curvature
 from cascadenorm.interop import save_mesh
+from cascadenorm.io import OutputError
 from cascadenorm.mesh import Mesh, limit_threads
-from cascadenorm.render import Camera, error_colors, error_legend, png, render, side_by_side, webp
+from cascadenorm.render import Camera, HeatMap, color_bar, color_map, png, rasterized, render, side_by_side, webp
+from cascadenorm.render.color import UNKNOWN, linear
+from cascadenorm.render.figure import Figure, Frame, Text
 from cascadenorm.render.files import draw
-from cascadenorm.render.pillow import add_text
+from cascadenorm.render.panels import FRAMES, ticks
+from cascadenorm.render.scenes import FRAMES as TURNS
+from cascadenorm.render.scenes import Style
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
 
@@ -161,22 +172,156 @@ def test_a_png_decodes_to_the_same_pixels():
     assert (decoded(png(image)) == image).all()
 
 
-def test_error_colors_darken_all_the_way():
-    colors = error_colors(np.linspace(0, 1, 50), limit=1.0)
+def test_colors_of_values_are_those_of_the_viewer_and_even():
+    """The first scale is viridis, stored as in the viewer; both change lightness in even steps, in OKLab."""
+    source = (Path(__file__).parents[1] / "viewer" / "src" / "colors.ts").read_text(encoding="utf-8")
+    stops = np.frombuffer(bytes.fromhex(re.search(r'VIRIDIS = "(\w+)"', source)[1]), np.uint8).reshape(-1, 3)
+    colors = 255 * color_map(signed=False)
+    places = np.linspace(0, 255, len(stops))
+    for channel in range(3):
+        np.testing.assert_allclose(colors[:, channel], np.interp(range(256), places, stops[:, channel]))
     brightness = colors @ (0.2126, 0.7152, 0.0722)
-    assert (np.diff(brightness) < 0).all()
-    assert (error_colors(np.array([1.0, 7.0]), limit=1.0) == colors[-1]).all()
+    assert (np.diff(brightness) > 0).all()
+    signed = color_map(signed=True)
+    half = signed[:128] @ (0.2126, 0.7152, 0.0722), signed[:127:-1] @ (0.2126, 0.7152, 0.0722)
+    assert all((np.diff(side) >= -0.004).all() for side in half)
+    assert np.ptp(signed[127]) < 0.02 and signed[0, 2] > signed[0, 0] + 0.3 and signed[-1, 0] > signed[-1, 2] + 0.3
 
 
-def test_the_legend_runs_from_zero_at_the_bottom():
-    legend = error_legend(limit=30, unit="°", size=(80, 300))
-    bar = legend[40:-40, 3].astype(int).sum(axis=1)
-    assert bar[-1] > bar[0] + 300
+def test_a_value_has_its_color_at_faces_and_between_vertices():
+    square = grid(1, 1)
+    view = parallel(square)
+    for at, values in (("face", [0.25, 0.25]), ("vertex", square.vertices[:, 0])):
+        heat = HeatMap(np.array(values, float), at, (0.0, 1.0))
+        picture = render(square, view=view, size=(212, 212), values=heat)
+        for column in (40, 106, 170):
+            value = 0.25 if at == "face" else (column + 0.5 - 6) / 200
+            expected = linear(color_map(signed=False)[round(255 * value)])
+            light = linear(picture[100, column] / 255) / expected
+            assert np.ptp(light) < 0.05 * light.mean()  # the hue is that of the value
+
+
+def test_values_between_vertices_are_seen_in_perspective():
+    """Straight bands on a tilted plane stay straight: the middle value lies on the middle of the plane."""
+    tilted = grid(1, 1).moved(grid(1, 1).vertices @ np.array([(1, 0, 0), (0, 0.2, 2), (0, 0, 1)]))
+    camera = Camera.looking_at(tilted, direction=(0, 0.3, 1), perspective=0.5)
+    heat = HeatMap(np.array([0.0, 0, 1, 1]), "vertex", (0.0, 1.0))
+    picture = render(tilted, view=camera, size=(300, 300), values=heat, samples=1).astype(int)
+    middle = np.rint(255 * color_map(signed=False)[128])
+    column = picture[:, 150]
+    covered = np.flatnonzero((column < 250).any(axis=1))
+    hue = column[covered] / column[covered].sum(axis=1, keepdims=True)
+    found = covered[np.abs(hue - middle / middle.sum()).sum(axis=1).argmin()]
+    screen = camera.framed(tilted.vertices.mean(axis=0)[None])
+    y = (screen / (1 - camera.perspective * screen[:, 2:]))[0, 1]
+    expected = 150 - y * 300 / 2 / camera.half_size((300, 300))[1]
+    assert found == pytest.approx(expected, abs=4)
+    assert abs(expected - covered.mean()) > 8  # where it would lie without perspective
+
+
+def test_what_has_no_value_is_grey():
+    heat = HeatMap(np.array([np.nan, 0.5]), "face", (0.0, 1.0))
+    picture = render(grid(1, 1), view=parallel(grid(1, 1)), size=(50, 50), values=heat)
+    grey = [pixel for pixel in picture.reshape(-1, 3) if np.ptp(pixel.astype(int)) < 2 and pixel[0] < 250]
+    assert 900 < len(grey) < 1250 and np.median(grey) <= 255 * UNKNOWN[0]
+
+
+def test_a_wireframe_has_lines_along_the_edges_only():
+    square = grid(2, 2)
+    view = parallel(square)
+    plain, lines = (
+        render(square, view=view, size=(212, 212), wireframe=wire).astype(int).sum(axis=2) for wire in (False, True)
+    )
+    darker = lines < plain - 30
+    x, y = np.meshgrid((np.arange(212) + 0.5 - 6) / 100, (206 - np.arange(212) - 0.5) / 100)
+    ends = square.vertices[square.topology.edges][..., :2]
+    away = np.full(x.shape, np.inf)
+    for a, b in ends:
+        along = b - a
+        t = np.clip(((x - a[0]) * along[0] + (y - a[1]) * along[1]) / (along @ along), 0, 1)
+        away = np.minimum(away, np.hypot(x - a[0] - t * along[0], y - a[1] - t * along[1]))
+    assert not darker[away > 0.015].any()
+    inside = (np.abs(x - 1) < 0.97) & (np.abs(y - 1) < 0.97)
+    assert darker[(away < 0.002) & inside].mean() > 0.9
+
+
+def test_smooth_shading_of_a_sphere_has_no_steps():
+    ball = icosphere(2)
+    flat, smooth = (render(ball, view=(0, 0, 1), size=(100, 100), smooth=on).astype(int) for on in (False, True))
+    steps = [np.abs(np.diff(picture[50, 20:80, 0])).max() for picture in (flat, smooth)]
+    assert steps[1] < 0.3 * steps[0]
+
+
+def test_a_transparent_picture_over_white_is_the_plain_one():
+    ball = icosphere(3)
+    plain, clear = (render(ball, size=(60, 60), transparent=on) for on in (False, True))
+    assert clear.shape == (60, 60, 4) and clear[0, 0, 3] == 0 and clear[30, 30, 3] == 255
+    share = clear[..., 3:] / 255
+    over = linear(clear[..., :3] / 255) * share + (1 - share)
+    assert np.abs(linear(plain / 255) - over).max() < 0.02
+
+
+def test_a_crop_is_that_part_of_the_picture():
+    """Enlarged without more samples it would be the same pixels."""
+    ball = noisy(icosphere(3), 0.3)
+    camera = Camera.looking_at(ball, direction=(1, 2, 3))
+    whole = render(ball, view=camera, size=(300, 200), samples=4).astype(int)
+    part = render(ball, view=camera.cropped(0.6, 0.35, 0.2, size=(300, 200)), size=(60, 60), samples=4).astype(int)
+    assert np.abs(part - whole[40:100, 150:210]).mean() < 0.5
+
+
+def test_a_camera_at_a_distance_sees_its_angle_and_leaves_out_what_is_behind_it():
+    square = grid(1, 1).moved(grid(1, 1).vertices - (0.5, 0.5, 0))
+    camera = Camera.at_distance((0, 0, 1), (0, 0, 0), 4.0)
+    picture = render(square, view=camera, size=(200, 200), colors=black(square))
+    covered = np.flatnonzero((picture[100] < 128).any(axis=1))
+    assert len(covered) == pytest.approx(200 / (2 * 4 * np.tan(np.radians(15))), abs=1.5)
+    behind = square.moved(square.vertices + np.array([0, 0, 5]))
+    assert (render(behind, view=camera, size=(50, 50)) == 255).all()
+    with pytest.raises(ValueError, match="distance is 0"):
+        Camera.at_distance((0, 0, 1), (0, 0, 0), 0)
+
+
+def test_a_walk_around_ends_where_it_began_and_keeps_all_in_the_picture():
+    arm = cube(2).moved(cube(2).vertices * (3, 1, 1))
+    cameras = Camera.looking_at(arm, direction=(0, 0, 1)).around(arm, count=8)
+    assert len({camera.reach for camera in cameras}) == 1
+    assert cameras[2].axes[2] == pytest.approx([1, 0, 0]) and cameras[4].axes[2] == pytest.approx([0, 0, -1])
+    for camera in cameras:
+        picture = render(arm, view=camera, size=(40, 40), colors=black(arm))
+        border = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
+        assert (border == 255).all()
+
+
+@pytest.mark.parametrize(("up", "upward"), [("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))])
+def test_the_chosen_axis_is_upward(up, upward):
+    axes = Camera.looking_at(cube(1), up=up).axes
+    assert axes[1] @ upward > 0.8 and axes[0] @ upward == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (0, 30), (-0.0037, 0.0037), (1e-9, 3.3e-7), (5, 5.1)])
+def test_marks_are_round_and_within(low, high):
+    found = ticks(low, high)
+    steps = np.diff(found)
+    assert 4 <= len(found) <= 11 and low - 1e-9 * high <= found[0] and found[-1] <= high * (1 + 1e-9)
+    assert np.allclose(steps, steps[0]) and f"{steps[0]:.0e}"[0] in "125"
+
+
+def test_the_bar_has_the_color_of_each_mark_beside_it():
+    bar = color_bar((0.0, 30.0), signed=False, unit="°", label="Angle", height=300, letter=10)
+    image = rasterized(bar)
+    marks = {item.text: item.y for item in bar.items if isinstance(item, Text) and not item.upward}
+    assert set(marks) == {"0°", "5°", "10°", "15°", "20°", "25°", "30°"}
+    for text, y in marks.items():
+        place = float(text[:-1]) / 30
+        row = min(max(round(y), 22), 277)
+        expected = 255 * color_map(signed=False)[round(255 * place)]
+        assert np.abs(image[row, 8] - expected).max() < 12
 
 
 def test_panels_keep_their_pixels_and_captions_stand_below():
     left, right = np.full((40, 30, 3), 9, np.uint8), np.full((60, 20, 3), 70, np.uint8)
-    sheet = side_by_side([left, right], ["ab", ""], gap=5)
+    sheet = rasterized(side_by_side([left, right], ["ab", ""], gap=5))
     assert sheet.shape[1] == 55
     assert (sheet[10:50, :30] == left).all()
     assert (sheet[:60, 35:] == right).all()
@@ -186,9 +331,10 @@ def test_panels_keep_their_pixels_and_captions_stand_below():
         side_by_side([left, right], ["a"])
 
 
-def written(text, *, size, left=None):
-    """Ink of a line of text on a white strip."""
-    return 255 - add_text(np.full((120, 400, 3), 255, np.uint8), text, left=left, middle=60, size=size).astype(int)
+def written(text, *, size, begins=False):
+    """Ink of a line of text on a white sheet."""
+    line = Text(text, 0 if begins else 200, 60, size, 400, begins=begins)
+    return 255 - rasterized(Figure(400, 120, [line])).astype(int)
 
 
 def test_captions_differ_by_character_and_capitals_are_as_high_as_asked():
@@ -202,13 +348,25 @@ def test_captions_differ_by_character_and_capitals_are_as_high_as_asked():
         assert rows.mean() == pytest.approx(60, abs=1)
 
 
-def test_captions_are_centered_and_cut_where_the_picture_ends():
+def test_captions_are_centered_and_cut_where_their_room_ends():
     columns = np.flatnonzero(written("HEX", size=20).any(axis=(0, 2)))
     assert columns.mean() == pytest.approx(200, abs=2)
-    assert np.flatnonzero(written("HEX", size=20, left=7).any(axis=(0, 2)))[0] == pytest.approx(7, abs=3)
+    assert np.flatnonzero(written("HEX", size=20, begins=True).any(axis=(0, 2)))[0] == pytest.approx(2, abs=3)
     long = written("H" + 100 * "m", size=20)
     assert long[:, -1].any()
-    assert (long[:, :12] == written("H", size=20, left=0)[:, :12]).all()
+    assert (long[:, :12] == written("H", size=20, begins=True)[:, :12]).all()
+
+
+def test_text_upward_is_the_line_turned():
+    line = Text("Hex", 60, 60, 12, 120)
+    level, upward = (rasterized(Figure(120, 120, [one])).astype(int) for one in (line, line._replace(upward=True)))
+    assert (np.rot90(level) == upward).mean() > 0.99
+
+
+def test_a_frame_covers_its_line_in_part_where_it_ends_within_a_pixel():
+    sheet = 255 - rasterized(Figure(20, 20, [Frame(4.5, 4, 10, 10, (0.0, 0.0, 0.0), 2.0)])).astype(int)[..., 0]
+    assert sheet[10, 2:7].tolist() == [0, 128, 255, 128, 0] or sheet[10, 2:7].tolist() == [0, 127, 255, 127, 0]
+    assert not sheet[7:11, 7:12].any()
 
 
 @pytest.mark.parametrize("name", ["two\nlines", "\udcff", "\0", "\t", "名前"])
@@ -254,7 +412,7 @@ def test_a_stray_part_does_not_move_the_camera(mesh):
 
 @pytest.mark.parametrize("mesh", STRAY.values(), ids=STRAY)
 def test_a_file_with_a_stray_part_shows_the_rest(tmp_path, mesh):
-    draw([mesh], tmp_path / "stray.png", size=64)
+    draw([mesh], tmp_path / "stray.png", Style(size=64))
     assert (decoded((tmp_path / "stray.png").read_bytes())[:64] < 250).any(axis=2).mean() > 0.5
 
 
@@ -274,7 +432,7 @@ def test_a_long_thin_arm_and_a_far_second_body_stay_in_the_picture():
 @pytest.mark.parametrize("scale", [1e300, 1e-310])
 def test_the_size_of_the_coordinates_does_not_matter(tmp_path, scale):
     for name, size in (("usual", 1.0), ("other", scale)):
-        draw([icosphere(2).moved(icosphere(2).vertices * size)], tmp_path / f"{name}.png", size=64)
+        draw([icosphere(2).moved(icosphere(2).vertices * size)], tmp_path / f"{name}.png", Style(size=64))
     usual, other = (decoded((tmp_path / f"{name}.png").read_bytes()) for name in ("usual", "other"))
     assert (np.abs(usual.astype(int) - other) > 8).mean() < 0.01
 
@@ -282,7 +440,7 @@ def test_the_size_of_the_coordinates_does_not_matter(tmp_path, scale):
 def test_each_mesh_is_seen_also_where_it_lies_elsewhere_than_the_last(tmp_path):
     here = icosphere(2)
     beside, far = (here.moved(here.vertices * size + np.array([x, 0, 0])) for size, x in ((1, 0.1), (0.01, 500)))
-    draw([far, beside, here], tmp_path / "all.png", size=64)
+    draw([far, beside, here], tmp_path / "all.png", Style(size=64))
     sheet = decoded((tmp_path / "all.png").read_bytes())[:64]
     panels = [sheet[:, start : start + 64] for start in range(0, sheet.shape[1], 64 + 12)]
     middles = [np.argwhere((panel < 250).any(axis=2)).mean(axis=0)[1] for panel in panels]
@@ -303,7 +461,153 @@ def test_meshes_are_seen_from_where_one_is_told(tmp_path):
     assert height[0] == pytest.approx(1, abs=0.05) and height[1] == pytest.approx(0.1, abs=0.05)
 
 
-@pytest.mark.parametrize("view", ["1,2", "a,b,c", "0,0,0", "nan,0,1", "inf,0,1"])
+@pytest.mark.parametrize("view", ["1", "a,b,c", "sideways", "0,0,0", "nan,0,1", "inf,0,1"])
 def test_a_view_is_three_numbers(view, tmp_path, capsys):
     assert run(["render", "any.ply", "-o", str(tmp_path / "x.png"), f"--view={view}"]) == 2
     assert "--view" in capsys.readouterr().err
+
+
+# files of several meshes
+
+BALL = icosphere(3)
+ROUGH = noisy(BALL, 0.3)
+
+
+def drawn(path, meshes, **style):
+    """The pixels of a PNG file of meshes."""
+    draw(meshes, path, Style(size=100, **style), force=True)
+    return decoded(path.read_bytes()).astype(int)
+
+
+def test_one_scale_of_colors_for_all_panels(tmp_path):
+    """A mesh has the same colours wherever it stands, and a mesh with less error is darker."""
+    half = BALL.moved(0.9 * BALL.vertices + 0.1 * ROUGH.vertices)
+    first = drawn(tmp_path / "a.png", [ROUGH, half], values="normal-error", reference=BALL)
+    second = drawn(tmp_path / "b.png", [half, ROUGH], values="normal-error", reference=BALL)
+    shown = Camera.looking_at(half), Camera.looking_at(ROUGH)
+    assert shown[0].shows(ROUGH) and shown[1].shows(half)
+    assert first[:100, :100].mean() > first[:100, 112:212].mean() + 10
+    assert np.abs(first[20:80, 20:80].mean() - second[20:80, 132:192].mean()) < 3
+
+
+def test_captions_have_the_mean_that_compare_measures(tmp_path):
+    draw([ROUGH], tmp_path / "a.svg", Style(size=200, values="normal-error", reference=BALL), names=["rough"])
+    mean = measure(ROUGH, BALL).normal_error_deg
+    assert f">rough  mean {mean:#.3g}°</text>" in (tmp_path / "a.svg").read_text(encoding="utf-8")
+
+
+def test_the_first_mesh_is_what_others_are_compared_with(tmp_path):
+    picture = drawn(tmp_path / "a.png", [ROUGH, BALL], values="displacement")
+    plain = drawn(tmp_path / "b.png", [ROUGH, BALL])
+    assert (picture[:100, :100] == plain[:100, :100]).all()
+    assert (picture[:100, 112:212] != plain[:100, 112:212]).any()
+
+
+def test_curvature_is_on_both_sides_of_grey(tmp_path):
+    draw([BALL], tmp_path / "a.svg", Style(values="curvature", size=64))
+    text = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    numbers = [float(found) for found in re.findall(r">(-?[\d.]+)</text>", text)]
+    assert min(numbers) == -max(numbers) and max(numbers) >= 0.5 * np.abs(mean_curvature(BALL)).max()
+    assert "Mean curvature (1 / mesh unit)" in text
+
+
+def test_parts_are_enlarged_below_each_picture_in_frames_of_one_color(tmp_path):
+    crops = [(0.5, 0.5, 0.2), (0.3, 0.6, 0.1)]
+    picture = drawn(tmp_path / "a.png", [ROUGH, BALL], crops=crops)
+    for number, color in enumerate(FRAMES[:2]):
+        alike = (np.abs(picture - 255 * np.array(color)) < 3).all(axis=2)
+        assert all(alike[rows, :100].any() and alike[rows, 112:].any() for rows in (slice(0, 100), slice(112, 160)))
+        x, y, width = crops[number]
+        rows, columns = np.nonzero(alike[:100, :100])
+        assert (np.ptp(columns), np.ptp(rows)) == pytest.approx((100 * width, 100 * width), abs=3)
+        assert (columns.mean(), rows.mean()) == pytest.approx((100 * x, 100 * y), abs=2)
+
+
+@pytest.mark.parametrize("suffix", ["svg", "pdf"])
+def test_vector_files_hold_the_same_pixels_and_text_as_text(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    draw([ROUGH, BALL], path, Style(size=100, crops=[(0.5, 0.5, 0.2)]), names=["rough (one)", "ball"])
+    picture = drawn(tmp_path / "a.png", [ROUGH, BALL])[:100, :100]
+    data = path.read_bytes()
+    if suffix == "svg":
+        first = decoded(b64decode(re.search(rb"base64,([^\"]+)", data)[1]))
+        assert b">rough (one)</text>" in data and data.count(b"<image") == 4 and data.count(b"stroke=") == 4
+    else:
+        streams = [zlib.decompress(raw) for raw in re.findall(rb"stream\n(.*?)\nendstream", data, re.S)]
+        first = np.frombuffer(streams[2], np.uint8).reshape(100, 100, 3)
+        assert (
+            b"(rough \\(one\\)) Tj" in streams[0] and streams[0].count(b" re S") == 4 and streams[1][:4] == b"\0\1\0\0"
+        )
+        for number, place in enumerate(re.findall(rb"^(\d{10}) 00000 n", data, re.M), start=1):
+            assert data[int(place) :].startswith(f"{number} 0 obj".encode())
+    assert (first == picture).all()
+
+
+def test_a_png_says_how_large_it_is_and_may_be_transparent(tmp_path):
+    draw([BALL], tmp_path / "a.png", Style(size=64, transparent=True, values="noise"), names=["ball"])
+    with PIL.Image.open(tmp_path / "a.png") as image:
+        assert image.mode == "RGBA" and image.info["dpi"] == pytest.approx((300, 300), abs=0.1)
+        pixels = np.asarray(image)
+    assert pixels[0, 0, 3] == 0 and pixels[32, 32, 3] == 255 and 0 < pixels[64:, :, 3].mean() < 200
+
+
+def test_a_turntable_shows_every_side_once(tmp_path):
+    flat = cube(2).moved(cube(2).vertices * (2, 1, 0.1))
+    draw([flat], tmp_path / "t.webp", Style(size=64, direction=(0, 0, 1)), turntable=True)
+    with PIL.Image.open(tmp_path / "t.webp") as image:
+        assert image.n_frames == TURNS
+        widths = []
+        for number in range(0, TURNS, TURNS // 4):
+            image.seek(number)
+            dark = np.asarray(image.convert("L")) < 240
+            widths.append(np.ptp(np.flatnonzero(dark[28:36].any(axis=0))))
+    assert widths[0] == pytest.approx(widths[2], abs=2) and widths[1] == pytest.approx(widths[3], abs=2)
+    assert widths[1] < 0.3 * widths[0]
+
+
+def test_a_target_and_a_distance_are_in_the_unit_of_the_file(tmp_path):
+    """What lies at the target is in the middle, however large and far the mesh."""
+    far = BALL.moved(512 * BALL.vertices + np.array([4096.0, 0, 0]))
+    target = far.vertices[np.argmax(far.vertices[:, 2])]
+    near = drawn(tmp_path / "a.png", [BALL], direction=(0, 0, 1), target=(0, 0, 1), distance=0.5)
+    other = drawn(tmp_path / "b.png", [far], direction=(0, 0, 1), target=target, distance=256)
+    assert np.abs(near - other).mean() < 1
+    assert (near[:100].min(axis=2) < 250).all()
+
+
+@pytest.mark.parametrize(
+    ("style", "message"),
+    [
+        ({"values": "beauty"}, "values is 'beauty'; it must be one of"),
+        ({"values": "normal-error"}, "compares a mesh with another one"),
+        ({"limits": (2.0, 1.0)}, "limits is"),
+        ({"crops": [(0.9, 0.5, 0.4)]}, "crop is"),
+        ({"distance": -1.0}, "distance is"),
+    ],
+)
+def test_senseless_styles_are_refused(style, message, tmp_path):
+    with pytest.raises(ParameterError, match=message):
+        draw([BALL], tmp_path / "a.png", Style(**style))
+
+
+def test_names_of_other_kinds_are_refused(tmp_path):
+    with pytest.raises(OutputError, match=r"give a name that ends in \.png, \.webp, \.svg, \.pdf"):
+        draw([BALL], tmp_path / "a.gif")
+    with pytest.raises(OutputError, match=r"ends in \.webp"):
+        draw([BALL], tmp_path / "a.mp4", turntable=True)
+
+
+def test_a_picture_of_the_command_line_has_all_of_it(tmp_path, capsys):
+    for name, mesh in (("a.ply", ROUGH), ("b.ply", BALL)):
+        save_mesh(tmp_path / name, mesh)
+    command = ["render", str(tmp_path / "a.ply"), str(tmp_path / "b.ply"), "-o", str(tmp_path / "x.png")]
+    more = ["--size", "64", "--view", "30,20", "--up", "z", "--values", "distance", "--limits", "0,0.1", "--crop"]
+    assert run([*command, *more, "0.5,0.5,0.3", "--smooth", "--wireframe", "--transparent"]) == 0
+    assert decoded_size(tmp_path / "x.png") > (2 * 64, 2 * 64)
+    assert run([*command, "--up", "w"]) == 2 and run([*command, "--crop", "0.5,0.5"]) == 2
+    assert run(command[:-2]) == 2 and "nothing to write" in capsys.readouterr().err
+
+
+def decoded_size(path):
+    with PIL.Image.open(path) as image:
+        return image.size

@@ -14,6 +14,7 @@ from shapes import cube, grid, icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.api import denoised_file
 from cascadenorm.cli import run
+from cascadenorm.evaluation.fields import fields
 from cascadenorm.interop import save_mesh
 from cascadenorm.io.base import Content
 from cascadenorm.io.ply import PlyFile
@@ -21,7 +22,6 @@ from cascadenorm.io.polygons import Polygons
 from cascadenorm.mesh import Mesh
 from cascadenorm.reports import report_denoised
 from cascadenorm.reports.display import display
-from cascadenorm.reports.fields import fields
 from cascadenorm.reports.packing import in_steps, packed, packed_faces
 
 CLEAN = icosphere(3)
@@ -162,9 +162,9 @@ def test_a_lifted_plane_has_moved_along_its_normal_by_its_height():
     found = {field.name: field for field in fields({"before": plane, "after": lifted, "truth": plane}, unit=8.0)}
     np.testing.assert_allclose(found["displacement"].values["after"], 2.0)
     np.testing.assert_allclose(found["normal-displacement"].values["before"], -2.0)
-    np.testing.assert_allclose(found["distance-truth"].values["after"], 2.0)
-    np.testing.assert_allclose(found["distance-truth"].values["before"], 0.0, atol=1e-12)
-    assert (found["angle"].values["after"] == 0).all() and (found["angle-truth"].values["after"] == 0).all()
+    np.testing.assert_allclose(found["distance"].values["after"], 2.0)
+    np.testing.assert_allclose(found["distance"].values["before"], 0.0, atol=1e-12)
+    assert (found["angle"].values["after"] == 0).all() and (found["normal-error"].values["after"] == 0).all()
     assert found["normal-displacement"].limits == (-2.0, 2.0) and found["displacement"].limits == (0.0, 2.0)
 
 
@@ -172,7 +172,7 @@ def test_fields_of_angles_are_what_compare_measures():
     out = cn.denoise(ROUGH, method="laplacian")
     found = {field.name: field for field in fields({"before": ROUGH, "after": out, "truth": CLEAN}, unit=1.0)}
     for key, mesh in (("before", ROUGH), ("after", out)):
-        assert found["angle-truth"].values[key].mean() == cn.compare(mesh, CLEAN).normal_error_deg
+        assert found["normal-error"].values[key].mean() == cn.compare(mesh, CLEAN).normal_error_deg
     assert found["angle"].values["after"].mean() == cn.compare(out, ROUGH).normal_error_deg
 
 

@@ -252,7 +252,7 @@ def test_figures_of_a_face_are_those_of_the_file(browser, report):
 @needs_browser
 def test_colors_of_the_heat_map_are_those_of_the_bar_at_the_value(browser, report):
     """Without light a face has exactly the colour of its value, which is also that of the bar there."""
-    browser.open(report, f"mode=one&left=before&light=unlit&color=angle-truth&{FACE_ON}")
+    browser.open(report, f"mode=one&left=before&light=unlit&color=normal-error&{FACE_ON}")
     bar = browser.pixels(".bars")[-6]
     low, high = (float(text.rstrip("°")) for text in browser.one(".ticks").text.split()[::2])
     assert low == 0
@@ -275,7 +275,7 @@ def test_colors_of_the_heat_map_are_those_of_the_bar_at_the_value(browser, repor
 
 @needs_browser
 def test_a_range_lights_up_its_faces_and_greys_the_others(browser, report):
-    plain = f"mode=one&left=before&light=unlit&color=angle-truth&{FACE_ON}"
+    plain = f"mode=one&left=before&light=unlit&color=normal-error&{FACE_ON}"
     browser.open(report, plain)
     before = browser.canvas()
     browser.open(report, f"{plain}&range=20,1000")
@@ -299,7 +299,7 @@ def test_a_range_lights_up_its_faces_and_greys_the_others(browser, report):
 
 @needs_browser
 def test_a_range_is_picked_by_dragging_over_the_histogram_and_cleared(browser, report):
-    browser.open(report, f"mode=one&color=angle-truth&{FACE_ON}")
+    browser.open(report, f"mode=one&color=normal-error&{FACE_ON}")
     bars = browser.one(".bars")
     browser.js("arguments[0].scrollIntoView({block: 'center'})", bars)
     width = bars.rect["width"]
@@ -345,17 +345,37 @@ def test_side_by_side_both_show_the_same_place(browser, report):
 
 
 @needs_browser
-def test_the_view_is_copied_as_a_command_that_runs(browser, report, monkeypatch):
-    browser.open(report, "mode=side&view=0.6,0,0.8,0,0,0,3")
+def test_the_view_is_copied_as_a_command_that_draws_it(browser, tmp_path, monkeypatch):
+    """The mesh covers the same pixels, and a face has the same colour."""
+    far = np.array([50.0, -20.0, 7.0])
+    for name, mesh in (("before", ROUGH), ("true", CLEAN)):
+        save_mesh(tmp_path / f"{name}.ply", mesh.moved(8 * mesh.vertices + far))
+    cn.report(tmp_path / "r.html", tmp_path / "before.ply", truth=tmp_path / "true.ply")
+    state = "mode=one&left=mesh&light=clay&color=normal-error&limits=0,40&view=0.6,0.2,0.8,0.1,0.05,0,1.9"
+    browser.open(tmp_path / "r.html", state)
+    canvas = browser.canvas()
+    height, width, _ = canvas.shape
     browser.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
     buttons = browser.driver.find_elements("css selector", ".buttons button")
     next(button for button in buttons if "command" in button.text).click()
     browser.settle()
     command = shlex.split(browser.one(".panel code").text)
-    monkeypatch.chdir(report.parent)
-    assert command[:2] == ["cascadenorm", "render"] and "--view=0.600,0.000,0.800" in command
-    assert run([*command[1:], "--force"]) == 0
-    assert (report.parent / "view.png").exists()
+    monkeypatch.chdir(tmp_path)
+    assert command[:2] == ["cascadenorm", "render"]
+    assert {"--values=normal-error", "--limits=0,40"} <= set(command)
+    assert run([*command[1:], "--size", str(height)]) == 0
+    with Image.open(tmp_path / "view.png") as picture:
+        drawn = np.asarray(picture.convert("RGB")).astype(int)[:height, :height]
+    left = (width - height) // 2
+    seen = canvas[:, left : left + height]
+    covered = np.abs(drawn - 255).max(axis=2) > 10
+    background = (np.abs(seen - seen[-1, 2]) < 4).all(axis=2)
+    names = 45
+    assert 0.2 < covered.mean() < 0.95
+    assert (covered[names:] == ~background[names:]).mean() > 0.985
+    both = covered & ~background
+    both[:names] = False
+    assert np.median(np.abs(drawn - seen)[both]) <= 3
 
 
 @needs_browser
@@ -377,7 +397,7 @@ def test_a_finding_is_flown_to(browser, tmp_path):
 @needs_browser
 def test_on_a_phone_nothing_sticks_out(browser, report):
     browser.sized(390, 844)
-    browser.open(report, f"mode=split&color=angle-truth&{FACE_ON}")
+    browser.open(report, f"mode=split&color=normal-error&{FACE_ON}")
     assert browser.js("return document.documentElement.scrollWidth") <= 390
     assert browser.one(".stage").rect["width"] > 340
     assert browser.one(".panel").rect["y"] >= browser.one(".stage").rect["y"] + browser.one(".stage").rect["height"] - 1
@@ -386,7 +406,7 @@ def test_on_a_phone_nothing_sticks_out(browser, report):
 
 @needs_browser
 def test_controls_have_names(browser, report):
-    browser.open(report, f"color=angle-truth&{FACE_ON}")
+    browser.open(report, f"color=normal-error&{FACE_ON}")
     nameless = browser.js(
         "return [...document.querySelectorAll('input, select, button, canvas, [role]')].filter(e => !("
         "e.ariaLabel || e.labels?.length || e.textContent.trim() || e.role === 'status')).map(e => e.outerHTML)"

@@ -16,7 +16,7 @@ from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.mesh import Mesh, angles_between
 from cascadenorm.progress import Progress, silent
-from cascadenorm.render import Camera, Image, error_colors, error_legend, png, render, side_by_side
+from cascadenorm.render import Camera, Figure, HeatMap, color_bar, png, rasterized, render, side_by_side, stacked
 
 EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.45, 0.4, 0.8), "head": (0.15, 0.15, 1), "scan": None}
 """Name of each example and the direction that it is seen from."""
@@ -27,7 +27,7 @@ BEFORE_AFTER, ERRORS = "before-after.png", "errors.png"
 
 _DATA = Path(__file__).parent.parent / "demo_data"
 _PANEL = (400, 400)
-_LIMIT = 20.0  # degrees, where the scale of errors ends
+_LIMITS = (0.0, 20.0)  # degrees, between which the colours of errors lie
 
 
 class Outcome(NamedTuple):
@@ -96,8 +96,8 @@ def draw(examples: Sequence[Example], folder: Path) -> None:
     OutputError : the folder cannot be written to
     """
     for name, drawn in ((BEFORE_AFTER, _before_after), (ERRORS, _errors)):
-        picture = np.concatenate([drawn(example) for example in examples])
-        write_atomically(folder / name, [png(picture)], force=True)
+        figure = stacked([drawn(example) for example in examples], gap=0)
+        write_atomically(folder / name, [png(rasterized(figure))], force=True)
 
 
 def table(examples: Sequence[Example]) -> Table:
@@ -143,22 +143,22 @@ def _save(folder: Path, example: Example) -> None:
         save_mesh(folder / f"{outcome.method}.ply", outcome.mesh, force=True)
 
 
-def _before_after(example: Example) -> Image:
+def _before_after(example: Example) -> Figure:
     view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
     shown = (example.noisy, *example.denoised)
     pictures = [render(mesh, view=view, size=_PANEL) for mesh in (*(outcome.mesh for outcome in shown), example.clean)]
     return side_by_side(pictures, [*map(_caption, shown), "true shape"])
 
 
-def _errors(example: Example) -> Image:
+def _errors(example: Example) -> Figure:
     view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
     shown = (example.noisy, *example.denoised)
+    maps = [HeatMap(outcome.angles, "face", _LIMITS) for outcome in shown]
     pictures = [
-        render(outcome.mesh, view=view, size=_PANEL, colors=error_colors(outcome.angles, limit=_LIMIT))
-        for outcome in shown
+        render(outcome.mesh, view=view, size=_PANEL, values=heat) for outcome, heat in zip(shown, maps, strict=True)
     ]
-    legend = error_legend(limit=_LIMIT, unit="°", size=(_PANEL[0] // 5, _PANEL[1]))
-    return side_by_side([*pictures, legend], [*map(_caption, shown), ""])
+    bar = color_bar(_LIMITS, signed=False, unit="°", label="Angle to the truth", height=_PANEL[1], letter=11)
+    return side_by_side([*pictures, bar], [*map(_caption, shown), ""])
 
 
 def _caption(outcome: Outcome) -> str:

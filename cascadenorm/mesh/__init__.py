@@ -14,7 +14,7 @@ from cascadenorm.mesh.arrays import (
     scatter_add,
     unit,
 )
-from cascadenorm.mesh.frame import in_frame, scaled_alike
+from cascadenorm.mesh.frame import in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh
@@ -48,6 +48,7 @@ __all__ = [
     "one_blas_thread",
     "parallel_for",
     "repeats_vertex",
+    "scale_between",
     "scaled_alike",
     "scatter_add",
     "thread_count",

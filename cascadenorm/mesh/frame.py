@@ -24,6 +24,13 @@ def scaled_alike(*meshes: Mesh) -> list[Mesh]:
     return [_scaled(mesh, exponent) for mesh in meshes]
 
 
+def scale_between(mesh: Mesh, scaled: Mesh) -> float:
+    """Return the length of 1 of a scaled mesh in the unit of the mesh, a power of two."""
+    used = mesh.topology.used_vertices
+    large = np.abs(scaled.vertices[used]).argmax()
+    return float(mesh.vertices[used].flat[large] / scaled.vertices[used].flat[large])
+
+
 def _exponent(mesh: Mesh) -> int:
     return int(np.frexp(np.abs(mesh.vertices[mesh.topology.used_vertices]).max())[1])
 

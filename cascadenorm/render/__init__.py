@@ -1,9 +1,23 @@
-"""Pictures of meshes without a GPU or a window: camera, shading, captions, PNG files."""
+"""Pictures of meshes without a GPU or a window: camera, shading, heat maps, captions, files."""
 
 from cascadenorm.render.camera import Camera
-from cascadenorm.render.color import Image, error_colors
+from cascadenorm.render.color import HeatMap, Image, color_map
 from cascadenorm.render.drawing import render
-from cascadenorm.render.montage import error_legend, side_by_side
+from cascadenorm.render.figure import Figure, rasterized, stacked
+from cascadenorm.render.panels import color_bar, side_by_side
 from cascadenorm.render.pillow import png, webp
 
-__all__ = ["Camera", "Image", "error_colors", "error_legend", "png", "render", "side_by_side", "webp"]
+__all__ = [
+    "Camera",
+    "Figure",
+    "HeatMap",
+    "Image",
+    "color_bar",
+    "color_map",
+    "png",
+    "rasterized",
+    "render",
+    "side_by_side",
+    "stacked",
+    "webp",
+]

@@ -1,6 +1,7 @@
 """Where a picture is taken from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +10,22 @@ from cascadenorm.mesh import Mesh, unit
 
 LEAST_COVERAGE = 0.01
 """Area of the faces in a picture over the square of half its diagonal, below which the camera goes nearer."""
+MARGIN = 1.06
+"""What a picture shows over what is to be seen."""
+FIELD_OF_VIEW = 30.0
+"""Angle between the upper and the lower end of a picture from a given distance, in degrees, as in reports."""
+
+Up = Literal["x", "y", "z"]
+AROUND = {  # toward the viewer: to the right, upward, out of the front
+    "front": (0.0, 0.0, 1.0),
+    "back": (0.0, 0.0, -1.0),
+    "left": (-1.0, 0.0, 0.0),
+    "right": (1.0, 0.0, 0.0),
+    "top": (0.0, 1.0, 0.0),
+    "bottom": (0.0, -1.0, 0.0),
+    "three-quarter": (0.45, 0.40, 0.80),
+}
+"""Directions that have a name, for a model that stands upright in y."""
 
 
 @dataclass(frozen=True)
@@ -21,12 +38,14 @@ class Camera:
     center : (3,) the point in the middle of the picture
     reach : half of the width and of the height to be seen, in the units of the mesh
     perspective : one over the distance of the viewer in mesh units; 0 is a parallel projection
+    offset : the middle of the picture, to the right and upward of the center on the screen
     """
 
     axes: NDArray[np.float64]
     center: NDArray[np.float64]
     reach: tuple[float, float]
     perspective: float
+    offset: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def looking_at(
@@ -35,20 +54,22 @@ class Camera:
         *,
         direction: ArrayLike | None = None,
         perspective: float = 0.15,
+        up: Up = "y",
     ) -> "Camera":
         """Place a camera so that the whole mesh is seen, but for far parts so small that the rest would be a dot.
 
         Parameters
         ----------
         mesh : what is to be seen
-        direction : from the mesh toward the viewer, y upward in the picture, or z where one looks along y; None is the
-            front of a surface that is open, else a three-quarter view
+        direction : from the mesh toward the viewer; None is the front of a surface that is open, else a three-quarter
+            view
         perspective : half the diagonal of the bounding box over the distance of the viewer; 0 is a parallel projection
+        up : axis of the mesh that is upward in the picture; where one looks along it, the next one is
         """
         if not 0 <= perspective < 1:
             raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")
-        axes = _axes(_direction(mesh) if direction is None else direction)
-        points = mesh.vertices[np.unique(mesh.faces[_framed_faces(mesh)])]
+        axes = _axes(_direction(mesh, up) if direction is None else direction, up)
+        points = _framed_points(mesh)
         low, high = points.min(axis=0), points.max(axis=0)
         middle, diagonal = (low + high) / 2, np.linalg.norm(high - low)
         strength = float(2 * perspective / diagonal) if diagonal else 0.0
@@ -58,14 +79,62 @@ class Camera:
         width, height = np.abs(flat).max(axis=0)
         return cls(axes, center, (float(width), float(height)), strength)
 
+    @classmethod
+    def at_distance(cls, direction: ArrayLike, target: ArrayLike, distance: float, *, up: Up = "y") -> "Camera":
+        """Place a camera at a distance from a point that it looks at, with FIELD_OF_VIEW.
+
+        Parameters
+        ----------
+        direction : from the point toward the viewer
+        target : (3,) the point
+        distance : in the unit of the mesh
+        up : axis of the mesh that is upward in the picture
+        """
+        if not 0 < distance < np.inf:
+            raise ValueError(f"distance is {distance}; it must be positive and finite")
+        reach = float(distance * np.tan(np.radians(FIELD_OF_VIEW / 2)) / MARGIN)
+        return cls(_axes(direction, up), np.asarray(target, float), (reach, reach), 1 / distance)
+
+    def half_size(self, size: tuple[int, int]) -> tuple[float, float]:
+        """Return half the width and height of what a picture of `size` pixels shows, in the units of the mesh."""
+        width, height = size
+        pixel = 2 * MARGIN * max(self.reach[0] / width, self.reach[1] / height, 1e-300)
+        return width * pixel / 2, height * pixel / 2
+
+    def cropped(self, x: float, y: float, width: float, *, size: tuple[int, int]) -> "Camera":
+        """Return the camera of a square part of a picture, seen in the same perspective.
+
+        Parameters
+        ----------
+        x, y : middle of the part, as shares of the width and height from the upper left
+        width : of the part, as a share of the width of the picture
+        size : of the picture in pixels
+        """
+        half_width, half_height = self.half_size(size)
+        left, upward = self.offset
+        reach = width * half_width / MARGIN
+        offset = left + (2 * x - 1) * half_width, upward + (1 - 2 * y) * half_height
+        return replace(self, reach=(reach, reach), offset=offset)
+
+    def around(self, mesh: Mesh, *, count: int, up: Up = "y") -> list["Camera"]:
+        """Return cameras on a walk around the whole mesh, at equal angles about the upward axis, of one reach."""
+        points = _framed_points(mesh)
+        center = (points.min(axis=0) + points.max(axis=0)) / 2
+        angles = 2 * np.pi * np.arange(count) / count
+        cameras = [replace(self, center=center, axes=self.axes @ _turn(angle, up).T) for angle in angles]
+        seen = [np.abs(projected(one.framed(points), self.perspective)[:, :2]).max(axis=0) for one in cameras]
+        width, height = np.max(seen, axis=0)
+        return [replace(one, reach=(float(width), float(height))) for one in cameras]
+
     def framed(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Bring points, (…, 3), into the frame of the camera: to the right, upward, toward the viewer."""
         return (points - self.center) @ self.axes.T
 
     def shows(self, mesh: Mesh) -> bool:
-        """Tell whether most vertices of the faces of a mesh are in the picture."""
+        """Tell whether nearly all vertices of the faces of a mesh are in the picture."""
         flat = projected(self.framed(mesh.vertices[mesh.topology.used_vertices]), self.perspective)[:, :2]
-        return bool((np.abs(flat) <= self.reach).all(axis=1).mean() > 0.5)
+        inside = np.abs(flat - self.offset) <= MARGIN * np.array(self.reach)
+        return bool(inside.all(axis=1).mean() > 0.9)
 
 
 def projected(points: NDArray[np.float64], perspective: float) -> NDArray[np.float64]:
@@ -94,6 +163,11 @@ def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
     return seen[outward[: np.flatnonzero(covered)[-1] + 1]] if covered.any() else seen
 
 
+def _framed_points(mesh: Mesh) -> NDArray[np.float64]:
+    """Vertices of the faces that decide on the frame."""
+    return mesh.vertices[np.unique(mesh.faces[_framed_faces(mesh)])]
+
+
 def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
     """The first of the ascending values up to which lies half of the weight."""
     order = np.argsort(values, kind="stable")
@@ -101,19 +175,46 @@ def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) 
     return float(values[order[np.searchsorted(total, total[-1] / 2)]])
 
 
-def _direction(mesh: Mesh) -> ArrayLike:
-    """Toward the front of an open surface, else over the right shoulder of a model that stands upright in y."""
+def named_direction(name: str, *, up: Up = "y") -> tuple[float, ...]:
+    """Return the direction toward the viewer that one of AROUND names."""
+    return _upright(AROUND[name], up)
+
+
+def direction_of_angles(azimuth: float, elevation: float, *, up: Up = "y") -> tuple[float, ...]:
+    """Return the direction toward a viewer who went around from the front to the right, and upward, in degrees."""
+    around, above = np.radians((azimuth, elevation))
+    level = np.cos(above)
+    return _upright((float(np.sin(around) * level), float(np.sin(above)), float(np.cos(around) * level)), up)
+
+
+def _upright(direction: tuple[float, ...], up: Up) -> tuple[float, ...]:
+    """Turn a direction for models that stand upright in y to another axis; the front of z upward is -y."""
+    right, upward, front = direction
+    return {"y": (right, upward, front), "z": (right, -front, upward), "x": (upward, right, -front)}[up]
+
+
+def _turn(angle: float, up: Up) -> NDArray[np.float64]:
+    """Matrix of a turn about the upward axis by an angle in radians."""
+    axis = "xyz".index(up)
+    plane = np.ix_(*2 * [((axis + 1) % 3, (axis + 2) % 3)])
+    turn = np.eye(3)
+    turn[plane] = ((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle)))
+    return turn
+
+
+def _direction(mesh: Mesh, up: Up) -> ArrayLike:
+    """Toward the front of an open surface, else over the right shoulder of a model that stands upright."""
     faces = _framed_faces(mesh)
     facing = mesh.area_vectors[faces].sum(axis=0)
-    return facing if np.linalg.norm(facing) > 0.2 * mesh.areas[faces].sum() else (0.45, 0.40, 0.80)
+    return facing if np.linalg.norm(facing) > 0.2 * mesh.areas[faces].sum() else named_direction("three-quarter", up=up)
 
 
-def _axes(direction: ArrayLike) -> NDArray[np.float64]:
+def _axes(direction: ArrayLike, up: Up) -> NDArray[np.float64]:
     """Camera axes for a direction toward the viewer."""
     toward = np.asarray(direction, float)
     if toward.shape != (3,) or not toward.any():
         raise ValueError(f"direction is {direction!r}; it must be three numbers, not all 0")
-    toward, upward = unit(toward), np.array([0.0, 1.0, 0.0])
+    toward, upward = unit(toward), np.eye(3)["xyz".index(up)]
     if abs(toward @ upward) > 0.999:
         upward = np.roll(upward, 1)
     right = unit(np.cross(upward, toward))

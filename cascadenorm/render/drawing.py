@@ -1,16 +1,19 @@
-"""A mesh in one picture: flat shading by two lights, so that noise and edges are seen."""
+"""A mesh in one picture: shading by two lights, so that noise and edges are seen, or values as colours."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.mesh import Mesh, unit
 from cascadenorm.render.camera import Camera, projected
-from cascadenorm.render.color import PAPER, Image, encoded, linear
-from cascadenorm.render.raster import rasterize
+from cascadenorm.render.color import PAPER, STEPS, UNKNOWN, HeatMap, Image, color_map, encoded, linear
+from cascadenorm.render.raster import Painted, rasterize
 
 CLAY = (0.72, 0.76, 0.82)
 INSIDE = (0.80, 0.55, 0.42)
-_MARGIN = 1.06
+NEAREST = 0.99
+"""Share of the way to the viewer that a face may come; what is nearer is left out."""
+LINE_WIDTH = 0.7
+"""Of a wireframe, in pixels."""
 _LIGHTS = (  # direction in the camera's frame (right, up, toward the viewer), strength
     ((0.0, 0.0, 1.0), 0.34),
     ((-0.45, 0.72, 0.53), 0.62),
@@ -24,9 +27,13 @@ def render(
     view: Camera | ArrayLike | None = None,
     size: tuple[int, int] = (800, 800),
     colors: NDArray[np.float64] | None = None,
+    values: HeatMap | None = None,
+    smooth: bool = False,
+    wireframe: bool = False,
+    transparent: bool = False,
     samples: int = 3,
 ) -> Image:
-    """Draw a mesh with one shade a face.
+    """Draw a mesh.
 
     Parameters
     ----------
@@ -34,34 +41,70 @@ def render(
     view : a camera, or the direction from the mesh toward the viewer, y upward; None chooses one
     size : width and height in pixels
     colors : (m, 3) sRGB from 0 to 1, one a face, instead of clay
+    values : seen as colours instead of clay, from both sides
+    smooth : normals of the vertices decide on the shade, in place of one shade a face
+    wireframe : draw the edges
+    transparent : leave out the white background
     samples : each pixel is the mean of samples × samples points
 
     Returns
     -------
-    (height, width, 3) uint8, the same bytes for any number of threads
+    (height, width, 3) uint8, or (height, width, 4) with coverage if transparent; the same bytes for any number of
+    threads
     """
     width, height = size
     if width < 1 or height < 1 or samples < 1:
         raise ValueError(f"size is {size} and samples {samples}; they must be at least 1")
     if not isinstance(view, Camera):
         view = Camera.looking_at(mesh, direction=view)
-    screen = projected(view.framed(mesh.corners), view.perspective)
-    pixels = min(width / max(view.reach[0], 1e-300), height / max(view.reach[1], 1e-300)) / (2 * _MARGIN)
-    screen[..., :2] *= (pixels, -pixels)
-    screen[..., :2] += (width / 2, height / 2)
-    painted = rasterize(screen, _shaded(mesh, view, colors), width=width, height=height, samples=samples)
-    return encoded(painted[..., :3] + (1 - painted[..., 3:]) * linear(PAPER))
+    corners = view.framed(mesh.corners)
+    seen = (corners[..., 2] * view.perspective < NEAREST).all(axis=1)
+    screen = projected(corners[seen], view.perspective)
+    across, _ = view.half_size(size)
+    pixels = width / across / 2
+    screen[..., :2] = (screen[..., :2] - view.offset) * (pixels, -pixels) + (width / 2, height / 2)
+    palette, places, light = _shaded(mesh, view, colors, values, smooth)
+    line = LINE_WIDTH if wireframe else 0.0
+    painted = Painted(screen, palette, places[seen], light[seen], view.perspective, line)
+    picture = rasterize(painted, width=width, height=height, samples=samples)
+    color, coverage = picture[..., :3], picture[..., 3:]
+    if not transparent:
+        return encoded(color + (1 - coverage) * linear(PAPER))
+    own = np.divide(color, coverage, out=np.ones_like(color), where=coverage > 0)
+    return np.concatenate([encoded(own), np.rint(255 * coverage).astype(np.uint8)], axis=2)
 
 
-def _shaded(mesh: Mesh, view: Camera, colors: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """(m, 3) linear colour of each face: a light at the viewer, a second one from the upper left."""
+def _shaded(
+    mesh: Mesh, view: Camera, colors: NDArray[np.float64] | None, values: HeatMap | None, smooth: bool
+) -> tuple[NDArray[np.float64], ...]:
+    """Palette, and for each corner its place there and its light: from the viewer, and from the upper left."""
     normals = mesh.normals @ view.axes.T
     outside = normals[:, 2] - view.perspective * np.einsum("ij,ij->i", view.framed(mesh.centroids), normals) >= 0
-    normals = np.where(outside[:, None], normals, -normals)
-    light = np.full(len(normals), _AMBIENT)
+    at_corners = (mesh.vertex_normals @ view.axes.T)[mesh.faces] if smooth else normals[:, None]
+    at_corners = np.where(outside[:, None, None], at_corners, -at_corners)
+    light = np.full(at_corners.shape[:2], _AMBIENT)
     for direction, strength in _LIGHTS:
-        light += strength * np.maximum(normals @ unit(np.array(direction)), 0)
-    if colors is not None:
+        light += strength * np.maximum(at_corners @ unit(np.array(direction)), 0)
+    if colors is not None or values is not None:
         light = 0.5 + 0.5 * light  # what a colour stands for matters more than relief
-    surface = linear(CLAY if colors is None else colors)
-    return np.asarray(np.where(outside[:, None], surface, linear(INSIDE)) * light[:, None])
+    if values is not None:
+        palette, places = _heat(mesh, values)
+    elif colors is not None:
+        palette = np.concatenate([linear(colors), [linear(INSIDE)]])
+        places = np.where(outside, np.arange(len(colors)), len(colors))[:, None]
+    else:
+        palette, places = linear([CLAY, INSIDE]), np.where(outside, 0, 1)[:, None]
+    shape = (len(mesh.faces), 3)
+    return palette, np.broadcast_to(places, shape), np.broadcast_to(light, shape)
+
+
+def _heat(mesh: Mesh, values: HeatMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Colours of the values, the last one for what is unknown, and which of them each corner has."""
+    low, high = values.limits
+    with np.errstate(invalid="ignore"):
+        places = np.clip((values.values - low) / (high - low or 1.0), 0, 1) * (STEPS - 1)
+    places = places[:, None] if values.at == "face" else places[mesh.faces]
+    unknown = np.isnan(places).any(axis=1, keepdims=True)
+    return np.concatenate([linear(color_map(signed=values.signed)), [linear(UNKNOWN)]]), np.where(
+        unknown, STEPS, places
+    )

@@ -1,26 +1,32 @@
 """Pictures of mesh files."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import ArrayLike
-
 from cascadenorm.interop import as_mesh
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, write_atomically
-from cascadenorm.mesh import MeshError, scaled_alike
-from cascadenorm.render import Camera, png, render, side_by_side
-from cascadenorm.render.pillow import require_pillow
+from cascadenorm.mesh import MeshError
+from cascadenorm.render import Figure, png, rasterized, webp
+from cascadenorm.render.figure import DPI
+from cascadenorm.render.pdf import pdf
+from cascadenorm.render.pillow import animated_webp, require_pillow
+from cascadenorm.render.scenes import Style, check_style, figure, one_view, scene, turntable_views
+from cascadenorm.render.svg import svg
+
+MILLISECONDS = 60
+"""How long each picture of a turntable is seen."""
 
 
 def draw(
     meshes: Sequence[Any],
     output: str | PathLike[str],
+    style: Style | None = None,
     *,
-    size: int = 600,
-    direction: ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+    turntable: bool = False,
     force: bool = False,
 ) -> None:
     """Draw meshes side by side, each above its name, from where the last is seen well; what that does not show, alone.
@@ -28,27 +34,59 @@ def draw(
     Parameters
     ----------
     meshes : paths, or meshes of any kind that `denoise` takes
-    output : PNG file
-    size : width and height of each picture in pixels
-    direction : from the meshes toward the viewer, as in `Camera.looking_at`
+    output : PNG, WebP, SVG or PDF file; in the last two text and frames are no pixels
+    style : camera, colours, enlarged parts
+    names : written below; None takes those of the files
+    turntable : write a WebP file in which the meshes turn about the upward axis
     force : replace an existing file
 
     Raises
     ------
     ReadError, MeshError : a mesh that cannot be read or drawn, or none
+    ParameterError : values that do not exist or need another mesh, a part outside the picture
     OutputError : the file exists and force is not given, or it cannot be written
     MissingDependencyError : Pillow is not installed
     """
     require_pillow()
-    output = Path(output)
+    output, style = Path(output), style or Style()
+    encode = _encoder(output, turntable=turntable)
     check_output(output, force=force)
-    if output.suffix.lower() not in ("", ".png"):
-        raise OutputError(f"{output} would hold a PNG picture: give a name that ends in .png")
     if not meshes:
         raise MeshError("there are no meshes to draw: give at least one")
-    names = [Path(mesh).name if isinstance(mesh, str | Path) else "" for mesh in meshes]
-    drawn = scaled_alike(*(as_mesh(mesh) for mesh in meshes))
-    last = Camera.looking_at(drawn[-1], direction=direction)
-    views = [last if last.shows(mesh) else Camera.looking_at(mesh, direction=direction) for mesh in drawn]
-    pictures = [render(mesh, view=view, size=(size, size)) for mesh, view in zip(drawn, views, strict=True)]
-    write_atomically(output, [png(side_by_side(pictures, names))], force=force)
+    check_style(style, len(meshes))
+    named = names or [Path(mesh).name if isinstance(mesh, str | PathLike) else "" for mesh in meshes]
+    shown = scene([as_mesh(mesh) for mesh in meshes], named, style)
+    if turntable:
+        images = (rasterized(figure(shown, views), transparent=style.transparent) for views in turntable_views(shown))
+        data = animated_webp(images, milliseconds=MILLISECONDS)
+    else:
+        data = encode(figure(shown, one_view(shown)), transparent=style.transparent)
+    write_atomically(output, [data], force=force)
+
+
+def _png(figure: Figure, *, transparent: bool) -> bytes:
+    return png(rasterized(figure, transparent=transparent), dpi=DPI)
+
+
+def _webp(figure: Figure, *, transparent: bool) -> bytes:
+    return webp(rasterized(figure, transparent=transparent))
+
+
+def _pdf(figure: Figure, *, transparent: bool) -> bytes:
+    return pdf(figure)
+
+
+ENCODERS: Mapping[str, Callable[..., bytes]] = {".png": _png, ".webp": _webp, ".svg": svg, ".pdf": _pdf, "": _png}
+"""How a figure is written, by the extension of the file."""
+
+
+def _encoder(output: Path, *, turntable: bool) -> Callable[..., bytes]:
+    """Return the writer for a file name."""
+    suffix = output.suffix.lower()
+    if turntable and suffix != ".webp":
+        raise OutputError(f"{output} would hold a turntable: give a name that ends in .webp")
+    if suffix not in ENCODERS:
+        raise OutputError(
+            f"{output} would hold a picture: give a name that ends in {', '.join(filter(None, ENCODERS))}"
+        )
+    return ENCODERS[suffix]

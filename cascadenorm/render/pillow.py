@@ -1,14 +1,17 @@
-"""PNG files and text by Pillow, which also brings the font."""
+"""PNG and WebP files, and text, by Pillow, which also brings the font."""
 
 import io
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.errors import MissingDependencyError
-from cascadenorm.render.color import INK, Image, encoded, linear
+from cascadenorm.render.color import Image
 
-_CAPITALS = 0.7  # height of capital letters, of the size of the font
+CAPITALS = 0.7
+"""Height of capital letters, of the size of the font."""
 
 
 def require_pillow() -> Any:
@@ -39,34 +42,70 @@ def webp(image: Image) -> bytes:
     return file.getvalue()
 
 
-def png(image: Image) -> bytes:
+def animated_webp(images: Iterable[Image], *, milliseconds: int) -> bytes:
+    """Return pictures as a WebP file that shows one after the other, again and again.
+
+    Raises
+    ------
+    MissingDependencyError : Pillow is not installed
+    """
+    pillow = require_pillow()
+    first, *others = [pillow.Image.fromarray(image) for image in images]
+    file = io.BytesIO()
+    first.save(file, "WEBP", save_all=True, append_images=others, duration=milliseconds, loop=0, quality=80)
+    return file.getvalue()
+
+
+def png(image: Image, *, dpi: int | None = None) -> bytes:
     """Return a picture as a PNG file of 8 bits a channel.
+
+    Parameters
+    ----------
+    dpi : pixels an inch that the file states
 
     Raises
     ------
     MissingDependencyError : Pillow is not installed
     """
     file = io.BytesIO()
-    require_pillow().Image.fromarray(image).save(file, "PNG")
+    settings = {} if dpi is None else {"dpi": (dpi, dpi)}
+    require_pillow().Image.fromarray(image).save(file, "PNG", **settings)
     return file.getvalue()
 
 
-def add_text(image: Image, text: str, *, left: int | None, middle: int, size: int) -> Image:
-    """Return a picture with a line of text, cut where the picture ends.
+def printable(text: str) -> str:
+    """Return text of one line: what cannot be printed is replaced."""
+    return "".join(character if character.isprintable() else "\ufffd" for character in text)
+
+
+def text_coverage(text: str, *, size: float, room: int) -> NDArray[np.float64]:
+    """Draw a line of text.
 
     Parameters
     ----------
-    image : (height, width, 3) picture
     text : ASCII and °; the font has boxes for other characters
-    left : where the text begins, in pixels; None centers it
-    middle : row in the middle of its capital letters
     size : height of a capital letter, in pixels
+    room : pixels that there are for it; the line is cut there
+
+    Returns
+    -------
+    (height, width) how far each pixel is covered, from 0 to 1; the middle row is the middle of the capital letters
     """
     pillow = require_pillow()
-    picture = pillow.Image.fromarray(image)
-    font = pillow.ImageFont.load_default(size / _CAPITALS)
-    line = "".join(character if character.isprintable() else "\ufffd" for character in text)
-    start = max(0, round((image.shape[1] - font.getlength(line)) / 2)) if left is None else left
-    ink = tuple(encoded(linear(INK)).tolist())
-    pillow.ImageDraw.Draw(picture).text((start, middle + size // 2), line, fill=ink, font=font, anchor="ls")
-    return np.array(picture)
+    font = pillow.ImageFont.load_default(size / CAPITALS)
+    line = printable(text)
+    width = max(1, min(room, int(np.ceil(font.getlength(line))) + 1))
+    height = 2 * round(1.5 * size)
+    picture = pillow.Image.new("L", (width, height))
+    pillow.ImageDraw.Draw(picture).text((0, height // 2 + round(size) // 2), line, fill=255, font=font, anchor="ls")
+    return np.asarray(picture) / 255
+
+
+def font_file() -> bytes:
+    """Return the font as a TrueType file."""
+    return bytes(require_pillow().ImageFont.load_default(10).path.getvalue())
+
+
+def text_length(text: str, *, size: float) -> float:
+    """Return the length of a line of text whose capital letters are `size` high."""
+    return float(require_pillow().ImageFont.load_default(100).getlength(printable(text)) * size / CAPITALS / 100)

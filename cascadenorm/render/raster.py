@@ -1,23 +1,45 @@
 """Triangles on a screen to pixels: a depth buffer over bands of rows, each pixel the mean of its samples."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Floats, kernel, parallel_for
 
 SMALLEST_BAND = 16
+LINE = 0.02
+"""Linear grey of the lines of a wireframe."""
+LINE_COVERAGE = 0.75
 
 
-def rasterize(
-    screen: NDArray[np.float64], colors: NDArray[np.float64], *, width: int, height: int, samples: int
-) -> NDArray[np.float64]:
-    """Paint triangles, the nearest one in front.
+class Painted(NamedTuple):
+    """Triangles with their colours.
 
     Parameters
     ----------
     screen : (m, 3, 3) corners: x to the right and y downward in pixels from the upper left, z toward the viewer; z
-        has to be linear parallel_for the screen
-    colors : (m, 3) one linear colour a triangle
+        has to be linear on the screen
+    palette : (k, 3) linear colours
+    places : (m, 3) row of the palette at each corner; between the corners values are interpolated, then rounded
+    light : (m, 3) what the colour at each corner is multiplied by; interpolated as well
+    perspective : one over the distance of the viewer, in the unit of z
+    line : width of the edges of the triangles in pixels; 0 draws none
+    """
+
+    screen: NDArray[np.float64]
+    palette: NDArray[np.float64]
+    places: NDArray[np.float64]
+    light: NDArray[np.float64]
+    perspective: float = 0.0
+    line: float = 0.0
+
+
+def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDArray[np.float64]:
+    """Paint triangles, the nearest one in front.
+
+    Parameters
+    ----------
     samples : each pixel is the mean of samples × samples points
 
     Returns
@@ -26,19 +48,31 @@ def rasterize(
     with the smaller number is seen
     """
     picture = np.zeros((height, width, 4))
-    parallel_for(
-        height, _paint_rows, np.ascontiguousarray(screen), colors, width, samples, picture, smallest=SMALLEST_BAND
-    )
+    arrays = [np.ascontiguousarray(array, np.float64) for array in painted[:4]]
+    settings = (painted.perspective, painted.line * samples / 2, width, samples, picture)
+    parallel_for(height, _paint_rows, *arrays, *settings, smallest=SMALLEST_BAND)
     return picture
 
 
 @kernel
 def _paint_rows(
-    start: int, stop: int, screen: Floats, colors: Floats, width: int, samples: int, picture: Floats
+    start: int,
+    stop: int,
+    screen: Floats,
+    palette: Floats,
+    places: Floats,
+    light: Floats,
+    perspective: float,
+    half_line: float,
+    width: int,
+    samples: int,
+    picture: Floats,
 ) -> None:
     rows, columns = (stop - start) * samples, width * samples
     depth = np.full((rows, columns), -np.inf)
     seen = np.full((rows, columns), -1, np.int32)
+
+    # The nearest triangle at each sample; samples lie in the middle of their cells
     for f in range(len(screen)):
         ax, ay = screen[f, 0, 0] * samples, (screen[f, 0, 1] - start) * samples
         bx, by = screen[f, 1, 0] * samples, (screen[f, 1, 1] - start) * samples
@@ -46,7 +80,6 @@ def _paint_rows(
         double_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         if double_area == 0:
             continue
-        # points lie in the middle of their cells
         top = max(0, int(np.ceil(max(-1.0, min(ay, by, cy) - 0.5))))
         bottom = min(rows - 1, int(np.floor(min(rows + 1.0, max(ay, by, cy) - 0.5))))
         left = max(0, int(np.ceil(max(-1.0, min(ax, bx, cx) - 0.5))))
@@ -64,12 +97,43 @@ def _paint_rows(
                 if z > depth[i, j]:
                     depth[i, j] = z
                     seen[i, j] = f
+
+    # The colour of each sample
     for i in range(rows):
+        y = i + 0.5
         for j in range(columns):
             f = seen[i, j]
-            if f >= 0:
-                pixel = picture[start + i // samples, j // samples]
-                for channel in range(3):
-                    pixel[channel] += colors[f, channel]
-                pixel[3] += 1.0
+            if f < 0:
+                continue
+            x = j + 0.5
+            ax, ay = screen[f, 0, 0] * samples, (screen[f, 0, 1] - start) * samples
+            bx, by = screen[f, 1, 0] * samples, (screen[f, 1, 1] - start) * samples
+            cx, cy = screen[f, 2, 0] * samples, (screen[f, 2, 1] - start) * samples
+            double_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+            a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / double_area
+            b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / double_area
+            c = 1.0 - a - b
+
+            # distances to the edges on the screen
+            cover = 0.0
+            if half_line > 0:
+                nearest = abs(a * double_area) / np.hypot(cx - bx, cy - by)
+                nearest = min(nearest, abs(b * double_area) / np.hypot(ax - cx, ay - cy))
+                nearest = min(nearest, abs(c * double_area) / np.hypot(bx - ax, by - ay))
+                if nearest < half_line:
+                    cover = LINE_COVERAGE
+
+            # weights on the triangle itself, as perspective makes what is near larger
+            a *= 1.0 + perspective * screen[f, 0, 2]
+            b *= 1.0 + perspective * screen[f, 1, 2]
+            c *= 1.0 + perspective * screen[f, 2, 2]
+            whole = a + b + c
+            a, b, c = a / whole, b / whole, c / whole
+            place = int(np.rint(a * places[f, 0] + b * places[f, 1] + c * places[f, 2]))
+            place = min(max(place, 0), len(palette) - 1)
+            strength = a * light[f, 0] + b * light[f, 1] + c * light[f, 2]
+            pixel = picture[start + i // samples, j // samples]
+            for channel in range(3):
+                pixel[channel] += (1.0 - cover) * strength * palette[place, channel] + cover * LINE
+            pixel[3] += 1.0
     picture[start:stop] /= samples * samples

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.evaluation.fields import Field, fields
 from cascadenorm.io.colors import CHANNELS, channels
-from cascadenorm.mesh import Mesh, scaled_alike
+from cascadenorm.mesh import scale_between, scaled_alike
 from cascadenorm.render import Camera
 from cascadenorm.reports.display import Display, display
-from cascadenorm.reports.fields import Field, fields
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.packing import in_steps, packed, packed_faces
 from cascadenorm.reports.places import Place
@@ -28,7 +28,7 @@ def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
     a mesh with the faces of an earlier one is that one and the displacements of its vertices.
     """
     meshes = dict(zip((given.key for given in shown), scaled_alike(*(given.mesh for given in shown)), strict=True))
-    unit = _unit(shown[0].mesh, meshes[shown[0].key])
+    unit = scale_between(shown[0].mesh, meshes[shown[0].key])
     corners = np.concatenate([mesh.vertices[mesh.topology.used_vertices] for mesh in meshes.values()])
     lower, extent = corners.min(axis=0), np.ptp(corners, axis=0)
     edge = min(mesh.mean_edge_length for mesh in meshes.values())
@@ -75,15 +75,9 @@ def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
     }
 
 
-def _unit(mesh: Mesh, scaled: Mesh) -> float:
-    """Length of 1 of the scaled mesh in the unit of the mesh, a power of two."""
-    used = mesh.topology.used_vertices
-    large = np.abs(scaled.vertices[used]).argmax()
-    return float(mesh.vertices[used].flat[large] / scaled.vertices[used].flat[large])
-
-
 def _packed_field(field: Field, displays: Mapping[str, Display]) -> dict[str, Any]:
     """Pack a field; meshes that have the same values share them."""
+    quantity = field.quantity
     packs: list[dict[str, Any]] = []
     rows: list[NDArray[np.float64]] = []
     of_mesh = {}
@@ -93,9 +87,9 @@ def _packed_field(field: Field, displays: Mapping[str, Display]) -> dict[str, An
         if row == len(rows):
             rows.append(values)
             drawn = displays[key]
-            steps = in_steps(values[drawn.kept_faces if field.at == "face" else drawn.kept_vertices])
+            steps = in_steps(values[drawn.kept_faces if quantity.at == "face" else drawn.kept_vertices])
             packs.append({"start": steps.start, "step": steps.step, "codes": packed(steps.codes)})
-    about = {name: getattr(field, name) for name in ("name", "label", "unit", "at", "signed", "limits")}
+    about = {"name": field.name, **quantity._asdict(), "limits": field.limits}
     return {**about, "values": packs, "of": of_mesh}
 
 

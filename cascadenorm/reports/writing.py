@@ -14,7 +14,7 @@ from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import scaled_alike
 from cascadenorm.messages import counted
 from cascadenorm.registry import find
-from cascadenorm.render import Camera, render, side_by_side, webp
+from cascadenorm.render import Camera, rasterized, render, side_by_side, webp
 from cascadenorm.render.pillow import require_pillow
 from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
@@ -175,4 +175,4 @@ def _picture(shown: Sequence[Given]) -> bytes:
     meshes = scaled_alike(*(one.mesh for one in shown))
     view = Camera.looking_at(meshes[-1])
     pictures = [render(mesh, view=view, size=PICTURE) for mesh in meshes]
-    return webp(side_by_side(pictures, [one.label for one in shown]))
+    return webp(rasterized(side_by_side(pictures, [one.label for one in shown])))

@@ -25,6 +25,7 @@ export interface PackedField {
   unit: string;
   at: "face" | "vertex";
   signed: boolean;
+  against: "input" | "truth" | null; // the other mesh that it needs
   limits: [number, number];
   values: { start: number; step: number; codes: Packed }[];
   of: Record<string, number>;

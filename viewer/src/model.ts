@@ -19,6 +19,7 @@ export interface Field {
   unit: string;
   at: "face" | "vertex";
   signed: boolean;
+  against: "input" | "truth" | null; // the other mesh that it needs
   limits: [number, number];
   values: Map<string, Float32Array>; // by the name of the surface; NaN where there is none
 }

@@ -167,8 +167,16 @@ export class Panel {
         said.replaceChildren("Copy this: ", make("code", {}, text));
       }
     };
-    const files = () => this.stage.panes().map(({ name }) => this.model.surfaces.find((one) => one.name === name)!.file);
-    const command = () => renderCommand([...new Set(files())], this.stage.view());
+    const file = (name: string) => this.model.surfaces.find((one) => one.name === name)?.file ?? null;
+    const files = () => [...new Set(this.stage.panes().map(({ name }) => file(name)!))];
+    const command = () => {
+      const against = this.stage.field?.against;
+      const reference = against ? file(against === "truth" ? "truth" : "before") : null;
+      const { from, target, distance } = this.stage.view();
+      const { center, size } = this.model;
+      const there = target.map((value, axis) => Number((value * size + center[axis]).toPrecision(9)));
+      return renderCommand(files(), { from, target: there, distance: distance * size }, this.state, reference);
+    };
     const buttons = [
       make("button", { type: "button", click: () => this.stage.look(this.stage.home()) }, "Whole mesh"),
       make("button", { type: "button", click: () => void copy(location.href) }, "Copy link to this view"),

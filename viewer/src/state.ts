@@ -76,9 +76,18 @@ export function fromHash(hash: string, state: State, surfaces: string[], colors:
   };
 }
 
-// The command that draws the same surfaces from the same side.
-export function renderCommand(files: string[], view: View): string {
-  const quoted = files.map((file) => (/^[\w@%+=:,./-]+$/.test(file) ? file : `'${file.replaceAll("'", "'\"'\"'")}'`));
-  const from = view.from.map((value) => value.toFixed(3)).join(",");
-  return `cascadenorm render ${quoted.join(" ")} -o view.png --view=${from}`;
+// The command that draws the same surfaces from the same place; the view is in the unit of the files.
+export function renderCommand(files: string[], view: View, state: State, reference: string | null): string {
+  const quoted = (file: string) => (/^[\w@%+=:,./-]+$/.test(file) ? file : `'${file.replaceAll("'", "'\"'\"'")}'`);
+  const row = (values: number[]) => values.map(digits).join(",");
+  const words = ["cascadenorm render", ...files.map(quoted), "-o view.png"];
+  words.push(`--view=${row(view.from)}`, `--target=${view.target.join(",")}`, `--distance=${digits(view.distance)}`);
+  if (state.smooth) words.push("--smooth");
+  if (state.wireframe) words.push("--wireframe");
+  if (state.color && state.color !== "vertex") {
+    words.push(`--values=${state.color}`);
+    if (reference) words.push(`--reference=${quoted(reference)}`);
+    if (state.limits) words.push(`--limits=${row(state.limits)}`);
+  }
+  return words.join(" ");
 }

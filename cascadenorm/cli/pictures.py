@@ -1,0 +1,57 @@
+"""Options of `render` as text."""
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import cast
+
+import typer
+
+from cascadenorm.render.camera import AROUND, Up, direction_of_angles, named_direction
+
+
+def upward(up: str) -> Up:
+    """Read the axis that is upward in a picture."""
+    if up not in ("x", "y", "z"):
+        raise typer.BadParameter(f"--up {up}: it must be x, y or z")
+    return cast(Up, up)
+
+
+def direction(view: str | None, *, up: Up) -> tuple[float, ...] | None:
+    """Read where the viewer is: a name, two angles in degrees or a direction."""
+    if view is None:
+        return None
+    if view in AROUND:
+        return named_direction(view, up=up)
+    found = _numbers(view)
+    if len(found) == 2:
+        return direction_of_angles(*found, up=up)
+    if len(found) != 3 or not any(found):
+        raise typer.BadParameter(
+            f"--view {view}: write a direction such as 0.5,0.4,0.8, two angles such as 30,20, or one of "
+            f"{', '.join(AROUND)}"
+        )
+    return found
+
+
+def numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | None:
+    """Read finite numbers with commas between them."""
+    if text is None:
+        return None
+    found = _numbers(text)
+    if len(found) != count:
+        raise typer.BadParameter(f"{option} {text}: write {count} numbers, such as {','.join(['0.5'] * count)}")
+    return found
+
+
+def crops(texts: Sequence[str] | None) -> list[tuple[float, float, float]]:
+    """Read the parts that are enlarged."""
+    return [cast(tuple[float, float, float], numbers("--crop", text, 3)) for text in texts or ()]
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Read numbers; nothing where one is none."""
+    try:
+        found = tuple(map(float, text.split(",")))
+    except ValueError:
+        return ()
+    return found if all(map(isfinite, found)) else ()

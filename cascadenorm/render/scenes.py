@@ -1,0 +1,185 @@
+"""Meshes beside each other in one figure: from one camera, with one scale of colours."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cascadenorm.errors import ParameterError
+from cascadenorm.evaluation.fields import QUANTITIES, Field, field
+from cascadenorm.interop import as_mesh
+from cascadenorm.mesh import Mesh, scale_between, scaled_alike
+from cascadenorm.render import Camera, Figure, HeatMap, Image, color_bar, render, side_by_side, stacked
+from cascadenorm.render.camera import Up
+from cascadenorm.render.panels import Inset, letter_size, panel
+
+GAP = 12
+"""Pixels between pictures."""
+FRAMES = 72
+"""Pictures of a turntable."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """How meshes are drawn.
+
+    Parameters
+    ----------
+    size : width and height of each picture in pixels
+    direction : from the meshes toward the viewer, as in `Camera.looking_at`
+    up : axis of the meshes that is upward in the picture
+    target : (3,) the point in the middle of the picture; None is the middle of the mesh
+    distance : of the viewer from it, in the unit of the files; None shows the whole mesh
+    values : one of QUANTITIES, to be seen as colours
+    reference : the mesh that they are measured against; None is the first mesh, which is then drawn without colours
+    limits : values at the ends of the colours; None derives them from all meshes
+    crops : parts that are enlarged below each picture
+    smooth, wireframe, transparent : as in `render`
+    """
+
+    size: int = 600
+    direction: ArrayLike | None = None
+    up: Up = "y"
+    target: ArrayLike | None = None
+    distance: float | None = None
+    values: str | None = None
+    reference: Any = None
+    limits: tuple[float, float] | None = None
+    crops: Sequence[tuple[float, float, float]] = ()
+    smooth: bool = False
+    wireframe: bool = False
+    transparent: bool = False
+
+
+def check_style(style: Style, count: int) -> None:
+    """Refuse settings that make no sense, before any work."""
+    if style.values is not None:
+        if style.values not in QUANTITIES:
+            problem = f"is {style.values!r}; it must be one of {', '.join(QUANTITIES)}"
+            raise ParameterError(problem, parameter="values")
+        if QUANTITIES[style.values].against and style.reference is None and count < 2:
+            hint = "give a reference, or a second mesh"
+            raise ParameterError(f"{style.values} compares a mesh with another one", hint=hint)
+    if style.distance is not None and not 0 < style.distance < np.inf:
+        raise ParameterError(f"is {style.distance}; it must be positive and finite", parameter="distance")
+    if style.limits is not None and not style.limits[0] < style.limits[1]:
+        raise ParameterError(f"is {style.limits}; the first must be below the second", parameter="limits")
+    for crop in style.crops:
+        x, y, width = crop
+        inside = all(width / 2 <= middle <= 1 - width / 2 for middle in (x, y))
+        if not (0 < width <= 1 and inside):
+            problem = f"is {', '.join(map(str, crop))}; it must lie in the picture, from 0 to 1 in both directions"
+            raise ParameterError(problem, parameter="crop")
+
+
+class Scene(NamedTuple):
+    """Meshes scaled alike, their captions and what is known of them."""
+
+    shown: list[Mesh]
+    captions: list[str]
+    maps: list[HeatMap | None]
+    quantities: Field | None
+    limits: tuple[float, float]
+    unit: float
+    style: Style
+
+
+def scene(meshes: list[Mesh], names: Sequence[str], style: Style) -> Scene:
+    others = [] if style.reference is None else [as_mesh(style.reference)]
+    scaled = scaled_alike(*meshes, *others)
+    unit = scale_between(meshes[0], scaled[0])
+    shown, captions = scaled[: len(meshes)], list(names)
+    if style.values is None:
+        return Scene(shown, captions, [None] * len(shown), None, (0.0, 1.0), unit, style)
+    other = scaled[-1] if others else shown[0]
+    plain = QUANTITIES[style.values].against is not None and not others
+    keys = [f"{number}" for number in range(len(shown))]
+    seen = dict(zip(keys[plain:], shown[plain:], strict=True))
+    found = field(style.values, seen, other, unit)
+    limits = style.limits or found.limits
+    quantity = found.quantity
+    maps = [
+        HeatMap(found.values[key], quantity.at, limits, quantity.signed) if key in found.values else None
+        for key in keys
+    ]
+    if not quantity.signed:
+        degrees = "°" if quantity.unit == "°" else ""
+        for number, heat in enumerate(maps):
+            if heat is not None:
+                captions[number] = f"{captions[number]}  mean {np.nanmean(heat.values):#.3g}{degrees}".strip()
+    return Scene(shown, captions, maps, found, limits, unit, style)
+
+
+def one_view(scene: Scene) -> list[Camera]:
+    """Where each mesh is seen from."""
+    style, last = scene.style, scene.shown[-1]
+    camera = Camera.looking_at(last, direction=style.direction, up=style.up)
+    if style.target is None and style.distance is None:
+        alone = (Camera.looking_at(mesh, direction=style.direction, up=style.up) for mesh in scene.shown)
+        return [camera if camera.shows(mesh) else own for mesh, own in zip(scene.shown, alone, strict=True)]
+    target = camera.center if style.target is None else np.asarray(style.target, float) / scene.unit
+    if style.distance is None:
+        camera = replace(camera, center=target)
+    else:
+        camera = Camera.at_distance(camera.axes[2], target, style.distance / scene.unit, up=style.up)
+    return [camera] * len(scene.shown)
+
+
+def turntable_views(scene: Scene) -> Iterator[tuple[Camera, ...]]:
+    """Where each mesh is seen from, picture by picture of a walk around it."""
+    style, last = scene.style, scene.shown[-1]
+    camera = Camera.looking_at(last, direction=style.direction, up=style.up)
+    walks = []
+    for mesh in scene.shown:
+        alike = camera.shows(mesh)
+        start = camera if alike else Camera.looking_at(mesh, direction=style.direction, up=style.up)
+        walks.append(start.around(last if alike else mesh, count=FRAMES, up=style.up))
+    return zip(*walks, strict=True)
+
+
+def figure(scene: Scene, cameras: Sequence[Camera]) -> Figure:
+    """Draw the panels, and the bar of the colours beside them."""
+    panels = [_panel(scene, number, camera) for number, camera in enumerate(cameras)]
+    joined = side_by_side(panels, scene.captions if any(scene.captions) else (), gap=GAP)
+    if scene.quantities is None:
+        return joined
+    quantity = scene.quantities.quantity
+    height = max(one.height for one in panels)
+    bar = color_bar(
+        scene.limits,
+        signed=quantity.signed,
+        unit=quantity.unit,
+        label=quantity.label,
+        height=height,
+        letter=letter_size(scene.style.size, height),
+    )
+    bar = bar._replace(height=joined.height)  # beside the panels, not their captions
+    return stacked([joined, bar], gap=2 * GAP, side_by_side=True)
+
+
+def _panel(scene: Scene, number: int, camera: Camera) -> Figure:
+    style = scene.style
+    size = (style.size, style.size)
+
+    def picture(view: Camera, side: int) -> Image:
+        return render(
+            scene.shown[number],
+            view=view,
+            size=(side, side),
+            values=scene.maps[number],
+            smooth=style.smooth,
+            wireframe=style.wireframe,
+            transparent=style.transparent,
+        )
+
+    count = len(style.crops)
+    ends = [round(number * (style.size + GAP) / max(count, 1)) for number in range(count + 1)]
+    sides = [stop - start - GAP for start, stop in pairwise(ends)]
+    insets = [
+        Inset(*crop, picture(camera.cropped(*crop, size=size), side))
+        for crop, side in zip(style.crops, sides, strict=True)
+    ]
+    return panel(picture(camera, style.size), insets=insets, gap=GAP)
