@@ -108,8 +108,8 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
 
     Parameters
     ----------
-    mesh : vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, open3d
-        or meshio, of which copies of a vertex at seams stay together; or the path of a file
+    mesh : vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, vtk,
+        open3d or meshio, of which copies of a vertex at seams stay together; or the path of a file
     faces : (m, 3) integers in 0 … n - 1
     method : one of `methods()`
     parameters : of the method, as `methods()` lists them, such as `iterations=5` or, for the learned methods,

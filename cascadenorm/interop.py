@@ -5,6 +5,7 @@ No other library is imported here: one whose mesh is handed in has been imported
 
 import copy
 from collections.abc import Callable
+from importlib import import_module
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.io.normals import NORMALS, Normals, renewed_normals
+from cascadenorm.io.welding import weld
 from cascadenorm.mesh import Mesh, MeshError
 
 
@@ -40,7 +42,7 @@ def adapter(mesh: object) -> Adapter:
     kind = type(mesh)
     raise MeshError(
         f"{kind.__module__}.{kind.__qualname__} is no kind of mesh that is known here: give vertices and faces as "
-        "arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, open3d or meshio"
+        "arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or meshio"
     )
 
 
@@ -92,11 +94,54 @@ def _pyvista_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
 def _pyvista_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     moved = mesh.copy(deep=True)
     moved.points = vertices
-    for data, normals in ((moved.point_data, "point_normals"), (moved.cell_data, "cell_normals")):
-        if "Normals" in data:
-            del data["Normals"]
-            data["Normals"] = getattr(moved, normals)
+    _renew_vtk_normals(moved, *_pyvista_arrays(mesh), vertices)
     return moved
+
+
+def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    numpy_of = import_module("vtkmodules.util.numpy_support").vtk_to_numpy
+    polygons = mesh.GetPolys()
+    if mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3):
+        raise MeshError("the vtkPolyData holds cells that are not triangles: apply vtkTriangleFilter to it first")
+    points = numpy_of(mesh.GetPoints().GetData()) if mesh.GetNumberOfPoints() else np.empty((0, 3))
+    return points, numpy_of(polygons.GetConnectivityArray()).reshape(-1, 3)
+
+
+def _vtk_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
+    moved = mesh.NewInstance()
+    moved.DeepCopy(mesh)
+    if len(vertices):
+        vtk_of = import_module("vtkmodules.util.numpy_support").numpy_to_vtk
+        moved.GetPoints().SetData(vtk_of(np.ascontiguousarray(vertices), deep=True))
+    _renew_vtk_normals(moved, *_vtk_arrays(mesh), vertices)
+    return moved
+
+
+def _renew_vtk_normals(moved: Any, points: NDArray[Any], triangles: NDArray[Any], vertices: NDArray[Any]) -> None:
+    """Write the normals of a vtkPolyData anew whose triangles have moved from points to vertices."""
+    numpy_support = import_module("vtkmodules.util.numpy_support")
+    each = np.repeat(np.arange(len(triangles))[:, None], 3, axis=1)
+    for data, corners in ((moved.GetPointData(), triangles), (moved.GetCellData(), each)):
+        arrays = [data.GetNormals(), *map(data.GetArray, NORMALS)]
+        for array in {array.GetName(): array for array in arrays if array is not None}.values():
+            stored = numpy_support.vtk_to_numpy(array)
+            if stored.ndim == 2 and stored.shape[1] == 3:
+                stored[:] = _renewed(stored, corners, points, triangles, vertices)
+                array.Modified()
+
+
+def _renewed(
+    values: NDArray[Any],
+    corners: NDArray[Any],
+    points: NDArray[Any],
+    triangles: NDArray[Any],
+    vertices: NDArray[Any],
+) -> NDArray[Any]:
+    """Return stored normals anew, in their type, where triangles have moved from points to vertices."""
+    faces = triangles.astype(np.int64)
+    welds, _ = weld(points, faces)
+    normals, _ = renewed_normals(Normals(values, corners.astype(np.int64)), faces, welds, points, vertices)
+    return normals.astype(values.dtype)
 
 
 def _open3d_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -127,9 +172,7 @@ def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     points, triangles = _meshio_arrays(mesh)
 
     def renewed(values: Any, corners: NDArray[Any]) -> NDArray[Any]:
-        rows = np.arange(len(points), dtype=np.int32)
-        normals, _ = renewed_normals(Normals(np.asarray(values), corners), triangles, rows, points, vertices)
-        return normals.astype(np.asarray(values).dtype)
+        return _renewed(np.asarray(values), corners, points, triangles, vertices)
 
     for name in NORMALS:
         if name in moved.point_data:
@@ -150,6 +193,7 @@ def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 ADAPTERS = {
     ("trimesh", "Trimesh"): Adapter(_trimesh_arrays, _trimesh_moved),
     ("pyvista", "PolyData"): Adapter(_pyvista_arrays, _pyvista_moved),
+    ("vtkmodules", "vtkPolyData"): Adapter(_vtk_arrays, _vtk_moved),
     ("open3d", "TriangleMesh"): Adapter(_open3d_arrays, _open3d_moved),
     ("meshio", "Mesh"): Adapter(_meshio_arrays, _meshio_moved),
 }

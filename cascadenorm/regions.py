@@ -78,7 +78,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
     Parameters
     ----------
     meshes : each a pair of arrays, vertices (n, 3) and faces (m, 3); or a `cascadenorm.Mesh`, or a mesh of trimesh,
-        pyvista, open3d or meshio
+        pyvista, vtk, open3d or meshio
     method : one of `methods()`
     parameters : of the method
 

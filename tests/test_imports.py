@@ -45,6 +45,7 @@ MAY_IMPORT = {
     "evaluation": {*METHODS, "learned", "data_gen", "io", "interop", "controls", "api", "evaluation"},
     "reports": {*MESH, "registry", "geometry", "controls", "io", "interop", "inspection", "evaluation.metrics",
                 "evaluation.fields", "render", "api", "reports"},
+    "frontends": {*METHODS, "interop", "controls", "api", "regions", "inspection", "evaluation.metrics", "frontends"},
     "cli": {*METHODS, "workers", "learned", "data_gen", "io", "interop", "controls", "api", "models", "regions",
             "evaluation", "spectra", "inspection", "render", "reports", "cli"},
 }  # fmt: skip

@@ -161,7 +161,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     Parameters
     ----------
     mesh : vertices as an (n, 3) array, with `faces`; or alone a path, a stream of bytes, a file that was read, a
-        `cascadenorm.Mesh`, or a mesh of trimesh, pyvista, open3d or meshio
+        `cascadenorm.Mesh`, or a mesh of trimesh, pyvista, vtk, open3d or meshio
     faces : (m, 3) integers
     self_intersections : whether to look for faces that cross each other; None: up to MOST_FACES_CROSSED faces
 

@@ -1,0 +1,1 @@
+"""Denoising inside other programs: datasets of PyVista, pipelines of VTK and ParaView."""

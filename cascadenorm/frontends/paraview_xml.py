@@ -1,0 +1,59 @@
+"""The properties of the filter as ParaView declares them, in XML."""
+
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from cascadenorm.api import DEFAULT_METHOD, methods
+from cascadenorm.frontends.properties import Property, properties
+from cascadenorm.frontends.vtk_filter import INPUTS
+from cascadenorm.registry import Setting
+
+
+def declaration() -> str:
+    """Return the elements of the input and of every property, those of a method shown where it is chosen."""
+    given = Element("InputProperty", name="Input", command="SetInputConnection")
+    SubElement(given, "ProxyGroupDomain", name="groups").extend(
+        [Element("Group", name=n) for n in ("sources", "filters")]
+    )
+    kinds = SubElement(given, "DataTypeDomain", name="input_type", composite_data_supported="1")
+    kinds.extend([Element("DataType", value=kind) for kind in INPUTS])
+
+    method = _vector("String", "Method", DEFAULT_METHOD, "How the mesh is denoised.")
+    _choices(method, list(methods()))
+    return "".join(tostring(one, encoding="unicode") for one in (given, method, *map(_element, properties())))
+
+
+def _element(property: Property) -> Element:
+    """Declare a number with its range, a choice, or a text, which may be empty where the default is None."""
+    setting = property.setting
+    numbers = {(float,): "Double", (int,): "Int"}
+    if setting.choices:
+        element = _vector("String", property.name, property.default or "none", property.help)
+        _choices(element, [*setting.choices, *(["none"] if setting.optional else [])])
+    elif setting.kinds in numbers and not setting.optional:
+        element = _vector(numbers[setting.kinds], property.name, property.default, property.help)
+        _range(element, numbers[setting.kinds], setting)
+    else:
+        element = _vector("String", property.name, property.default, property.help)
+    if property.method:
+        hints = SubElement(element, "Hints")
+        shown = {"type": "GenericDecorator", "mode": "visibility", "property": "Method", "value": property.method}
+        SubElement(hints, "PropertyWidgetDecorator", shown)
+    return element
+
+
+def _vector(kind: str, name: str, default: Any, help: str) -> Element:
+    element = Element(f"{kind}VectorProperty", name=name, command=f"Set{name}")
+    element.attrib |= {"number_of_elements": "1", "default_values": str(default)}
+    SubElement(element, "Documentation").text = help
+    return element
+
+
+def _choices(element: Element, values: list[Any]) -> None:
+    SubElement(element, "StringListDomain", name="list").extend([Element("String", value=str(v)) for v in values])
+
+
+def _range(element: Element, kind: str, setting: Setting) -> None:
+    limits = {"min": setting.about.minimum, "max": setting.about.maximum}
+    known = {name: f"{limit:g}" for name, limit in limits.items() if limit is not None}
+    SubElement(element, f"{kind}RangeDomain", {"name": "range", **known})

@@ -1,0 +1,91 @@
+"""Every control, and every parameter of every method, as a property of a filter, made from their declarations."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+from cascadenorm.api import DEFAULT_METHOD, methods
+from cascadenorm.controls import CONTROLS
+from cascadenorm.registry import Setting
+
+Filter = type[Any]
+
+
+class Property(NamedTuple):
+    """A property that a filter has: `SetKeepDetail`, `GetKeepDetail`.
+
+    Parameters
+    ----------
+    name : such as KeepDetail for the control keep_detail, or TaubinIterations for iterations of the method taubin
+    setting : its type, default and range
+    method : whose parameter it is; empty for a control
+    help : a sentence or two
+    """
+
+    name: str
+    setting: Setting
+    method: str
+    help: str
+
+    @property
+    def default(self) -> Any:
+        """The default; None is the empty text, which any property takes for it."""
+        return "" if self.setting.default is None else self.setting.default
+
+
+def properties() -> Iterator[Property]:
+    """Yield the controls that are more than a callback, then the parameters of each method."""
+    for name, control in CONTROLS.items():
+        if not control.about.hidden:
+            yield Property(_camel(name), control, "", control.help(""))
+    for method in methods().values():
+        for setting in method.given_by_name:
+            about = ", ".join(filter(None, (setting.about.help, setting.about.unit, setting.about.allowed)))
+            yield Property(_camel(method.name) + _camel(setting.name), setting, method.name, f"{about}.")
+
+
+def with_properties(kind: Filter) -> Filter:
+    """Give a class of filters a setter and a getter for each property; `_values` holds what was set."""
+    for property in properties():
+        setattr(kind, f"Set{property.name}", _setter(property))
+        setattr(kind, f"Get{property.name}", _getter(property))
+    return kind
+
+
+def settings_of(values: dict[str, Any], method: str = DEFAULT_METHOD) -> dict[str, Any]:
+    """Return what was set as keyword arguments of `denoise`: controls, and parameters of one method."""
+    return {
+        property.setting.name: values[property.name]
+        for property in properties()
+        if property.name in values and property.method in ("", method)
+    }
+
+
+def spelled(name: str, value: object = None) -> str:
+    """Return what a filter calls a control, for messages; parameters of methods keep their names."""
+    if name not in CONTROLS:
+        return name
+    return _camel(name) if value is None else f"Set{_camel(name)}({value!r})"
+
+
+def _camel(name: str) -> str:
+    return "".join(part[:1].upper() + part[1:] for part in name.replace("-", "_").split("_"))
+
+
+def _setter(property: Property) -> Callable[[Any, Any], None]:
+    def set_value(self: Any, value: Any) -> None:
+        new = property.setting.default if isinstance(value, str) and value == "" else property.setting.checked(value)
+        if isinstance(new, float | int | str | None) and new == getattr(self, f"Get{property.name}")():
+            return
+        self._values[property.name] = new
+        self.Modified()
+
+    set_value.__name__, set_value.__doc__ = f"Set{property.name}", property.help
+    return set_value
+
+
+def _getter(property: Property) -> Callable[[Any], Any]:
+    def value(self: Any) -> Any:
+        return self._values.get(property.name, property.setting.default)
+
+    value.__name__, value.__doc__ = f"Get{property.name}", property.help
+    return value

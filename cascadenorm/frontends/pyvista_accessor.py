@@ -1,0 +1,85 @@
+"""`mesh.cascadenorm` on the datasets of PyVista, which finds this module by its entry point when it is first used."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pyvista
+
+from cascadenorm.api import DEFAULT_METHOD, compare
+from cascadenorm.controls.settings import takes_controls
+from cascadenorm.errors import MissingDependencyError
+from cascadenorm.evaluation.metrics import Measures
+from cascadenorm.frontends.vtk_data import denoised
+from cascadenorm.inspection import Inspection, inspect
+from cascadenorm.progress import Listener
+
+NAME = "cascadenorm"
+
+
+@pyvista.register_dataset_accessor(NAME, pyvista.MultiBlock)
+class BlocksAccessor:
+    """Denoise the blocks of a `pyvista.MultiBlock`, such as the regions of a segmentation, together."""
+
+    def __init__(self, dataset: Any) -> None:
+        self._dataset = dataset
+
+    @takes_controls
+    def denoise(self, *, method: str = DEFAULT_METHOD, progress_bar: bool = False, **parameters: Any) -> Any:
+        """Return a denoised copy; the dataset is not changed.
+
+        Walls that blocks share stay shared. Point, cell and field data are kept, and normals are computed anew.
+
+        Parameters
+        ----------
+        method : one of `cascadenorm.methods()`
+        progress_bar : show the fraction done by tqdm, as filters of PyVista do
+        parameters : of the method
+
+        Of one PolyData mask and fixed may be names of point arrays, only that of a cell array, or "array=value".
+
+        Returns
+        -------
+        A dataset of the same type
+
+        Raises
+        ------
+        MeshError, ParameterError : as in `cascadenorm.denoise`
+        MissingDependencyError : tqdm is not installed, and a progress bar is asked for
+        """
+        with _bar(progress_bar, parameters.pop("progress", None)) as progress:
+            settings = {**parameters, "method": method, "progress": progress}
+            return pyvista.wrap(denoised(self._dataset, settings))
+
+
+@pyvista.register_dataset_accessor(NAME, pyvista.PolyData)
+class PolyDataAccessor(BlocksAccessor):
+    """Denoise, inspect or measure a `pyvista.PolyData` of triangles."""
+
+    def inspect(self, *, self_intersections: bool | None = None) -> Inspection:
+        """Return what the mesh is, its defects and where they are, and how noisy it is; see `cascadenorm.inspect`."""
+        return inspect(self._dataset, self_intersections=self_intersections)
+
+    def compare(self, truth: Any) -> Measures:
+        """Measure the mesh against the true one, of any kind that `cascadenorm.compare` takes."""
+        return compare(self._dataset, truth)
+
+
+@contextmanager
+def _bar(shown: bool, listener: Listener | None) -> Iterator[Listener | None]:
+    """Give what is to be called with the fraction done: a bar, a listener, both or neither."""
+    if not shown:
+        yield listener
+        return
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        raise MissingDependencyError("progress_bar=True", package="tqdm", extra="pyvista") from None
+    with tqdm(total=1.0, desc="Denoising", bar_format="{l_bar}{bar}[{elapsed}<{remaining}]") as bar:
+
+        def show(fraction: float) -> None:
+            bar.update(fraction - bar.n)
+            if listener is not None:
+                listener(fraction)
+
+        yield show

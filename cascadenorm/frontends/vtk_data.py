@@ -1,0 +1,96 @@
+"""Denoise what a VTK pipeline hands on: a vtkPolyData, or a composite dataset whose blocks may share walls."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkPolyData
+
+from cascadenorm.api import denoise
+from cascadenorm.errors import MeshError, ParameterError
+from cascadenorm.interop import adapter
+from cascadenorm.regions import denoise_regions
+
+
+def denoised(data: Any, settings: Mapping[str, Any]) -> Any:
+    """Return a copy of a dataset with its vertices elsewhere; arrays are kept, normals are computed anew.
+
+    Parameters
+    ----------
+    data : vtkPolyData of triangles; or a composite dataset of them, whose blocks are denoised together, so that walls
+        that they share stay shared
+    settings : as for `denoise`; for one vtkPolyData mask and fixed may be names of point arrays, only that of a cell
+        array, or array=value; creases an angle as text
+
+    Raises
+    ------
+    MeshError, ParameterError : as in `denoise`
+    """
+    if isinstance(data, vtkPolyData):
+        return denoise(data, **_with_arrays(settings, data))
+    copy = data.NewInstance()
+    copy.CopyStructure(data)
+    copy.GetFieldData().DeepCopy(data.GetFieldData())
+    moved = denoise_regions([_checked(place) for place in _blocks(data)], **settings)
+    for place, block in zip(_blocks(data), moved, strict=True):
+        copy.SetDataSet(place, block)
+    return copy
+
+
+def _blocks(data: Any) -> Iterator[Any]:
+    """Yield an iterator of VTK at each block that is not empty."""
+    place = data.NewIterator()
+    place.InitTraversal()
+    while not place.IsDoneWithTraversal():
+        yield place
+        place.GoToNextItem()
+
+
+def _checked(place: Any) -> Any:
+    """Return the block at a place; errors begin with its name."""
+    block = place.GetCurrentDataObject()
+    try:
+        adapter(block).arrays(block)
+    except MeshError as error:
+        name = place.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()) if place.HasCurrentMetaData() else None
+        raise error.within(name or f"block {place.GetCurrentFlatIndex()}") from None
+    return block
+
+
+def _with_arrays(settings: Mapping[str, Any], mesh: Any) -> dict[str, Any]:
+    """Return settings with the arrays of a mesh in the place of their names."""
+    found = dict(settings)
+    points, cells = mesh.GetPointData(), mesh.GetCellData()
+    if isinstance(mask := found.get("mask"), str):
+        values = _array("mask", mask, points)
+        found["mask"] = values / 255 if values.dtype == np.uint8 else values
+    if isinstance(fixed := found.get("fixed"), str):
+        found["fixed"] = _array("fixed", fixed, points) != 0
+    if isinstance(only := found.get("only"), str):
+        array, equals, value = only.partition("=")
+        values = _array("only", array, cells)
+        found["only"] = values == _number("only", value) if equals else values != 0
+    if isinstance(creases := found.get("creases"), str):
+        found["creases"] = _number("creases", creases)
+    return found
+
+
+def _array(setting: str, name: str, data: Any) -> NDArray[Any]:
+    array = data.GetArray(name)
+    if array is None:
+        known = [data.GetArrayName(i) for i in range(data.GetNumberOfArrays())]
+        raise ParameterError(
+            f"is {name!r}, which is no array of the {'cells' if setting == 'only' else 'points'}; "
+            f"there are: {', '.join(filter(None, known)) or 'none'}",
+            parameter=setting,
+        )
+    return np.asarray(vtk_to_numpy(array))
+
+
+def _number(setting: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ParameterError(f"is given by {text!r}; it must be a number", parameter=setting) from None
