@@ -147,6 +147,7 @@ def denoise_file(
     output: str | PathLike[str] | BinaryIO | None = None,
     *,
     method: str = DEFAULT_METHOD,
+    format: str | None = None,
     force: bool = False,
     parameters: dict[str, Any] | None = None,
     **controls: Unpack[Controls],
@@ -159,6 +160,7 @@ def denoise_file(
     output : path, whose extension selects the format, or a binary stream; None is `<stem>_denoised<suffix>` beside the
         source
     method : one of `methods()`
+    format : that of a stream, such as "stl"; None is that of the source. The extension of a path decides for it
     force : replace an existing file
     parameters : of the method
 
@@ -173,7 +175,9 @@ def denoise_file(
     ------
     ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`; nothing is written then
     """
-    return denoised_file(source, output, method=method, force=force, parameters=parameters, **controls).report
+    return denoised_file(
+        source, output, method=method, format=format, force=force, parameters=parameters, **controls
+    ).report
 
 
 def denoised_file(
@@ -181,6 +185,7 @@ def denoised_file(
     output: str | PathLike[str] | BinaryIO | None = None,
     *,
     method: str = DEFAULT_METHOD,
+    format: str | None = None,
     force: bool = False,
     parameters: dict[str, Any] | None = None,
     **controls: Unpack[Controls],
@@ -188,7 +193,7 @@ def denoised_file(
     """Denoise a mesh file as `denoise_file` does; the meshes are returned as well."""
     every = checked(controls)
     with limit_threads(every["threads"]):
-        return _denoised_file(find(method), source, output, parameters or {}, every, force=force)
+        return _denoised_file(find(method), source, output, parameters or {}, every, format=format, force=force)
 
 
 def methods() -> dict[str, Method]:
@@ -290,10 +295,11 @@ def _denoised_file(
     parameters: dict[str, Any],
     controls: Controls,
     *,
+    format: str | None = None,
     force: bool,
 ) -> Denoised:
     method.checked(parameters)
-    opened = opened_file(source, output, controls, force=force)
+    opened = opened_file(source, output, controls, format=format, force=force)
     start = time.perf_counter()
     vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
     seconds = time.perf_counter() - start
@@ -323,17 +329,18 @@ def opened_file(
     output: str | PathLike[str] | BinaryIO | None,
     controls: Controls,
     *,
+    format: str | None = None,
     force: bool,
 ) -> Opened:
     """Read a file to be denoised; everything that can be refused before reading is refused before."""
-    output = _checked_output(source, output, force=force)
+    output = _checked_output(source, output, format, force=force)
     file = io.read(source)
     if controls["on_bad"] == "isolate":
         file = file.isolating()
-    format = io.output_format(output, file.format)
-    check_target(file, output, format=format, force=force)
+    chosen = io.output_format(output, format or file.format)
+    check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source))
-    return Opened(source, output, format, file, mesh, selected(controls, file))
+    return Opened(source, output, chosen, file, mesh, selected(controls, file))
 
 
 def written_file(
@@ -394,7 +401,11 @@ def _error_found(method: Method, mesh: Mesh, vertices: NDArray[np.float64], stre
 
 
 def _checked_output(
-    source: str | PathLike[str] | BinaryIO, output: str | PathLike[str] | BinaryIO | None, *, force: bool
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None,
+    format: str | None,
+    *,
+    force: bool,
 ) -> str | PathLike[str] | BinaryIO:
     """Return where to write; raises OutputError where that is impossible or not allowed."""
     if output is None:
@@ -406,4 +417,6 @@ def _checked_output(
         check_output(Path(output), force=force)
         if not is_special(output):
             io.output_format(output)
+    elif format is not None:
+        io.output_format(output, format)
     return output

@@ -173,6 +173,18 @@ def test_streams(place):
     np.testing.assert_array_equal(cn.read(io.BytesIO(done.stdout)).mesh.vertices, expected)
 
 
+def test_a_stream_has_the_format_that_is_asked_for(place):
+    data = (place / "ball.ply").read_bytes()
+    done = command("denoise", "-", *FAST, "--format", "off", stdin=data)
+    assert done.returncode == 0 and done.stdout.startswith(b"OFF")
+    expected = cn.denoise(ROUGH, method="laplacian").vertices
+    np.testing.assert_array_equal(cn.read(io.BytesIO(done.stdout)).mesh.vertices, expected)
+    done = command("denoise", "-", *FAST, "--format", "doc", stdin=data)
+    assert done.returncode == 5 and done.stdout == b"" and b"'doc' is no mesh format" in done.stderr
+    done = command("denoise", "ball.ply", *FAST, "--format", "off")
+    assert done.returncode == 2 and b"--format is for stdout" in done.stderr
+
+
 # bad input
 
 BAD_FILES = {

@@ -45,6 +45,9 @@ def denoise(
     method: Method = "auto",
     model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
     settings: Set = None,
+    format: Annotated[
+        str | None, typer.Option("--format", metavar="EXT", help="Format of stdout, such as stl; else that of IN.")
+    ] = None,
     report: ReportFile = None,
     truth: Annotated[Path | None, typer.Option(metavar="FILE", help="The true mesh, for the report.")] = None,
     force: Force = False,
@@ -59,6 +62,8 @@ def denoise(
     parameters = _parameters(settings)
     if model is not None:
         parameters["model"] = model
+    if format is not None and target != "-":
+        raise typer.BadParameter("--format is for stdout: the extension of the output selects the format of a file")
     if truth is not None and report is None:
         raise typer.BadParameter("--truth is for a report: give --report as well")
     if report is not None:
@@ -70,6 +75,7 @@ def denoise(
             sys.stdin.buffer if source == "-" else source,
             sys.stdout.buffer if target == "-" else target,
             method=method,
+            format=format,
             parameters=parameters,
             force=force,
             progress=progress,

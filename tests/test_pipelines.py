@@ -1,0 +1,81 @@
+"""The examples for pipelines run, and what describes the project to other tools agrees with it."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from shapes import icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.interop import save_mesh
+
+ROOT = Path(__file__).parents[1]
+BALL = noisy(icosphere(2), 0.2)
+PROGRAM = f'#!/bin/sh\nexec "{sys.executable}" -m cascadenorm "$@"\n'
+
+
+@pytest.fixture
+def scans(tmp_path):
+    """A folder with two scans, the truth of one, the examples, and the program on the search path."""
+    for name in ("scans", "truth", "programs"):
+        (tmp_path / name).mkdir()
+    for name in ("a", "b"):
+        save_mesh(tmp_path / "scans" / f"{name}.ply", BALL)
+    save_mesh(tmp_path / "truth" / "a.ply", icosphere(2))
+    for name in ("Makefile", "Snakefile"):
+        shutil.copy(ROOT / "examples" / name, tmp_path)
+    program = tmp_path / "programs" / "cascadenorm"
+    program.write_text(PROGRAM)
+    program.chmod(0o755)
+    return tmp_path
+
+
+def ran(folder, *words, **variables):
+    path = os.pathsep.join([str(folder / "programs"), os.environ["PATH"]])
+    environment = {**os.environ, "PATH": path, **variables}
+    return subprocess.run(words, cwd=folder, env=environment, check=True, capture_output=True, text=True).stdout
+
+
+@pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
+def test_make_denoises_what_is_new_and_measures_what_is_known(scans):
+    words = ("make", "OPTIONS=--method bilateral-normal")
+    ran(scans, *words)
+    expected = cn.denoise(BALL, method="bilateral-normal")
+    for name in ("a", "b"):
+        assert cn.read(scans / "denoised" / f"{name}.ply").mesh.vertices.tobytes() == expected.vertices.tobytes()
+    measured = json.loads((scans / "measured" / "a.json").read_text())["measures"]
+    assert measured["normal_error_deg"] == pytest.approx(cn.compare(expected, icosphere(2)).normal_error_deg)
+    assert not (scans / "measured" / "b.json").exists()
+    assert "denoise" not in ran(scans, *words)  # nothing is left to do
+    os.utime(scans / "scans" / "b.ply")
+    again = ran(scans, *words)
+    assert "scans/b.ply" in again and "scans/a.ply" not in again
+
+
+@pytest.mark.skipif(not shutil.which("snakemake"), reason="snakemake is not installed")
+def test_snakemake_denoises_every_scan(scans):
+    ran(scans, "snakemake", "--cores", "1")
+    assert {path.name for path in (scans / "denoised").iterdir()} == {"a.ply", "b.ply"}
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="bash is not installed")
+def test_the_script_of_the_action_denoises_what_matches(scans):
+    text = (ROOT / "action.yml").read_text(encoding="utf-8")
+    script = re.search(r"run: \|\n(.*)", text, re.DOTALL)[1]
+    arguments = "--method bilateral-normal --strength 0.5"
+    ran(scans, "bash", "-ec", script, FILES="scans/*.ply", OUTPUT="clean", ARGUMENTS=arguments)
+    out = cn.read(scans / "clean" / "b.ply").mesh
+    assert out.vertices.tobytes() == cn.denoise(BALL, method="bilateral-normal", strength=0.5).vertices.tobytes()
+    inputs, _ = text.split("\nruns:")
+    assert set(re.findall(r"inputs\.(\w+)", text)) == set(re.findall(r"^  (\w+):$", inputs, re.MULTILINE))
+
+
+def test_the_citation_names_this_version_and_the_papers_of_the_readme():
+    text, readme = ((ROOT / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "README.md"))
+    assert f"\nversion: {cn.__version__}\n" in text
+    assert set(re.findall(r"\n    doi: (\S+)", text)) == set(re.findall(r"\[doi:([^\]]+)\]", readme))
