@@ -6,7 +6,6 @@ depend on the range; so the bytes of the result do not depend on the number of t
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -17,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
+from cascadenorm.mesh.thread_pool import on_threads
+
 BLOCK = 8192
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
 SMALLEST_CHUNK = 512
@@ -25,7 +26,7 @@ _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
 
 
 def thread_count() -> int:
-    """Threads that `over` uses: the innermost `limit_threads`, else the CPUs this process may use."""
+    """Threads that `parallel_for` uses: the innermost `limit_threads`, else the CPUs this process may use."""
     limit = _limit.get()
     if limit is not None:
         return limit
@@ -106,10 +107,7 @@ def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest:
     threads = thread_count()
     chunk = max(smallest, -(-count // (threads * CHUNKS_PER_THREAD)))
     starts = range(0, count, chunk)
-    if threads == 1 or len(starts) < 2:
-        return [run(start, min(start + chunk, count), *arguments) for start in starts]
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda start: run(start, min(start + chunk, count), *arguments), starts))
+    return on_threads(threads, len(starts), lambda i: run(starts[i], min(starts[i] + chunk, count), *arguments))
 
 
 def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[Any]:
@@ -117,19 +115,24 @@ def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[An
 
     For what is no kernel, such as products of matrices, whose last bits may depend on their shape.
 
+    Parameters
+    ----------
+    count : at least 1
+
     Returns
     -------
     the rows that the calls returned, stop - start each, in one array
     """
+    first, out = Lock(), list[NDArray[Any]]()
 
-    def alone(start: int) -> NDArray[Any]:
+    def alone(i: int) -> None:
+        start, stop = i * BLOCK, min((i + 1) * BLOCK, count)
         with limit_threads(1):
-            return run(start, min(start + BLOCK, count))
+            block = run(start, stop)
+        with first:
+            if not out:
+                out.append(np.empty((count, *block.shape[1:]), block.dtype))
+        out[0][start:stop] = block
 
-    starts = range(0, count, BLOCK)
-    with ThreadPoolExecutor(thread_count()) as pool:
-        for start, block in zip(starts, pool.map(alone, starts), strict=True):
-            if start == 0:
-                out = np.empty((count, *block.shape[1:]), block.dtype)
-            out[start : start + BLOCK] = block
-    return out
+    on_threads(thread_count(), -(-count // BLOCK), alone)
+    return out[0]
