@@ -8,39 +8,48 @@ from cascadenorm.baselines.bilateral_normal import spatial_weights
 from cascadenorm.mesh import Csr, Floats32, Mesh, kernel, parallel_for
 from cascadenorm.progress import track
 
-REACH_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
-REACH_PASSES = (1, 4, 16, 64)
-NEAR_PASSES = REACH_PASSES[:-1]
-LANES = len(REACH_SIGMA_R)
-STEEPNESS = (0.125 * 0.5 / np.array(REACH_SIGMA_R) ** 2).astype(np.float32)
-"""Of the range weight of each: (1 - steepness · chord²)^8."""
-STEADY = 1 + LANES * REACH_PASSES.index(4) + REACH_SIGMA_R.index(np.inf)
-"""Number in `reaching_stack` of the normals along which vertices are smoothed."""
+LANES = 4
+"""Range spreads that are filtered side by side."""
 LARGEST = 1000.0
-"""No face weighs more in `reaching_stack` than one of so many median areas: a spike must not be seen from afar."""
+"""No face weighs more than one of so many median areas: many passes would carry a spike far."""
 
 
-def reaching_stack(mesh: Mesh, passes: tuple[int, ...] = REACH_PASSES) -> NDArray[np.float32]:
-    """Normals after each number of bilateral passes over one ring, for each of REACH_SIGMA_R.
+def iterated_bilateral_normals(
+    mesh: Mesh, *, sigma_r: tuple[float, float, float, float], passes: tuple[int, ...]
+) -> NDArray[np.float32]:
+    """Normals after each number of bilateral passes over one ring, for each σ_r.
 
     In place of e^-u the range weight is (1 - u/8)^8, which is near it and zero from u = 8 on: without an exponential
     all σ_r are filtered side by side, in 12 numbers of 4 bytes a neighbour.
 
+    Parameters
+    ----------
+    mesh : m faces; σ_s is one mean edge length
+    sigma_r : range spreads, chords between unit normals; infinity leaves the range weight out
+    passes : p numbers of passes, ascending
+
     Returns
     -------
-    (m, 1 + 4 p, 3) : the face normal first, then σ_r ascending within the p numbers of passes ascending
+    (m, 1 + 4 p, 3) : the face normal first, then the σ_r in their order within the numbers of passes
     """
     rings, own, weights = ring_weights(mesh)
+    steepness = range_steepness(sigma_r)
+    assert len(steepness) == LANES
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
     out[:, 0] = normals[:, :, 0]
     for done in track(passes[-1]):
-        parallel_for(len(normals), _reach_range, normals, own, rings, weights, STEEPNESS, after)
+        parallel_for(len(normals), _bilateral_range, normals, own, rings, weights, steepness, after)
         normals, after = after, normals
         if done + 1 in passes:
             first = 1 + LANES * passes.index(done + 1)
             out[:, first : first + LANES] = normals.transpose(0, 2, 1)
     return out
+
+
+def range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
+    """Factors of the squared chord in the range weights, (1 - steepness · chord²)^8."""
+    return (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)
 
 
 def ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
@@ -83,7 +92,7 @@ def _compiled(total, normals, f, g, weight, steepness):  # type: ignore[no-untyp
 
 
 @kernel
-def _reach_range(
+def _bilateral_range(
     start: int,
     stop: int,
     normals: Floats32,

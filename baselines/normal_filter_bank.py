@@ -1,7 +1,6 @@
 """A bank of joint bilateral filters of face normals, of which B-FND and G-FND consist (Wang, Liu, Tong 2016)."""
 
 from collections.abc import Iterator
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +9,8 @@ from cascadenorm.geometry.neighborhoods import within
 from cascadenorm.mesh import Csr, Floats, Floats32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance
 
-Neighborhood = Literal["distance", "rings"]
-"""Which faces a filter adds: those within SPREADS spatial spreads, or within RINGS rings of faces."""
-SPREADS = 2.5
-"""A disk of that radius holds 96 % of the Gaussian; two rings hold less than half at σ_s = 2 mean edge lengths."""
 MOST_NEIGHBORS = 2048
 """Where tiny faces lie among much larger ones, a filter adds the first so many: even meshes have 180 for σ_s = 2."""
-RINGS = 2
 FACES_AT_A_TIME = 1 << 15  # whose neighbours are kept at once
 
 
@@ -26,7 +20,8 @@ def filtered_normals(
     *,
     sigma_s: tuple[float, ...],
     sigma_r: tuple[float, ...],
-    neighborhood: Neighborhood = "distance",
+    cutoff: float,
+    rings: int | None = None,
 ) -> NDArray[np.float32]:
     """Filter the face normals once by a joint bilateral filter for each σ_s and each σ_r.
 
@@ -36,9 +31,9 @@ def filtered_normals(
     guides : (s, m, 3), one field of unit normals for each σ_s, between which the range weight measures the chord
     sigma_s : spatial spreads, in mean edge lengths
     sigma_r : range spreads, chords between unit normals; infinity leaves the range weight out
-    neighborhood : "distance" sums over faces whose centroid is at most SPREADS σ_s away and which such faces join to
-        the face, MOST_NEIGHBORS at most, so that each filter has its Gaussian nearly whole; "rings" sums over the RINGS
-        rings of faces around it
+    cutoff : each filter sums over faces whose centroid is at most so many σ_s away and which such faces join to the
+        face, MOST_NEIGHBORS at most; a disk of 2.5 σ_s holds 96 % of the Gaussian
+    rings : without a cutoff, sum over so many rings of faces; two hold less than half of the Gaussian at σ_s = 2
 
     Returns
     -------
@@ -47,9 +42,9 @@ def filtered_normals(
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
     spatial = 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2
     spreads = 0.5 / np.array(sigma_r) ** 2
-    farthest = np.inf if neighborhood == "rings" else SPREADS
+    farthest = cutoff if rings is None else np.inf
     guides = np.ascontiguousarray(guides)
-    for first, neighbors in _neighbors(mesh, farthest * max(sigma_s) * mesh.mean_edge_length):
+    for first, neighbors in _neighbors(mesh, cutoff * max(sigma_s) * mesh.mean_edge_length, rings):
         parallel_for(
             len(neighbors.counts), _filter_range, first, mesh.normals, guides, mesh.centroids, mesh.areas, neighbors,
             spatial, spreads, 0.5 * farthest**2, out,
@@ -57,14 +52,14 @@ def filtered_normals(
     return out
 
 
-def _neighbors(mesh: Mesh, radius: float) -> Iterator[tuple[int, Csr]]:
-    """Yield the neighbours of some faces at a time, and which face is the first; RINGS rings if the radius is infinite.
+def _neighbors(mesh: Mesh, radius: float, rings: int | None) -> Iterator[tuple[int, Csr]]:
+    """Yield the neighbours of some faces at a time, within a radius or a number of rings, and which face is the first.
 
     Those within a radius are found by a walk over faces that share a vertex, which begins at the face itself and
     includes it.
     """
-    if np.isinf(radius):
-        yield 0, mesh.topology.face_rings(RINGS)
+    if rings is not None:
+        yield 0, mesh.topology.face_rings(rings)
         return
     graph, count = mesh.topology.face_rings(1), len(mesh.faces)
     for first in range(0, count, FACES_AT_A_TIME):

@@ -13,9 +13,7 @@ Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", mi
 Weighting = Literal["heights", "angles"]
 """What the vertex update makes small; see `recover_vertices`."""
 Foldovers = Literal["avoid", "ignore"]
-"""What the vertex update does about faces that a step turns against their normal; see `recover_vertices`."""
-OVER_RELAXATION: dict[Weighting, float] = {"heights": 1.0, "angles": 2.3}
-"""Steps of the update, against the published ones."""
+"""What the vertex update does about faces that a step flips against their normal; see `recover_vertices`."""
 LEAST_HEIGHT = 0.05
 """In mean edge lengths: flatter faces count no more than those of this height."""
 
@@ -32,8 +30,8 @@ def recover_vertices(
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
     With weighting = "angles" it is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, w_f from `face_weights`.
-    Unless foldovers are ignored, a step that would turn a face against its normal is shortened, and the vertices of a
-    face that is turned already are pulled toward the middle of their neighbours until it lies right.
+    Unless foldovers are ignored, a step that would flip a face against its normal is shortened, and the vertices of a
+    face that is flipped already are pulled toward the middle of their neighbours until it lies right.
 
     Parameters
     ----------
@@ -44,7 +42,7 @@ def recover_vertices(
     weighting : "heights", as published, minimises the distances of corners from the plane of their face, which are
         small for a thin face even where its normal is far off; "angles" divides them by the height of the face, and
         over-relaxes, so that 20 sweeps converge as far as 100
-    foldovers : "avoid", or "ignore", as published, where each step is the whole sum whatever faces it turns
+    foldovers : "avoid", or "ignore", as published, where each step is the whole sum whatever faces it flips
     movable : (n,) the vertices that move; None: all
 
     Returns
@@ -53,7 +51,7 @@ def recover_vertices(
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
-    weights, step, avoid = face_weights(mesh, weighting), OVER_RELAXATION[weighting], foldovers == "avoid"
+    weights, step, avoid = face_weights(mesh, weighting), over_relaxation(weighting), foldovers == "avoid"
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
             mine = colors.row(color) if movable is None else colors.row(color)[movable[colors.row(color)]]
@@ -66,6 +64,11 @@ def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
     if weighting == "heights" or not mesh.mean_edge_length > 0:
         return np.ones(len(mesh.faces))
     return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
+
+
+def over_relaxation(weighting: Weighting) -> float:
+    """Return the length of a step against the published one."""
+    return 2.3 if weighting == "angles" else 1.0
 
 
 @kernel
@@ -93,7 +96,7 @@ def _sweep_range(
             areas, slopes = np.empty(last - first), np.empty((last - first, 3))
         place = row(vertices, i)
         step[:] = 0.0
-        total, turned = 0.0, 0
+        total, flipped = 0.0, 0
         # each face around pulls the vertex along its normal, towards its plane; those that face against it are counted
         for k in range(last - first):
             f = around.indices[first + k]
@@ -109,18 +112,18 @@ def _sweep_range(
             for d in range(3):
                 step[d] += pull * normal[d]
                 slopes[k, d] = slope[d]
-            turned += areas[k] < 0
+            flipped += areas[k] < 0
         step /= total / relaxation
         if not avoid:
             vertices[i] += step
             continue
-        if turned > 0:
+        if flipped > 0:
             _add_tangential_pull(vertices, faces, normals, around.indices[first:last], i, step)
         for _ in range(4):
             count = 0
             for k in range(last - first):
                 count += areas[k] + step[0] * slopes[k, 0] + step[1] * slopes[k, 1] + step[2] * slopes[k, 2] < 0
-            if count <= turned:
+            if count <= flipped:
                 vertices[i] += step
                 break
             step *= 0.5

@@ -13,7 +13,7 @@ from shapes import icosphere, noisy
 from cascadenorm import denoise
 from cascadenorm.baselines import iterated_bilateral
 from cascadenorm.baselines.bilateral_lanes import equals
-from cascadenorm.baselines.iterated_bilateral import _add_neighbor, reaching_stack
+from cascadenorm.baselines.iterated_bilateral import _add_neighbor, iterated_bilateral_normals
 
 compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 BALL = noisy(icosphere(2), 0.3)
@@ -39,8 +39,10 @@ import numba
 from shapes import icosphere, noisy
 from cascadenorm.baselines import iterated_bilateral as filters
 print(filters._compiled(*range(6)) is filters._add_neighbor)
-filters._reach_range = numba.njit(nogil=True, error_model="numpy")(filters._reach_range.py_func)  # whatever is kept
-print(sha256(filters.reaching_stack(noisy(icosphere(2), 0.3)).tobytes()).hexdigest())
+uncached = numba.njit(nogil=True, error_model="numpy")
+filters._bilateral_range = uncached(filters._bilateral_range.py_func)
+normals = filters.iterated_bilateral_normals(noisy(icosphere(2), 0.3), sigma_r=(0.1, 0.2, 0.5, 1.0), passes=(2, 9))
+print(sha256(normals.tobytes()).hexdigest())
 """
 DENOISED = """
 import sys
@@ -63,7 +65,8 @@ def run(code: str, **environment: str) -> list[str]:
 @compiled_only
 def test_with_another_llvmlite_plain_loops_filter_to_the_same_bytes():
     assert iterated_bilateral._compiled(*range(6)) is not _add_neighbor
-    assert run(OTHER_RELEASES["class renamed"] + FILTERED) == ["True", digest(reaching_stack(BALL))]
+    normals = iterated_bilateral_normals(BALL, sigma_r=(0.1, 0.2, 0.5, 1.0), passes=(2, 9))
+    assert run(OTHER_RELEASES["class renamed"] + FILTERED) == ["True", digest(normals)]
 
 
 @compiled_only

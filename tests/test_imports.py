@@ -95,6 +95,22 @@ def test_imports_point_one_way(module):
     assert not extra, f"{module} imports {', '.join(sorted(extra))}"
 
 
+def test_no_constant_of_the_baselines_is_taken_by_what_surrounds_them():
+    """A constant of a method can then be changed with that method alone in view."""
+    for module, path in MODULES.items():
+        if covers("baselines", module):
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        taken = {(node.module, alias.name) for node in imports for alias in node.names}
+        baselines = {name for origin, name in taken if origin == "cascadenorm.baselines"}
+        found = {name for origin, name in taken if str(origin).startswith("cascadenorm.baselines.") and name.isupper()}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and ast.unparse(node.value).rpartition(".")[2] in baselines:
+                found |= {node.attr} if node.attr.isupper() else set()
+        assert not found, f"{module} takes {', '.join(sorted(found))} of the baselines"
+
+
 def test_every_rule_is_about_a_module():
     for rule in {*MAY_IMPORT, *(name for names in MAY_IMPORT.values() for name in names)}:
         assert any(covers(rule, module) for module in MODULES), f"there is no module {rule}"

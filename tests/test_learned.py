@@ -11,23 +11,21 @@ from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.baselines import normal_filter_bank
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
-from cascadenorm.baselines.iterated_bilateral import (
-    LANES,
-    REACH_PASSES,
-    REACH_SIGMA_R,
-    STEADY,
-    _reach_range,
-    reaching_stack,
-)
-from cascadenorm.baselines.normal_filter_bank import RINGS, SPREADS, Neighborhood
+from cascadenorm.baselines.iterated_bilateral import LANES, _bilateral_range, iterated_bilateral_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
 from cascadenorm.learned.cascade import CONSTANTS, FORMAT, Cascade
 from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import (
+    CUTOFF,
     DESCRIPTORS,
     FILTERS,
+    ITERATED_PASSES,
+    ITERATED_SIGMA_R,
+    RINGS,
     SIGMA_R,
     SIGMA_S,
+    SMOOTHING_DIRECTION,
+    Neighborhood,
     bilateral_descriptor,
     guided_descriptor,
 )
@@ -61,7 +59,7 @@ def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
         rows = []
         for f in range(len(n)):
             distance = np.linalg.norm(c - c[f], axis=1)
-            near = np.flatnonzero(distance <= SPREADS * sigma_s * l)
+            near = np.flatnonzero(distance <= CUTOFF * sigma_s * l)
             g = near if neighborhood == "distance" else np.append(mesh.topology.face_rings(RINGS).row(f), f)
             w = a[g] * gauss(distance[g], sigma_s * l)
             w *= gauss(np.linalg.norm(guide[g] - guide[f], axis=1), sigma_r)
@@ -71,6 +69,11 @@ def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
     plain = [filtered(s, r, n) for s in SIGMA_S for r in SIGMA_R]
     guided = [filtered(s, r, filtered(s, np.inf, n)) for s in SIGMA_S for r in SIGMA_R[:-1]]
     return np.stack([*plain, *guided], axis=1)
+
+
+def iterated(mesh: Mesh) -> np.ndarray:
+    """Iterated bilateral normals as the first stage has them."""
+    return iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=ITERATED_PASSES)
 
 
 def stage_settings(descriptor: str, *, later: bool = False, activation: str = "tanh") -> StageSettings:
@@ -119,10 +122,10 @@ def test_a_neighborhood_by_distance_holds_the_gaussian_and_two_rings_do_not():
     """On an even triangulation, where Σ A exp(-d²/2σ²) of all faces is 2πσ²."""
     ball = icosphere(4)
     sigma_s, held = 2 * ball.mean_edge_length, []
-    for radius in (np.inf, SPREADS * sigma_s):
-        ((_, near),) = normal_filter_bank._neighbors(ball, radius)
+    for rings in (RINGS, None):
+        ((_, near),) = normal_filter_bank._neighbors(ball, CUTOFF * sigma_s, rings)
         distance = np.linalg.norm(ball.centroids[near.indices] - ball.centroids[near.rows], axis=1)
-        distance[distance > SPREADS * sigma_s] = np.inf
+        distance[distance > CUTOFF * sigma_s] = np.inf
         weights = np.bincount(near.rows, ball.areas[near.indices] * np.exp(-0.5 * (distance / sigma_s) ** 2))
         held.append(weights.mean() / (2 * np.pi * sigma_s**2))
     assert held[0] < 0.5 and held[1] > 0.94
@@ -160,17 +163,17 @@ def test_pairwise_features_are_in_order_of_pairs():
     np.testing.assert_allclose(np.exp(pairwise_features(stack))[0] - FLOOR, 1 - np.cos([0.3, 1.0, 0.7]), atol=1e-6)
 
 
-def test_reaching_stack_holds_the_bilateral_filter_after_its_passes():
-    stack = reaching_stack(MESH)
-    assert stack.shape == (len(MESH.faces), 1 + len(REACH_PASSES) * len(REACH_SIGMA_R), 3)
-    for p, passes in enumerate(REACH_PASSES):
-        got = stack[:, (p + 1) * len(REACH_SIGMA_R)]
+def test_iterated_normals_hold_the_bilateral_filter_after_its_passes():
+    stack = iterated(MESH)
+    assert stack.shape == (len(MESH.faces), 1 + len(ITERATED_PASSES) * len(ITERATED_SIGMA_R), 3)
+    for p, passes in enumerate(ITERATED_PASSES):
+        got = stack[:, (p + 1) * len(ITERATED_SIGMA_R)]
         expected = bilateral_normals(MESH, sigma_s=1.0, sigma_r=np.inf, iterations=passes, center="count")
         np.testing.assert_allclose(got, expected, atol=5e-6)
     twin = MESH.normals
     for _ in range(4):
         twin = unit((ring_weights(MESH) * compact(twin, 0.35)) @ twin)
-    at = 1 + REACH_PASSES.index(4) * len(REACH_SIGMA_R) + REACH_SIGMA_R.index(0.35)
+    at = 1 + ITERATED_PASSES.index(4) * len(ITERATED_SIGMA_R) + ITERATED_SIGMA_R.index(0.35)
     np.testing.assert_allclose(stack[:, at], twin, atol=1e-5)
 
 
@@ -180,8 +183,8 @@ def test_filters_side_by_side_are_what_the_plain_code_says():
     given = (np.ascontiguousarray(normals), MESH.areas.astype(np.float32), rings)
     weights, steepness = rng.random(len(rings.indices), np.float32), np.float32([0, 0.1, 1, 10])
     vectors, plain = np.empty((2, *normals.shape), np.float32)
-    _reach_range(0, len(normals), *given, weights, steepness, vectors)
-    getattr(_reach_range, "py_func", _reach_range)(0, len(normals), *given, weights, steepness, plain)
+    _bilateral_range(0, len(normals), *given, weights, steepness, vectors)
+    getattr(_bilateral_range, "py_func", _bilateral_range)(0, len(normals), *given, weights, steepness, plain)
     np.testing.assert_allclose(vectors, plain, atol=1e-6)
 
 
@@ -201,7 +204,7 @@ def compact(guide: np.ndarray, sigma_r: float) -> np.ndarray:
 
 @pytest.mark.parametrize("sigma_r", [np.inf, 0.35])
 def test_smoothed_vertices_take_the_mean_height_of_themselves_and_their_neighbours(sigma_r):
-    along = reaching_stack(MESH)[:, STEADY]
+    along = iterated(MESH)[:, SMOOTHING_DIRECTION]
     found = smoothed_normals(MESH, along, (1, 3), sigma_r=sigma_r)
     around = np.zeros((len(MESH.vertices), 3))
     np.add.at(around, MESH.faces.ravel(), np.repeat(MESH.areas[:, None] * along, 3, axis=0))
@@ -222,7 +225,7 @@ def test_smoothed_vertices_know_the_shape_of_triangles_and_averaged_normals_do_n
     """On a bent surface a face has not the normal at its middle, but that of the plane through its corners."""
     points = grid(30, 30).vertices - (15, 15, 0)
     bowl = Mesh(points + 0.02 * (points**2).sum(axis=1)[:, None] * (0, 0, 1), grid(30, 30).faces)
-    averaged = reaching_stack(bowl)[:, STEADY].astype(float)
+    averaged = iterated(bowl)[:, SMOOTHING_DIRECTION].astype(float)
     between = smoothed_normals(bowl, averaged, (4,))[:, 0].astype(float)
     inner = np.abs(bowl.centroids[:, :2]).max(axis=1) < 5
     error = [angles_between(found[inner], bowl.normals[inner]).mean() for found in (between, averaged)]

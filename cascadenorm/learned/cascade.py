@@ -12,13 +12,16 @@ from typing import Annotated, Any, Literal
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.baselines.iterated_bilateral import NEAR_PASSES, REACH_PASSES, REACH_SIGMA_R
-from cascadenorm.baselines.normal_filter_bank import RINGS, SPREADS
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.geometry.safeguards import safeguarded
 from cascadenorm.learned.descriptors import (
+    CUTOFF,
+    ITERATED_PASSES,
+    ITERATED_SIGMA_R,
+    LATER_ITERATED_PASSES,
     LATER_SMOOTH_PASSES,
+    RINGS,
     SIGMA_R,
     SIGMA_S,
     SMOOTH_PASSES,
@@ -37,12 +40,12 @@ FORMAT = "cascadenorm/5"
 CONSTANTS = {
     "sigma_s": SIGMA_S,
     "sigma_r": SIGMA_R,
-    "spreads": SPREADS,
+    "spreads": CUTOFF,
     "rings": RINGS,
     "context_steps": CONTEXT_STEPS,
-    "iterated_sigma_r": REACH_SIGMA_R,
-    "iterated_64_passes": REACH_PASSES,
-    "iterated_16_passes": NEAR_PASSES,
+    "iterated_sigma_r": ITERATED_SIGMA_R,
+    "iterated_64_passes": ITERATED_PASSES,
+    "iterated_16_passes": LATER_ITERATED_PASSES,
     "smooth_passes": SMOOTH_PASSES,
     "later_smooth_passes": LATER_SMOOTH_PASSES,
     "smooth_sigma_r": SMOOTH_SIGMA_R,

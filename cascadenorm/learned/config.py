@@ -6,11 +6,10 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from os import PathLike
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-from cascadenorm.baselines.normal_filter_bank import Neighborhood
 from cascadenorm.baselines.vertex_update import Foldovers, Weighting
 from cascadenorm.data_gen import DatasetConfig
 from cascadenorm.errors import ConfigError as ConfigError
-from cascadenorm.learned.descriptors import DESCRIPTORS
+from cascadenorm.learned.descriptors import DESCRIPTORS, Neighborhood
 from cascadenorm.learned.stage_settings import ACTIVATIONS, CHOICES, StageSettings
 
 if sys.version_info >= (3, 11):

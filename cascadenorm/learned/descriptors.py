@@ -1,13 +1,13 @@
 """What a stage reads of each face: its normals after filters, B-FND and G-FND (Wang, Liu, Tong 2016) among others."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.iterated_bilateral import NEAR_PASSES, REACH_PASSES, STEADY, reaching_stack
-from cascadenorm.baselines.normal_filter_bank import Neighborhood, filtered_normals
+from cascadenorm.baselines.iterated_bilateral import iterated_bilateral_normals
+from cascadenorm.baselines.normal_filter_bank import filtered_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
 from cascadenorm.mesh import Mesh, Vectors
 
@@ -15,6 +15,18 @@ SIGMA_S = (1.0, 2.0)
 """Spatial spreads of B-FND and G-FND, in mean edge lengths."""
 SIGMA_R = (0.1, 0.2, 0.35, 0.5, np.inf)
 """Range spreads of B-FND and G-FND, chords between unit normals."""
+Neighborhood = Literal["distance", "rings"]
+"""Which faces B-FND and G-FND add: those within CUTOFF spatial spreads, or within RINGS rings of faces."""
+CUTOFF = 2.5
+RINGS = 2
+ITERATED_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
+"""Range spreads of the iterated bilateral filters."""
+ITERATED_PASSES = (1, 4, 16, 64)
+"""Of the iterated bilateral filters in the first stage."""
+LATER_ITERATED_PASSES = ITERATED_PASSES[:-1]
+"""In the later ones."""
+SMOOTHING_DIRECTION = 1 + len(ITERATED_SIGMA_R) * ITERATED_PASSES.index(4) + ITERATED_SIGMA_R.index(np.inf)
+"""Number among the iterated normals of those along which vertices are smoothed: plain means, after 4 passes."""
 SMOOTH_PASSES = (1, 2, 4, 8, 16, 64)
 """Of smoothing of the vertices in the first stage."""
 LATER_SMOOTH_PASSES = SMOOTH_PASSES[:-2]
@@ -53,17 +65,18 @@ def guided_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
 
 
 def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...], neighborhood: Neighborhood) -> Stack:
-    return filtered_normals(mesh, guides, sigma_s=SIGMA_S, sigma_r=sigma_r, neighborhood=neighborhood)
+    rings = RINGS if neighborhood == "rings" else None
+    return filtered_normals(mesh, guides, sigma_s=SIGMA_S, sigma_r=sigma_r, cutoff=CUTOFF, rings=rings)
 
 
 class Filters(NamedTuple):
-    """The filters that pass over a mesh many times: `reaching_stack` and `smoothed_normals`, or the same on a GPU."""
+    """The filters that pass over a mesh many times: those of the baselines, or the same on a GPU."""
 
     iterated_bilateral: Callable[..., Stack]
     smoothed: Callable[..., Stack]
 
 
-FILTERS = Filters(reaching_stack, smoothed_normals)
+FILTERS = Filters(iterated_bilateral_normals, smoothed_normals)
 """Those of the processor."""
 
 Parts = list[Stack]
@@ -73,15 +86,19 @@ def _own(mesh: Mesh) -> Stack:
     return mesh.normals[:, None].astype(np.float32)
 
 
+def _iterated(mesh: Mesh, filters: Filters, passes: tuple[int, ...]) -> Stack:
+    return filters.iterated_bilateral(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes)
+
+
 def _first(mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> Parts:
-    iterated = filters.iterated_bilateral(mesh, REACH_PASSES)
-    return [iterated, filters.smoothed(mesh, iterated[:, STEADY], SMOOTH_PASSES)]
+    iterated = _iterated(mesh, filters, ITERATED_PASSES)
+    return [iterated, filters.smoothed(mesh, iterated[:, SMOOTHING_DIRECTION], SMOOTH_PASSES)]
 
 
 def _later(mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> Parts:
     """Filter what the stage before left; and smooth the noisy mesh along its normals, so that detail can come back."""
-    iterated = filters.iterated_bilateral(mesh, NEAR_PASSES)
-    smoothed = filters.smoothed(mesh, iterated[:, STEADY], LATER_SMOOTH_PASSES)
+    iterated = _iterated(mesh, filters, LATER_ITERATED_PASSES)
+    smoothed = filters.smoothed(mesh, iterated[:, SMOOTHING_DIRECTION], LATER_SMOOTH_PASSES)
     return [iterated, smoothed, filters.smoothed(noisy, mesh.normals, LATER_SMOOTH_PASSES, sigma_r=SMOOTH_SIGMA_R)]
 
 
@@ -90,9 +107,9 @@ DESCRIPTORS: dict[str, Callable[[Mesh, Mesh, Filters, Neighborhood], Parts]] = {
     "B+G": lambda mesh, noisy, filters, neighborhood: [guided_descriptor(mesh, neighborhood)],
     "n+B": lambda mesh, noisy, filters, neighborhood: [_own(mesh), bilateral_descriptor(mesh, neighborhood)],
     "n+B+G": lambda mesh, noisy, filters, neighborhood: [_own(mesh), guided_descriptor(mesh, neighborhood)],
-    "iterated-64": lambda mesh, noisy, filters, neighborhood: [filters.iterated_bilateral(mesh, REACH_PASSES)],
+    "iterated-64": lambda mesh, noisy, filters, neighborhood: [_iterated(mesh, filters, ITERATED_PASSES)],
     "iterated-64+smoothed": _first,
-    "iterated-16": lambda mesh, noisy, filters, neighborhood: [filters.iterated_bilateral(mesh, NEAR_PASSES)],
+    "iterated-16": lambda mesh, noisy, filters, neighborhood: [_iterated(mesh, filters, LATER_ITERATED_PASSES)],
     "iterated-16+smoothed": _later,
 }
 """What a stage may read of a mesh and of how it was before the first stage, by the name in settings and weights.

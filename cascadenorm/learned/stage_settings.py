@@ -7,9 +7,8 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.normal_filter_bank import Neighborhood
 from cascadenorm.baselines.vertex_update import Foldovers, Weighting
-from cascadenorm.learned.descriptors import DESCRIPTORS
+from cascadenorm.learned.descriptors import DESCRIPTORS, Neighborhood
 
 ACTIVATIONS: dict[str, Callable[[NDArray[np.float32]], NDArray[np.float32]]] = {
     "tanh": np.tanh,

@@ -14,9 +14,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from cascadenorm.baselines.iterated_bilateral import LANES, STEEPNESS, ring_weights
+from cascadenorm.baselines.iterated_bilateral import range_steepness, ring_weights
 from cascadenorm.baselines.smoothed_normals import vertex_directions
-from cascadenorm.baselines.vertex_update import OVER_RELAXATION, Foldovers, Weighting, face_weights
+from cascadenorm.baselines.vertex_update import Foldovers, Weighting, face_weights, over_relaxation
 from cascadenorm.learned.descriptors import Filters, Stack
 from cascadenorm.learned.engine import Engine
 from cascadenorm.learned.features import CONTEXT_STEPS, component_means, openness
@@ -124,14 +124,16 @@ def _eighth_power(x: Tensor) -> Tensor:
     return x.square().square().square()
 
 
-def _iterated_bilateral(device: torch.device, mesh: Mesh, passes: tuple[int, ...]) -> Stack:
-    """As `iterated_bilateral.reaching_stack`, to the last digit."""
+def _iterated_bilateral(
+    device: torch.device, mesh: Mesh, *, sigma_r: tuple[float, ...], passes: tuple[int, ...]
+) -> Stack:
+    """As `iterated_bilateral.iterated_bilateral_normals`, to the last digit."""
     csr, own, others = ring_weights(mesh)
     rings = _Rows(csr, device)
     weights = rings.filled(torch.tensor(own, device=device), others)[:, None]
-    steepness = torch.tensor(STEEPNESS, device=device)
+    steepness = torch.tensor(range_steepness(sigma_r), device=device)
     first = torch.tensor(mesh.normals, dtype=torch.float32, device=device)
-    normals = first[:, :, None].repeat(1, 1, LANES)
+    normals = first[:, :, None].repeat(1, 1, len(sigma_r))
     out, after = [first[:, None]], torch.empty_like(normals)
     for done in track(passes[-1]):
         for part in rings:
@@ -237,10 +239,10 @@ def _groups(device: torch.device, mesh: Mesh, normals: Vectors, weights: NDArray
         faces = around.indices[np.arange(offsets[-1]) + np.repeat(around.indptr[mine] - offsets[:-1], counts)]
         corners = mesh.faces[faces]
         first = (corners == np.repeat(mine, counts)[:, None]).argmax(axis=1)
-        turned = np.take_along_axis(corners, (first[:, None] + np.arange(3)) % 3, axis=1).T
+        rotated = np.take_along_axis(corners, (first[:, None] + np.arange(3)) % 3, axis=1).T
         yield _Group(
             torch.tensor(mine, device=device).long(),
-            torch.tensor(turned, device=device).long(),
+            torch.tensor(rotated, device=device).long(),
             torch.tensor(normals[faces], device=device),
             torch.tensor(weights[faces], device=device),
             _Part(slice(0, len(mine)), slice(0, len(faces)), torch.tensor(offsets, device=device)),
@@ -261,7 +263,7 @@ def _recovered(
     groups = list(_groups(device, mesh, normals, face_weights(mesh, weighting)))
     for _ in range(sweeps):
         for group in groups:
-            positions[group.vertices] += _step(group, positions, OVER_RELAXATION[weighting], foldovers)
+            positions[group.vertices] += _step(group, positions, over_relaxation(weighting), foldovers)
     return positions.cpu().numpy()
 
 
@@ -275,12 +277,12 @@ def _step(group: _Group, positions: Tensor, relaxation: float, foldovers: Foldov
     if foldovers == "ignore":
         return step
     areas, slopes = _dot(n, _cross(u, v)), _cross(n, v - u)
-    turned = around.sums((areas < 0).double())
-    step = torch.where(turned[:, None] > 0, step + _tangential_pull(group, positions), step)
-    moves, waiting = torch.zeros_like(step), torch.ones_like(turned, dtype=torch.bool)
+    flipped = around.sums((areas < 0).double())
+    step = torch.where(flipped[:, None] > 0, step + _tangential_pull(group, positions), step)
+    moves, waiting = torch.zeros_like(step), torch.ones_like(flipped, dtype=torch.bool)
     for _ in range(4):
         after = areas + _dot(around.own(step), slopes)
-        admitted = waiting & (around.sums((after < 0).double()) <= turned)
+        admitted = waiting & (around.sums((after < 0).double()) <= flipped)
         moves = torch.where(admitted[:, None], step, moves)
         waiting &= ~admitted
         step = 0.5 * step
