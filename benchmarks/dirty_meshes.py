@@ -59,8 +59,8 @@ def dirty_meshes() -> dict[str, Dirty]:
     def scaled(scale: float, offset: Any = (0.0, 0.0, 0.0), kind: type = np.float64) -> Dirty:
         return Dirty((vertices * scale + offset).astype(kind), faces, True, scale, offset)
 
-    turned, inside_out = faces.copy(), faces[:, ::-1].copy()
-    turned[::3] = turned[::3, ::-1]
+    flipped, inside_out = faces.copy(), faces[:, ::-1].copy()
+    flipped[::3] = flipped[::3, ::-1]
     shifts = np.random.default_rng(1).uniform(-50, 50, (2000, 1, 3))
     tetrahedron = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
     corners = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -81,7 +81,7 @@ def dirty_meshes() -> dict[str, Dirty]:
             vertices[faces[:9, 0]] * 1.3, np.column_stack([faces[:9, :2], count + np.arange(9)])
         ),
         "components joined at a vertex": more(vertices[0] + [[0.5, 0.3, 0], [0.5, -0.3, 0.2]], [0, count, count + 1]),
-        "every third face flipped": Dirty(vertices, turned, alike=True),
+        "every third face flipped": Dirty(vertices, flipped, alike=True),
         "inside out": Dirty(vertices, inside_out, alike=True),
         "passes through itself": Dirty(
             np.concatenate([vertices, vertices[:, [2, 0, 1]] + 1]), np.concatenate([faces, faces + count])

@@ -76,7 +76,7 @@ def _bilateral_normal(mesh: Mesh, parameters: Parameters) -> dict[str, Any]:
 def _bilateral_normal_same_update(mesh: Mesh, parameters: Parameters) -> Vectors:
     settings = _bilateral_normal(mesh, parameters)
     sweeps = settings.pop("sweeps")
-    return simultaneous_update(mesh, bilateral_normals(mesh, **settings), sweeps, hold_rim=True)
+    return simultaneous_update(mesh, bilateral_normals(mesh, **settings), sweeps, fix_boundary=True)
 
 
 def _guided_normal(mesh: Mesh, parameters: Parameters) -> dict[str, Any]:
@@ -126,11 +126,11 @@ PROGRAMS = {
 }
 
 
-def simultaneous_update(mesh: Mesh, normals: Vectors, sweeps: int, *, hold_rim: bool = False) -> Vectors:
+def simultaneous_update(mesh: Mesh, normals: Vectors, sweeps: int, *, fix_boundary: bool = False) -> Vectors:
     """Fit vertices to normals as those programs do: all at once, folds ignored, the boundary fixed if so asked."""
     vertices = mesh.vertices.copy()
     count = np.maximum(mesh.topology.vertex_faces.counts, 1)[:, None]
-    free = ~(mesh.topology.boundary_vertices & hold_rim)
+    free = ~(mesh.topology.boundary_vertices & fix_boundary)
     for _ in range(sweeps):
         corners = vertices[mesh.faces]
         reach = np.einsum("md,mkd->mk", normals, corners.mean(axis=1, keepdims=True) - corners)

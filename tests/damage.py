@@ -84,7 +84,7 @@ def _with_span_twice(data: bytes, others: Sequence[bytes], rng: Generator) -> by
     return data[:end] + data[begin:]
 
 
-def _with_foreign_span(data: bytes, others: Sequence[bytes], rng: Generator) -> bytes:
+def _with_span_of_another(data: bytes, others: Sequence[bytes], rng: Generator) -> bytes:
     other = others[rng.integers(len(others))]
     begin, end = _span(other, rng)
     at, stop = _span(data, rng)
@@ -117,7 +117,7 @@ DAMAGES: list[Callable[[bytes, Sequence[bytes], Generator], bytes]] = [
     _truncated,
     _without_span,
     _with_span_twice,
-    _with_foreign_span,
+    _with_span_of_another,
     _with_other_number,
     _with_other_bytes,
     _with_lines_swapped,
@@ -131,7 +131,7 @@ class Arrays(NamedTuple):
     faces: NDArray[np.int64]
 
 
-def mean_mesh(rng: Generator) -> Arrays:
+def adversarial_mesh(rng: Generator) -> Arrays:
     """Return a small mesh, finite and with indices in range, in which everything else may be wrong."""
     shape = rng.integers(4)
     if shape == 0:
@@ -159,9 +159,9 @@ def _with_repeated_faces(vertices, faces, rng):
     return vertices, np.concatenate([faces, np.roll(again, 1, axis=1)])
 
 
-def _with_turned_faces(vertices, faces, rng):
-    turned = rng.random(len(faces)) < 0.3
-    return vertices, np.where(turned[:, None], faces[:, ::-1], faces)
+def _with_flipped_faces(vertices, faces, rng):
+    flipped = rng.random(len(faces)) < 0.3
+    return vertices, np.where(flipped[:, None], faces[:, ::-1], faces)
 
 
 def _with_fins(vertices, faces, rng):
@@ -205,7 +205,7 @@ def _with_few_faces(vertices, faces, rng):
 SPOILT = [
     _with_repeated_corners,
     _with_repeated_faces,
-    _with_turned_faces,
+    _with_flipped_faces,
     _with_fins,
     _with_places_shared,
     _with_a_spike,
@@ -268,7 +268,7 @@ def denoised(rng: Generator) -> str:
     import cascadenorm as cn
     from cascadenorm.mesh import bad_faces
 
-    mesh = mean_mesh(rng)
+    mesh = adversarial_mesh(rng)
     count = len(mesh.vertices)
     method = str(rng.choice(sorted(cn.methods())))
     settings = {"method": method, "strength": float(rng.choice([0, 0.3, 1, 1, 1, 2.5]))}

@@ -146,11 +146,11 @@ def test_limit_comes_after_the_volume():
     assert np.linalg.norm(out - BALL.vertices, axis=1).max() <= 1e-3
 
 
-def test_open_turned_and_flat_parts_are_not_scaled():
+def test_open_flipped_and_flat_parts_are_not_scaled():
     sheet = noisy(grid(4, 4), 0.1)
-    turned = BALL.faces.copy()
-    turned[3] = turned[3, ::-1]
-    for mesh in (sheet, Mesh(BALL.vertices, turned)):
+    flipped = BALL.faces.copy()
+    flipped[3] = flipped[3, ::-1]
+    for mesh in (sheet, Mesh(BALL.vertices, flipped)):
         assert not is_closed(mesh)
         assert closed_parts(mesh).total == 0
         kept = with_volume_of(mesh, mesh.vertices * 0.9, weights=np.ones(len(mesh.vertices)))
@@ -160,7 +160,7 @@ def test_open_turned_and_flat_parts_are_not_scaled():
     np.testing.assert_array_equal(with_volume_of(flat, flat.vertices * 2, weights=np.ones(42)), flat.vertices * 2)
 
 
-def test_volume_is_kept_where_faces_are_turned_and_where_all_are():
+def test_volume_is_kept_where_faces_are_flipped_and_where_all_are():
     kept = cn.denoise(BALL, method="laplacian", volume="keep").vertices
     for which in ([3, 50], slice(None)):
         faces = BALL.faces.copy()

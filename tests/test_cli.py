@@ -68,7 +68,7 @@ def test_options_reach_the_method_and_its_controls(place):
     np.testing.assert_array_equal(cn.read("out.ply").mesh.vertices, expected.vertices)
 
 
-def test_rims_and_detail_reach_the_controls(place, capsys):
+def test_boundaries_and_detail_reach_the_controls(place, capsys):
     sheet = noisy(grid(4, 4), 0.1)
     save_mesh(place / "sheet.ply", sheet)
     options = ["--boundary", "smooth", "--keep-detail", "2 edges"]

@@ -35,7 +35,7 @@ def test_two_steps_rebuild_the_laplacian():
     np.testing.assert_allclose(mean_curvature_flow(mesh, step=0.3, iterations=2), expected, atol=1e-9)
 
 
-def test_a_flat_disk_with_its_rim_held_stays():
+def test_a_flat_disk_with_its_boundary_held_stays():
     disk = Mesh([(0.1, 0.2, 0), (1, 0, 0), (0, 1, 0), (-1, -1, 0)], [(0, 1, 2), (0, 2, 3), (0, 3, 1)])
     moved = mean_curvature_flow(disk, step=1.0, iterations=5, region=np.array([True, False, False, False]))
     np.testing.assert_allclose(moved, disk.vertices, atol=1e-12)

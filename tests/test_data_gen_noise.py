@@ -109,8 +109,8 @@ def test_unknown_kinds_and_negative_levels_are_refused(ball):
 
 
 def test_a_closed_surface_is_seen_from_a_direction_that_is_drawn(ball):
-    turned = Mesh(ball.vertices, np.roll(ball.faces[::-1], 1, axis=1))
-    one, two = (displacements(mesh, "sensor", level=0.2, rng=np.random.default_rng(3)) for mesh in (ball, turned))
+    flipped = Mesh(ball.vertices, np.roll(ball.faces[::-1], 1, axis=1))
+    one, two = (displacements(mesh, "sensor", level=0.2, rng=np.random.default_rng(3)) for mesh in (ball, flipped))
     np.testing.assert_allclose(one, two, atol=1e-12)
     other = displacements(ball, "sensor", level=0.2, rng=np.random.default_rng(4))
     towards = [moves[np.abs(moves).sum(axis=1).argmax()] for moves in (one, other)]

@@ -74,13 +74,13 @@ def test_what_does_not_matter_changes_nothing(name, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_faces_that_are_turned_change_no_bit(method):
+def test_flipped_faces_change_no_bit(method):
     for name in ("every third face flipped", "inside out"):
         assert denoised(name, method).tobytes() == denoised("sound", method).tobytes()
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_face_that_names_a_vertex_twice_weighs_nothing_however_long_it_is(method):
+def test_a_face_that_repeats_a_vertex_weighs_nothing_however_long_it_is(method):
     sound = cn.Mesh(*SOUND[:2])
     far = np.argmax(np.linalg.norm(sound.vertices - sound.vertices[0], axis=1))
     faces = np.vstack([sound.faces, [(0, 0, far), (1, 1, 1), (far, 2, 2)]])

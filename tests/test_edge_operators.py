@@ -53,7 +53,7 @@ def test_degenerate_triangles_give_finite_weights(operator):
         assert np.isfinite(edge_coefficients(vertices, QUAD, operator)).all()
 
 
-def test_quads_leave_out_rims_folds_and_edges_of_three_faces():
+def test_quads_leave_out_boundaries_folds_and_edges_of_three_faces():
     assert sorted(edge_quads(Mesh(hinge(1), TWO_FACES).topology)[0]) == [0, 1, 2, 3]
     vertices = np.random.default_rng(0).normal(size=(6, 3))
     assert len(edge_quads(Mesh(vertices, [(0, 1, 2), (1, 0, 3), (0, 1, 4)]).topology)) == 0

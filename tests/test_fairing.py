@@ -82,7 +82,7 @@ def test_vertices_around_keep_their_bits_and_lone_ones_too():
     assert (fairing(lone, region=np.zeros(163, bool)) == lone.vertices).all()
 
 
-def test_a_free_rim_is_allowed():
+def test_a_free_boundary_is_allowed():
     region = X > 0.6
     bent = over_the_plane(np.sin(5 * Y))
     for order in (1, 2, 3):

@@ -48,14 +48,14 @@ def test_more_damaged_files_are_read_or_refused(name):
 
 @settings(few, max_examples=200)
 @given(seeds)
-def test_mean_meshes_are_denoised_or_refused(rng):
+def test_adversarial_meshes_are_denoised_or_refused(rng):
     assert 0 < len(denoised(rng)) < 1000  # done, or a reason that can be read
 
 
 @pytest.mark.slow
 @settings(few, max_examples=2000)
 @given(seeds)
-def test_more_mean_meshes_are_denoised_or_refused(rng):
+def test_more_adversarial_meshes_are_denoised_or_refused(rng):
     assert 0 < len(denoised(rng)) < 1000  # done, or a reason that can be read
 
 

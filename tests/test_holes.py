@@ -157,7 +157,7 @@ def test_far_from_the_origin_nothing_is_lost():
     np.testing.assert_allclose(filled.vertices - shift, expected.vertices, rtol=0, atol=1e-7)
 
 
-def test_faces_that_name_a_vertex_twice_close_no_hole():
+def test_faces_that_repeat_a_vertex_close_no_hole():
     mesh = without_cap(3, 0.9)
     loop = boundary_loops(mesh)[0]
     lines = np.stack([loop, np.roll(loop, 1), loop], axis=1)

@@ -136,7 +136,7 @@ def test_a_vertex_where_two_surfaces_meet():
     assert inspect(pinched).genus is None
 
 
-def test_turned_faces_and_parts_that_are_inside_out():
+def test_flipped_faces_and_parts_that_are_inside_out():
     faces = BALL.faces.copy()
     faces[40] = faces[40, ::-1]
     found = only(Mesh(BALL.vertices, faces), "flipped_edges")
@@ -229,7 +229,7 @@ def test_noise_on_a_plane_is_right_within_its_scatter():
     assert noise_level(rough) * rough.mean_edge_length == pytest.approx(0.01, rel=0.03)
 
 
-def test_noise_needs_edges_away_from_the_rim():
+def test_noise_needs_edges_away_from_the_boundary():
     assert noise_level(grid(3, 3)) is None
     assert inspect([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).noise is None
 

@@ -56,7 +56,7 @@ def test_a_plane_and_a_cube_are_fixed(operator):
         assert np.abs(l0(mesh, operator=operator) - mesh.vertices).max() < bound * mesh.mean_edge_length
 
 
-def test_rims_unused_vertices_and_degenerate_faces_do_no_harm():
+def test_boundaries_unused_vertices_and_degenerate_faces_do_no_harm():
     sheet = noisy(grid(8, 8), 0.1)
     vertices = np.concatenate([sheet.vertices, [[5.0, 5, 5]]])
     dirty = Mesh(vertices, np.concatenate([sheet.faces, [[0, 0, 1], [0, 1, 40]]]))

@@ -22,7 +22,7 @@ OPEN = noisy(CLEAN_OPEN, 0.1, seed=2)
 
 
 POINTS = np.random.default_rng(0).normal(size=(30, 3))
-MEAN_MESHES = {
+ADVERSARIAL_MESHES = {
     "one triangle": (POINTS, [[0, 1, 2]]),
     "three faces at an edge": (POINTS, [[0, 1, 2], [0, 1, 3], [0, 1, 4]]),
     "one face three times": (POINTS, [[0, 1, 2], [0, 1, 2], [0, 2, 1]]),
@@ -231,19 +231,19 @@ def test_unused_vertices_and_faces_without_area_do_no_harm(name):
     assert out[count : count + 2].tobytes() == strays.tobytes()
 
 
-@pytest.mark.parametrize("mean", MEAN_MESHES)
-def test_mean_meshes_come_out_finite(name, mean):
-    vertices, faces = MEAN_MESHES[mean]
+@pytest.mark.parametrize("mesh", ADVERSARIAL_MESHES)
+def test_adversarial_meshes_come_out_finite(name, mesh):
+    vertices, faces = ADVERSARIAL_MESHES[mesh]
     out = cn.denoise(vertices, faces, method=name)
     assert out.shape == vertices.shape and np.isfinite(out).all()
     loose = np.setdiff1d(np.arange(len(vertices)), faces)
     np.testing.assert_array_equal(out[loose], vertices[loose])
 
 
-@pytest.mark.parametrize("mean", MEAN_MESHES)
+@pytest.mark.parametrize("mesh", ADVERSARIAL_MESHES)
 @pytest.mark.parametrize("method", ["laplacian", "bilateral-normal"])
-def test_mean_meshes_come_out_finite_under_all_controls(method, mean):
-    vertices, faces = MEAN_MESHES[mean]
+def test_adversarial_meshes_come_out_finite_under_all_controls(method, mesh):
+    vertices, faces = ADVERSARIAL_MESHES[mesh]
     for keep in (0.5, "3 edges", "inf"):
         out = cn.denoise(
             vertices, faces, method=method, boundary="smooth", creases=30, keep_detail=keep, strength=2, volume="keep"

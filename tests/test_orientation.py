@@ -12,7 +12,7 @@ BALL = icosphere(2)
 SHEET = grid(5, 4)
 
 
-def turned(mesh: Mesh, which) -> Mesh:
+def flipped(mesh: Mesh, which) -> Mesh:
     faces = mesh.faces.copy()
     faces[which] = faces[which, ::-1]
     return Mesh(mesh.vertices, faces)
@@ -25,31 +25,31 @@ def together(*meshes: Mesh) -> Mesh:
     return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
-@pytest.mark.parametrize("mesh", [BALL, SHEET, turned(SHEET, slice(None)), cube(2), together(BALL, SHEET)])
-def test_what_is_wound_alike_is_returned_itself(mesh):
+@pytest.mark.parametrize("mesh", [BALL, SHEET, flipped(SHEET, slice(None)), cube(2), together(BALL, SHEET)])
+def test_what_is_consistently_oriented_is_returned_itself(mesh):
     assert oriented(mesh) is mesh
 
 
 @given(st.lists(st.booleans(), min_size=len(BALL.faces), max_size=len(BALL.faces)))
 @settings(max_examples=30, deadline=None)
-def test_a_closed_part_comes_out_the_same_whatever_was_turned(which):
-    np.testing.assert_array_equal(oriented(turned(BALL, np.array(which))).faces, BALL.faces)
+def test_a_closed_part_comes_out_the_same_whatever_was_flipped(which):
+    np.testing.assert_array_equal(oriented(flipped(BALL, np.array(which))).faces, BALL.faces)
 
 
 @given(st.sets(st.integers(0, len(SHEET.faces) - 1), max_size=len(SHEET.faces) // 2 - 1))
 @settings(max_examples=30, deadline=None)
 def test_an_open_part_follows_the_majority(which):
-    np.testing.assert_array_equal(oriented(turned(SHEET, sorted(which))).faces, SHEET.faces)
+    np.testing.assert_array_equal(oriented(flipped(SHEET, sorted(which))).faces, SHEET.faces)
 
 
 def test_without_a_majority_the_first_face_decides():
-    half = turned(SHEET, slice(len(SHEET.faces) // 2, None))
+    half = flipped(SHEET, slice(len(SHEET.faces) // 2, None))
     np.testing.assert_array_equal(oriented(half).faces, SHEET.faces)
 
 
-def test_parts_are_turned_each_by_itself_however_small_or_far():
-    mesh = together(BALL, BALL.moved(BALL.vertices * 1e-9 + 3), SHEET, turned(SHEET, slice(None)))
-    inside_out = turned(mesh, slice(0, 2 * len(BALL.faces)))
+def test_parts_are_flipped_each_by_itself_however_small_or_far():
+    mesh = together(BALL, BALL.moved(BALL.vertices * 1e-9 + 3), SHEET, flipped(SHEET, slice(None)))
+    inside_out = flipped(mesh, slice(0, 2 * len(BALL.faces)))
     np.testing.assert_array_equal(oriented(inside_out).faces, mesh.faces)
 
 
@@ -60,7 +60,7 @@ def test_no_patch_goes_on_across_an_edge_of_three_faces():
     faces = wings.faces.copy()
     faces[faces == BALL.faces[0, 0] + len(BALL.vertices)] = BALL.faces[0, 0]  # two balls that touch in a vertex
     pinched = Mesh(wings.vertices, faces)
-    back = oriented(turned(pinched, np.arange(len(faces)) % 3 == 0))
+    back = oriented(flipped(pinched, np.arange(len(faces)) % 3 == 0))
     np.testing.assert_array_equal(back.faces, faces)
 
 
@@ -73,11 +73,11 @@ def test_copies_of_a_face_count_as_one():
     np.testing.assert_allclose(normals[-6:], BALL.normals[3:9])
 
 
-def test_faces_that_name_a_vertex_twice_neither_join_nor_part_others():
+def test_faces_that_repeat_a_vertex_neither_join_nor_part_others():
     a, b, _ = BALL.faces[4]
     mesh = Mesh(BALL.vertices, np.concatenate([BALL.faces, [[a, a, b], [b, b, b]]]))
     assert oriented(mesh) is mesh
-    np.testing.assert_array_equal(oriented(turned(mesh, [4, 9])).faces, mesh.faces)
+    np.testing.assert_array_equal(oriented(flipped(mesh, [4, 9])).faces, mesh.faces)
 
 
 def test_a_moebius_strip_keeps_one_seam():
@@ -91,7 +91,7 @@ def test_a_moebius_strip_keeps_one_seam():
     faces = np.concatenate([np.stack(t, axis=1) for t in ((ring, ahead, low), (ahead, ahead_low, low))])
     strip = oriented(Mesh(vertices, faces))
     assert len(breaks(strip)) == 1
-    np.testing.assert_array_equal(oriented(turned(strip, [5, 11, 12])).faces, strip.faces)
+    np.testing.assert_array_equal(oriented(flipped(strip, [5, 11, 12])).faces, strip.faces)
 
 
 def breaks(mesh: Mesh) -> np.ndarray:

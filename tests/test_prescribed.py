@@ -30,7 +30,7 @@ def test_with_weights_one_it_is_the_gradient_of_the_area():
     np.testing.assert_allclose(area_gradient(MESH, np.ones(len(MESH.topology.edges))), expected, atol=1e-12)
 
 
-def test_weights_are_one_where_it_is_smooth_small_at_creases_and_zero_at_rims():
+def test_weights_are_one_where_it_is_smooth_small_at_creases_and_zero_at_boundaries():
     sphere = icosphere(4)
     assert (crease_weights(sphere, sphere.vertices, threshold=0.2) == 1).all()
     box = cube(8)
@@ -63,7 +63,7 @@ def test_cylinder_keeps_its_radius_where_mean_curvature_flow_shrinks_it():
     assert kept.std() < 0.4 * radii(rough.vertices).std()
 
 
-def test_noise_free_cylinder_stays_and_so_does_its_rim():
+def test_noise_free_cylinder_stays_and_so_does_its_boundary():
     clean, _ = cylinder(40, 10)
     moved = prescribed_mean_curvature(clean, iterations=10)
     assert np.linalg.norm(moved - clean.vertices, axis=1).max() < 0.1 * clean.mean_edge_length

@@ -239,13 +239,13 @@ def test_a_process_that_a_scheduler_has_numbered_is_alone_all_the_same(monkeypat
     assert not is_main() and not is_local_main()
 
 
-@pytest.mark.parametrize(("cards", "expected"), [(0, "cpu"), (1, "cpu"), (2, "cuda:1")])
-def test_each_process_has_a_card_of_its_own_or_none_has_one(monkeypatch, cards, expected):
+@pytest.mark.parametrize(("count", "expected"), [(0, "cpu"), (1, "cpu"), (2, "cuda:1")])
+def test_each_process_has_a_gpu_of_its_own_or_none_has_one(monkeypatch, count, expected):
     for name, value in {"WORLD_SIZE": "4", "LOCAL_WORLD_SIZE": "2", "LOCAL_RANK": "1", "RANK": "3"}.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: cards)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: count)
     assert distributed.device() == torch.device(expected)
-    with ThreadPoolExecutor(1) as pool:  # networks are trained in threads, which do not know of one another's card
+    with ThreadPoolExecutor(1) as pool:  # networks are trained in threads, which do not know of one another's GPU
         assert pool.submit(distributed.device).result() == torch.device(expected)
 
 

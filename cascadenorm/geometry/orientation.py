@@ -14,35 +14,35 @@ class Patches(NamedTuple):
     Parameters
     ----------
     patch : (m,) the first face of the patch of each
-    against : (m,) whether it is oriented against that one
-    at_border : (m,) whether its patch ends at one of its edges
+    flipped : (m,) whether its orientation is opposite to that of this one
+    at_boundary : (m,) whether one of its edges bounds the patch
     """
 
     patch: NDArray[np.int32]
-    against: NDArray[np.bool_]
-    at_border: NDArray[np.bool_]
+    flipped: NDArray[np.bool_]
+    at_boundary: NDArray[np.bool_]
 
 
 def oriented(mesh: Mesh) -> Mesh:
     """Return the mesh with the faces of each patch consistently oriented, those of closed patches outward.
 
     A patch is what is connected across edges of two faces; faces on the same three vertices count as one there. It
-    ends where more faces meet, since which of them continues which is open there. A face that repeats a vertex is a
-    patch of its own.
+    ends where more faces meet, since there is no telling which of them continues which. A face that repeats a vertex
+    is a patch of its own.
 
     Which way round an open patch lies is up to the majority of its faces, and to the first if there is none; a patch
     with a single side, such as a Möbius strip, keeps a seam. So the result does not depend on how the faces came, as
-    long as less than half of an open patch was turned.
+    long as less than half of an open patch was flipped.
 
     Returns
     -------
-    The same vertices and faces, some of which name their corners backwards; `mesh` itself where none has to be turned
+    The mesh with some faces flipped, their vertices in reverse order; `mesh` itself where none has to be
     """
-    turned = _turned(mesh)
-    if not turned.any():
+    flipped = _to_flip(mesh)
+    if not flipped.any():
         return mesh
     faces = mesh.faces.copy()
-    faces[turned] = faces[turned, ::-1]
+    faces[flipped] = faces[flipped, ::-1]
     return Mesh(mesh.vertices, faces)
 
 
@@ -54,15 +54,15 @@ def patches(mesh: Mesh) -> Patches:
     return found
 
 
-def _turned(mesh: Mesh) -> NDArray[np.bool_]:
-    """Return which faces have to be turned, (m,)."""
-    count, (patch, against, at_border) = len(mesh.faces), patches(mesh)
-    sign = np.where(against, -1.0, 1.0)
+def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
+    """Return which faces have to be flipped, (m,)."""
+    count, (patch, flipped, at_boundary) = len(mesh.faces), patches(mesh)
+    sign = np.where(flipped, -1.0, 1.0)
     wanted = scatter_add(patch, sign, count)
     wanted[wanted == 0] = 1.0
     volume = scatter_add(patch, sign * _volumes(mesh, patch), count)
     closed = np.ones(count, bool)
-    closed[patch[at_border]] = False
+    closed[patch[at_boundary]] = False
     wanted = np.where(closed & (volume != 0), volume, wanted)
     return np.asarray(sign * wanted[patch] < 0)
 
@@ -74,10 +74,10 @@ def _volumes(mesh: Mesh, patch: NDArray[np.int32]) -> NDArray[np.float64]:
 
 
 @kernel
-def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, against: Bools, at_border: Bools) -> None:
-    """Number each face by the first of its patch, and tell whether it is oriented against that one.
+def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Bools, at_boundary: Bools) -> None:
+    """Number each face by the first of its patch, and tell whether its orientation is opposite to that of this one.
 
-    Until the end, `patch` leads to an earlier face of the same patch, and `against` is meant against that one.
+    Until the end, `patch` leads to an earlier face of the same patch, and `flipped` is relative to that one.
     Union-find with a bit for each face. The connected components of the orientation double cover, of a spanning tree
     where a patch has a single side, are the same, but take scipy eight times as long.
     """
@@ -90,38 +90,38 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, against: Boo
             if _repeats_vertex(faces, f):
                 continue
             if apexes != 2:
-                at_border[f] = True
+                at_boundary[f] = True
             if first < 0:
                 first = f
             elif apexes <= 2:
                 # neighbours run along their edge in opposite ways, copies of one face in the same way
-                alike = _runs(faces, f, a, b) == _runs(faces, first, a, b)
+                same = _runs(faces, f, a, b) == _runs(faces, first, a, b)
                 twins = _apex(faces, f, a, b) == _apex(faces, first, a, b)
-                _unite(patch, against, first, f, alike != twins)
+                _unite(patch, flipped, first, f, same != twins)
     for f in range(len(patch)):
-        patch[f], against[f] = _find(patch, against, f)
+        patch[f], flipped[f] = _find(patch, flipped, f)
 
 
 @kernel
-def _unite(patch: Ints32, against: Bools, f: int, g: int, opposed: bool) -> None:
-    """Join the patches of two faces; where they are one already, what contradicts it is left."""
-    root, turned = _find(patch, against, f)
-    other, other_turned = _find(patch, against, g)
+def _unite(patch: Ints32, flipped: Bools, f: int, g: int, opposed: bool) -> None:
+    """Join the patches of two faces; where they are one already, a contradiction is left."""
+    root, odd = _find(patch, flipped, f)
+    other, other_odd = _find(patch, flipped, g)
     if root != other:
         patch[max(root, other)] = min(root, other)
-        against[max(root, other)] = turned ^ other_turned ^ opposed
+        flipped[max(root, other)] = odd ^ other_odd ^ opposed
 
 
 @kernel
-def _find(patch: Ints32, against: Bools, f: int) -> tuple[int, bool]:
-    """Return the first face of a patch, and whether f is oriented against it; shortens the way there."""
-    turned = False
+def _find(patch: Ints32, flipped: Bools, f: int) -> tuple[int, bool]:
+    """Return the first face of the patch of f, and whether f is opposite to it; shortens the path there."""
+    odd = False
     while patch[f] != f:
-        against[f] ^= against[patch[f]]
+        flipped[f] ^= flipped[patch[f]]
         patch[f] = patch[patch[f]]
-        turned ^= against[f]
+        odd ^= flipped[f]
         f = patch[f]
-    return f, turned
+    return f, odd
 
 
 @kernel

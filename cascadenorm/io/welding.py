@@ -28,7 +28,7 @@ def weld(
         return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
     copied = np.bincount(same, minlength=len(same))[same] > 1
     uses = np.bincount(triangles.ravel(), minlength=len(same))
-    on_boundary = _on_rim(triangles, copied & (uses > 1)) | (copied & (uses == 1))
+    on_boundary = _on_boundary_edges(triangles, copied & (uses > 1)) | (copied & (uses == 1))
     target = np.arange(len(positions))
     first_there = np.full(len(positions), -1)
     boundary = np.flatnonzero(on_boundary)
@@ -65,7 +65,7 @@ def _bits(coordinates: NDArray[Any]) -> NDArray[np.uint64]:
     return (coordinates.astype(np.float64) + 0.0).view(np.uint64)  # adding 0 makes -0 equal to 0
 
 
-def _on_rim(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _on_boundary_edges(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which of the candidates lie on an edge with a single triangle."""
     near = triangles[candidates[triangles].any(axis=1)]
     sides = np.sort(np.stack([near, np.roll(near, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
