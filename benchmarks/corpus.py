@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.io import MeshFile
-from cascadenorm.io.base import Content
+from cascadenorm.io.content import Content
 from cascadenorm.io.files import NEEDS, output_format
 from cascadenorm.io.files import write as write_file
 from cascadenorm.io.ply import PlyFile

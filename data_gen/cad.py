@@ -5,25 +5,19 @@ import numpy as np
 from cascadenorm.data_gen.fields import (
     Blend,
     Field,
-    Values,
     box,
     cylinder,
     difference,
     intersection,
-    limb,
     offset,
     polytope,
-    shell,
     sphere,
     torus,
     union,
 )
-from cascadenorm.data_gen.placement import aligned, around, bent, direction, moved, random_rotation, tapered, twisted
+from cascadenorm.data_gen.placement import aligned, around, bent, moved, random_rotation, tapered, twisted
 from cascadenorm.data_gen.profiles import Profile, disc, extruded, gear, lobed, polygon, rectangle, revolved
 from cascadenorm.mesh import Vectors, unit
-
-GOLDEN = (1 + 5**0.5) / 2
-IRREGULAR = 0.06  # deviation of the faces of a polyhedron from those of a regular one, radians in each direction
 
 
 def blend_of(rng: np.random.Generator, *, edge: float, largest: float = 0.15) -> tuple[Blend, float]:
@@ -224,111 +218,6 @@ def _steps(rng: np.random.Generator) -> Profile:
     y = rng.uniform(0, 0.9, count)
     top = np.stack([np.repeat(x, 2)[1:-1], np.repeat(y, 2)], axis=1)
     return polygon(np.concatenate([top, [[0.9, -0.6], [-0.9, -0.6]]]))
-
-
-def polyhedron(edge: float, rng: np.random.Generator) -> Field:
-    """Convex solids, nearly regular or random, and star-shaped ones; sharp or slightly rounded."""
-    kind = rng.integers(5)
-    if kind == 0:
-        normals = _regular(rng)
-        size = rng.uniform(0.72, 0.85, len(normals))
-    elif kind == 1:
-        normals = unit(rng.normal(size=(rng.integers(6, 40), 3)))
-        size = rng.uniform(0.65, 0.85, len(normals))
-    elif kind == 2:
-        normals = np.concatenate([_regular(rng), _regular(rng)])
-        size = rng.uniform(0.7, 0.85, len(normals))
-    else:
-        return _star(rng)
-    size = np.append(size, np.full(6, 1.1))
-    solid = polytope(np.concatenate([normals, np.eye(3), -np.eye(3)]), size)
-    if rng.random() < 0.3:
-        solid = intersection(solid, sphere(radius=float(rng.uniform(0.85, 1.0))))
-    if rng.random() < 0.25:
-        solid = shell(solid, thickness=0.3)
-        solid = difference(solid, *[aligned(cylinder(radius=0.3, half_height=3), axis) for axis in normals[:3]])
-    return solid
-
-
-def _regular(rng: np.random.Generator) -> Vectors:
-    """Face normals near those of a cube, octahedron, dodecahedron, icosahedron, rhombic dodecahedron or tetrahedron.
-
-    Each is turned by IRREGULAR or so: regular solids serve as models on which methods are compared.
-    """
-    signs = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1
-    cyclic = [np.roll(np.eye(3), k, axis=1) for k in range(3)]
-    edges = np.array([[0, s, t * GOLDEN] for s in (-1, 1) for t in (-1, 1)])
-    dodeca = np.concatenate([np.roll(edges, k, axis=1) for k in range(3)])
-    thin = np.array([[0, s / GOLDEN, t * GOLDEN] for s in (-1, 1) for t in (-1, 1)])
-    icosa = np.concatenate([signs, *[np.roll(thin, k, axis=1) for k in range(3)]])
-    rhombic = np.array([[0, s, t] for s in (-1, 1) for t in (-1, 1)])
-    rhombic = np.concatenate([np.roll(rhombic, k, axis=1) for k in range(3)])
-    sets = [np.concatenate([cyclic[0], -cyclic[0]]), signs, dodeca, icosa, rhombic, signs[[0, 3, 5, 6]]]
-    normals = unit(np.asarray(sets[rng.integers(len(sets))], np.float64))
-    return unit(normals + IRREGULAR * rng.normal(size=normals.shape))
-
-
-def _star(rng: np.random.Generator) -> Field:
-    """Stellations, which are the points beyond at most one of the planes of a convex solid, and crossed solids."""
-    normals = _regular(rng)
-    if len(normals) < 8 or rng.random() < 0.4:
-        sizes = 0.6 * rng.uniform(0.93, 1.07, (2, len(normals)))
-        solids = [polytope(normals @ random_rotation(rng=rng), size) for size in sizes]
-        return intersection(union(*solids), sphere(radius=float(rng.uniform(0.8, 1.2))))
-    core = float(rng.uniform(0.45, 0.55)) * rng.uniform(0.93, 1.07, len(normals))
-
-    def second(points: Vectors) -> Values:
-        return np.asarray(np.partition(points @ normals.T - core, -2, axis=1)[:, -2])
-
-    return intersection(second, sphere(radius=float(rng.uniform(0.9, 1.3))))
-
-
-def engraved(edge: float, rng: np.random.Generator) -> Field:
-    """A plain body with cut or raised lines, steps and dimples, down to a few edge lengths wide."""
-    body, skin = _plain_body(edge, rng)
-    for _ in range(rng.integers(2, 7)):
-        width = edge * float(rng.uniform(1.5, 3.5))
-        kind = rng.integers(4)
-        if kind == 0:
-            plane, level = direction(rng=rng), float(rng.uniform(-0.6, 0.6))
-            tool: Field = _slab(plane, level, width)
-        elif kind == 1:
-            a, b = direction(rng=rng), direction(rng=rng)
-            tool = limb(0.9 * a, 0.9 * b, radii=(width + 0.1, width + 0.1))
-        elif kind == 2:
-            tool = moved(sphere(radius=float(rng.uniform(0.08, 0.3))), by=0.8 * direction(rng=rng))
-        else:
-            tool = moved(box([width, width, 2.0]), by=rng.uniform(-0.5, 0.5, 3), rotation=random_rotation(rng=rng))
-        depth = edge * float(rng.uniform(1.5, 3.5))
-        if rng.random() < 0.6:
-            body = difference(
-                body, intersection(tool, offset(skin, by=0.3)) if kind == 2 else _within(tool, skin, depth)
-            )
-        else:
-            body = union(body, intersection(tool, offset(skin, by=depth)))
-    return body
-
-
-def _within(tool: Field, skin: Field, depth: float) -> Field:
-    """The part of a tool that is less than a depth below the skin."""
-    return lambda points: np.maximum(tool(points), -skin(points) - depth)
-
-
-def _slab(plane: Vectors, level: float, width: float) -> Field:
-    return lambda points: np.abs(points @ plane - level) - width
-
-
-def _plain_body(edge: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    kind = rng.integers(4)
-    if kind == 0:
-        body = sphere(radius=float(rng.uniform(0.7, 0.95)))
-    elif kind == 1:
-        body = cylinder(radius=float(rng.uniform(0.5, 0.85)), half_height=float(rng.uniform(0.4, 0.9)))
-    elif kind == 2:
-        body = offset(box(rng.uniform(0.4, 0.75, 3)), by=float(rng.choice([0.0, rng.uniform(2 * edge, 0.25)])))
-    else:
-        body = torus(major=0.75, minor=float(rng.uniform(0.25, 0.4)))
-    return body, body
 
 
 def fan(edge: float, rng: np.random.Generator) -> Field:

@@ -9,10 +9,12 @@ import numpy as np
 from cascadenorm.data_gen import cad, organic
 from cascadenorm.data_gen.cad_tessellation import cad_part
 from cascadenorm.data_gen.decimate import thinned
+from cascadenorm.data_gen.engraving import engraved
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.fusion import fused
 from cascadenorm.data_gen.measured import Measured
 from cascadenorm.data_gen.points import reconstruction
+from cascadenorm.data_gen.polyhedra import polyhedron
 from cascadenorm.data_gen.surface import cut_out, extent_of, polygonised
 from cascadenorm.data_gen.tessellation import tessellate
 from cascadenorm.data_gen.views import view
@@ -103,7 +105,7 @@ def any_of(*shapes: Shape) -> Shape:
     return lambda edge, rng: shapes[rng.integers(len(shapes))](edge, rng)
 
 
-MACHINED = any_of(cad.assembly, cad.bracket, cad.wheel, cad.turned, cad.plate, cad.polyhedron, cad.engraved)
+MACHINED = any_of(cad.assembly, cad.bracket, cad.wheel, cad.turned, cad.plate, polyhedron, engraved)
 GROWN = any_of(organic.statue, organic.bust, organic.bumpy, organic.rock, organic.creature)
 SCENES = any_of(cad.tabletop, cad.tabletop, cad.assembly, cad.turned, GROWN)
 OBJECTS = any_of(cad.tabletop, MACHINED, GROWN)
@@ -114,8 +116,8 @@ FAMILIES: dict[str, Family] = {
     "wheel": Family(cad.wheel, 0.9, sharp=True),
     "turned": Family(cad.turned, 0.8, sharp=True),
     "plate": Family(cad.plate, 0.9, sharp=True),
-    "polyhedron": Family(cad.polyhedron, 0.9, sharp=True),
-    "engraved": Family(cad.engraved, 0.9, sharp=True),
+    "polyhedron": Family(polyhedron, 0.9, sharp=True),
+    "engraved": Family(engraved, 0.9, sharp=True),
     "fan": Family(cad.fan, 0.7, sharp=True),
     "creature": Family(organic.creature, 0.7, sharp=False),
     "statue": Family(organic.statue, 1.6, sharp=False),

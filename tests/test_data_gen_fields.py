@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cascadenorm.data_gen import FAMILIES, fields, patterns, placement, profiles
-from cascadenorm.data_gen.cad import _regular
 from cascadenorm.data_gen.polygonise import gradients
+from cascadenorm.data_gen.polyhedra import _regular
 
 
 def points(seed: int, *, count: int = 2000, reach: float = 1.5) -> np.ndarray:

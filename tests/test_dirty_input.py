@@ -9,7 +9,7 @@ import pytest
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.io.base import Content
+from cascadenorm.io.content import Content
 from cascadenorm.io.ply import PlyFile
 from cascadenorm.io.polygons import Polygons
 

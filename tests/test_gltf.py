@@ -15,7 +15,7 @@ from test_io import glb, gltf, read, written
 import cascadenorm as cn
 from cascadenorm import io
 from cascadenorm.cli import run
-from cascadenorm.io.base import Content
+from cascadenorm.io.content import Content
 from cascadenorm.io.glb import GlbFile
 from cascadenorm.io.json_text import JsonText
 from cascadenorm.io.polygons import Polygons

@@ -10,7 +10,7 @@ from cascadenorm.api import fill_holes_file
 from cascadenorm.cli import run
 from cascadenorm.geometry.holes import fill_holes
 from cascadenorm.interop import as_mesh, save_mesh
-from cascadenorm.io.base import Content
+from cascadenorm.io.content import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.gltf import GltfFile
 from cascadenorm.io.patches import Patches

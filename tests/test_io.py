@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as hnp
 from shapes import grid
 
 from cascadenorm import io
-from cascadenorm.io.base import Content
+from cascadenorm.io.content import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OffFile

@@ -8,7 +8,7 @@ from shapes import cube, icosphere
 from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, stl_text, written
 
 from cascadenorm import io
-from cascadenorm.io.base import Content
+from cascadenorm.io.content import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.polygons import Polygons, triangulate
 from cascadenorm.io.via_trimesh import trimesh_kind

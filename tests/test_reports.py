@@ -16,7 +16,7 @@ from cascadenorm.api import denoised_file
 from cascadenorm.cli import run
 from cascadenorm.evaluation.fields import fields
 from cascadenorm.interop import save_mesh
-from cascadenorm.io.base import Content
+from cascadenorm.io.content import Content
 from cascadenorm.io.ply import PlyFile
 from cascadenorm.io.polygons import Polygons
 from cascadenorm.mesh import Mesh

@@ -9,7 +9,7 @@ from shapes import cube, grid, icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.controls import checked
 from cascadenorm.controls.selection import faces_labelled, selected
-from cascadenorm.io.base import Content
+from cascadenorm.io.content import Content
 from cascadenorm.io.ply import PlyFile
 from cascadenorm.io.polygons import Polygons
 

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from cascadenorm.io.base import OutputError, Piece
+from cascadenorm.errors import OutputError
+from cascadenorm.io.base import Piece
 
 
 def check_output(path: Path, *, force: bool) -> None:

@@ -11,9 +11,10 @@ from typing import BinaryIO, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cascadenorm.errors import MissingDependencyError
+from cascadenorm.errors import MissingDependencyError, OutputError, ReadError
 from cascadenorm.io.atomic import check_output, is_special, write_atomically, write_together
-from cascadenorm.io.base import Content, MeshFile, OutputError, Piece, ReadError
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.content import Content
 from cascadenorm.io.glb import GlbFile
 from cascadenorm.io.gltf import GltfContainer, GltfFile
 from cascadenorm.io.obj import ObjFile

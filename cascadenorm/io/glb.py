@@ -5,7 +5,8 @@ import struct
 from collections.abc import Iterable
 from typing import Any
 
-from cascadenorm.io.base import Piece, ReadError
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import Piece
 from cascadenorm.io.gltf import GltfContainer
 
 MAGIC = b"glTF"

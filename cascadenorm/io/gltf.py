@@ -16,7 +16,9 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content, Labels, MeshFile, Piece, Positions, ReadError
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf_accessors import STORED, Accessors, Vectors
 from cascadenorm.io.gltf_buffers import Buffers, embedded, relative_name
 from cascadenorm.io.gltf_document import document_of

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import ReadError
+from cascadenorm.errors import ReadError
 from cascadenorm.io.gltf_buffers import Buffers
 
 FLOAT = 5126

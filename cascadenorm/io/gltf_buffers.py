@@ -10,7 +10,7 @@ from urllib.parse import unquote, urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import ReadError
+from cascadenorm.errors import ReadError
 
 EMBEDDED = "data:application/octet-stream;base64,"
 

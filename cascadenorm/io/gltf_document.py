@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content
 from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.content import Content
 from cascadenorm.io.polygons import triangulate
 
 TEXTURE = ("s", "t")

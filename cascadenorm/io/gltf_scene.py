@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content, ReadError
+from cascadenorm.errors import ReadError
 from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.content import Content
 from cascadenorm.io.gltf_accessors import Accessors
 from cascadenorm.io.polygons import Polygons
 

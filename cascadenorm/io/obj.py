@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content, Labels, MeshFile, Piece, ReadError
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import channels, from_words
+from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches

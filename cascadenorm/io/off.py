@@ -7,8 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content, MeshFile, Piece, ReadError
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import channels, from_words
+from cascadenorm.io.content import Content
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
 from cascadenorm.io.text import Text, rows_of, spelled

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.io.base import MeshFile, Positions
+from cascadenorm.io.base import MeshFile
+from cascadenorm.io.content import Positions
 from cascadenorm.mesh import Mesh
 
 

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content, MeshFile, OutputError, Piece, Positions, ReadError
+from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import CHANNELS
+from cascadenorm.io.content import Content, Positions
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header

@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from typing import NamedTuple
 
-from cascadenorm.io.base import ReadError
+from cascadenorm.errors import ReadError
 
 TYPES = {
     "char": "i1",

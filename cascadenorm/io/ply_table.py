@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import ReadError
+from cascadenorm.errors import ReadError
 from cascadenorm.io.ply_header import Element
 from cascadenorm.io.polygons import ranges
 

@@ -4,7 +4,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from cascadenorm.io.base import MeshFile, OutputError, Piece
+from cascadenorm.errors import OutputError
+from cascadenorm.io.base import MeshFile, Piece
 
 
 def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path, Iterable[Piece]], list[str]]:

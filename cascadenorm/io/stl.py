@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content, MeshFile, Piece, ReadError
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.content import Content
 from cascadenorm.io.polygons import Polygons, area_vectors, triangulate
 from cascadenorm.io.text import Text, spelled
 from cascadenorm.io.tokenizer import Places

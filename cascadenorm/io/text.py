@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import ReadError
+from cascadenorm.errors import ReadError
 from cascadenorm.io.tokenizer import Places, cut, decimals, splice
 from cascadenorm.mesh import parallel_for
 

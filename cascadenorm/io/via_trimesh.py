@@ -7,8 +7,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content, MeshFile, OutputError, Piece, ReadError
+from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.content import Content
 from cascadenorm.io.polygons import Polygons, triangulate
 
 NEEDS = {

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.base import Content, MeshFile, OutputError, Piece, ReadError
+from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.content import Content
 from cascadenorm.io.normals import NORMALS, Normals
 from cascadenorm.io.polygons import Polygons
 

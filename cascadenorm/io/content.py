@@ -1,0 +1,85 @@
+"""What formats have in common, to turn one into another: positions, polygons, attributes, labels."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import OutputError
+from cascadenorm.io.polygons import Polygons
+from cascadenorm.mesh import first_places
+
+Positions = NDArray[Any]
+"""(k, 3) float32 or float64, as the file holds them."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What formats have in common, to turn one into another; attributes carry the names that PLY uses.
+
+    Parameters
+    ----------
+    positions : (k, 3) float32 or float64
+    polygons : corners are rows of positions
+    vertex_values : name -> (k,); colours are red, green, blue, alpha as uint8, texture coordinates s, t
+    face_values : name -> one for each polygon
+    left_out : what the source holds that has no place here, in words
+    """
+
+    positions: Positions
+    polygons: Polygons
+    vertex_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    face_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+    def without_out_of_range(self) -> "Content":
+        """Leave out polygons with indices out of range, which may mean positions that exist elsewhere."""
+        bad = np.zeros(len(self.polygons), bool)
+        bad[self.polygons.owners[self.polygons.out_of_range(len(self.positions))]] = True
+        if not bad.any():
+            return self
+        return replace(
+            self,
+            polygons=Polygons.from_counts(
+                self.polygons.counts[~bad], self.polygons.corners[~bad[self.polygons.owners]]
+            ),
+            face_values={name: values[~bad] for name, values in self.face_values.items()},
+            left_out=(*self.left_out, f"{bad.sum()} faces that reference vertices that do not exist"),
+        )
+
+    def single_positions(self) -> NDArray[np.float32]:
+        """Return the positions in single precision; raises OutputError where one is beyond it."""
+        with np.errstate(over="ignore"):
+            single = self.positions.astype(np.float32)
+        bad = np.asarray((np.isinf(single) & np.isfinite(self.positions)).any(axis=1))
+        if bad.any():
+            raise OutputError(
+                f"{bad.sum()} vertices lie beyond the largest number of this format, 3.4e38 (vertices "
+                f"{first_places(bad)}): write ply, obj or off, or scale the mesh down"
+            )
+        return single
+
+
+class Labels(NamedTuple):
+    """What the faces of a file are labelled with, of one kind.
+
+    Parameters
+    ----------
+    kind : "material", "group", "object", "mesh", or the name of a property of faces
+    values : (c,) names, or numbers, each once or more
+    of_faces : (p,) for each polygon the row of its value, -1 where it has none
+    """
+
+    kind: str
+    values: NDArray[Any]
+    of_faces: NDArray[np.int64]
+
+    def carrying(self, value: str) -> NDArray[np.bool_]:
+        """Return (p,) which polygons carry a label, which may be a number in words."""
+        try:
+            wanted = value if self.values.dtype.kind == "U" else float(value)
+        except ValueError:
+            return np.zeros(len(self.of_faces), bool)
+        return np.append(self.values == wanted, False)[self.of_faces]
