@@ -1,5 +1,7 @@
 """Surfaces reconstructed from noisy oriented points: screened Poisson reconstruction on a regular grid."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, sparse
@@ -127,18 +129,25 @@ def poisson(
         pulled = interpolation.T @ (pull * (interpolation @ values))
         return np.asarray(inverse(squares * transformed(values)) + pulled)
 
-    # conjugate gradients, preconditioned by the inverse of the Laplacian
+    solution = _conjugate_gradients(applied, lambda values: inverse(transformed(values) / (squares + STIFFNESS)), right)
+    return np.asarray(0.5 + (solution - np.median(interpolation @ solution)).reshape(shape))
+
+
+def _conjugate_gradients(
+    applied: Callable[[Values], Values], conditioned: Callable[[Values], Values], right: Values
+) -> Values:
+    """Solve a system in ROUNDS steps from zero, preconditioned by an approximate inverse."""
     solution, residual = np.zeros(right.size), right
     search: Values = np.zeros(right.size)
     product = 1.0
     for _ in range(ROUNDS):
-        conditioned = inverse(transformed(residual) / (squares + STIFFNESS))
-        product, before = float(residual @ conditioned), product
-        search = conditioned + product / before * search
+        downhill = conditioned(residual)
+        product, before = float(residual @ downhill), product
+        search = downhill + product / before * search
         image = applied(search)
         step = product / (search @ image)
         solution, residual = solution + step * search, residual - step * image
-    return np.asarray(0.5 + (solution - np.median(interpolation @ solution)).reshape(shape))
+    return solution
 
 
 def _trilinear(at: Vectors, shape: tuple[int, ...]) -> sparse.csr_array:

@@ -10,13 +10,14 @@ import torch
 from shapes import cube, icosphere, mean_angle, noisy
 
 from cascadenorm.data_gen import DatasetConfig, pairs
-from cascadenorm.learned import distributed, training
+from cascadenorm.learned import checkpoints, distributed, training
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_descriptor
 from cascadenorm.learned.features import FeatureScaler, pairwise_features
 from cascadenorm.learned.launch import is_local_main, is_main
-from cascadenorm.learned.networks import Faces, TorchFeatures, chords, train_network
+from cascadenorm.learned.network_training import Faces, chords, train_network
+from cascadenorm.learned.networks import TorchFeatures
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
 
@@ -204,7 +205,7 @@ def test_the_folder_of_another_training_is_refused(tmp_path):
 def test_the_folder_of_another_version_is_refused(tmp_path, monkeypatch):
     with pytest.raises(Interrupted):
         train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
-    monkeypatch.setattr(training, "FORMAT", "cascadenorm/another")
+    monkeypatch.setattr(checkpoints, "FORMAT", "cascadenorm/another")
     with pytest.raises(ConfigError, match="another version"):
         train(TINY, tmp_path)
 

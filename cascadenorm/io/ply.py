@@ -15,6 +15,7 @@ from cascadenorm.io.content import Content, Positions
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header
+from cascadenorm.io.ply_rows import binary_rows, face_rows, fields_of, text_rows
 from cascadenorm.io.ply_table import Body, Column, Kind, columns
 from cascadenorm.io.polygons import Polygons, strips
 from cascadenorm.io.text import Text, spelled
@@ -173,10 +174,10 @@ class PlyFile(MeshFile):
             assert count is not None
             inserted.append((*count.span(1), b"%d" % (element.rows + rows)))
             if self._text is None:
-                end, new = self._ends[element.name], _binary_rows(element, values, self.header.byte_order)
+                end, new = self._ends[element.name], binary_rows(element, values, self.header.byte_order)
             else:
                 end = int(self._text.ends[self._ends[element.name] // WORD - 1])
-                new = b"".join(end_of_line + row for row in _text_rows(element, values))
+                new = b"".join(end_of_line + row for row in text_rows(element, values))
             inserted.append((end, end, new))
         parts, last = [], 0
         for begin, end, new in sorted(inserted):
@@ -247,8 +248,8 @@ class PlyFile(MeshFile):
     @classmethod
     def encode(cls, content: Content) -> tuple[bytes, list[str]]:
         """Write content as binary little-endian PLY."""
-        vertex = _fields({**dict(zip(XYZ, content.positions.T, strict=True)), **content.vertex_values})
-        face, counts = _fields(content.face_values), content.polygons.counts
+        vertex = fields_of({**dict(zip(XYZ, content.positions.T, strict=True)), **content.vertex_values})
+        face, counts = fields_of(content.face_values), content.polygons.counts
         length = "u1" if counts.max(initial=0) < 256 else "<i4"
         lines = [
             *["ply", "format binary_little_endian 1.0", f"element vertex {len(content.positions)}"],
@@ -260,7 +261,7 @@ class PlyFile(MeshFile):
         rows = np.zeros(len(content.positions), [(f"{i}", v.dtype) for i, v in enumerate(vertex.values())])
         for i, v in enumerate(vertex.values()):
             rows[f"{i}"] = v
-        return "\n".join(lines).encode() + rows.tobytes() + _face_rows(content.polygons, length, face), []
+        return "\n".join(lines).encode() + rows.tobytes() + face_rows(content.polygons, length, face), []
 
 
 def _kind(p: Property, byte_order: str) -> Kind:
@@ -280,62 +281,3 @@ def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
                 f"a face references vertex {values[bad][0]}, which is not a whole number: write the file again"
             )
     return values.astype(np.int64)
-
-
-def _binary_rows(element: Element, values: list[NDArray[Any]], byte_order: str) -> bytes:
-    """Return further rows of an element."""
-    lengths = [v.shape[1] for v in values]
-    kinds: list[Any] = []
-    for i, (p, length) in enumerate(zip(element.properties, lengths, strict=True)):
-        kinds += [(f"length {i}", byte_order + p.count_kind)] if p.count_kind else []
-        kinds += [(f"values {i}", byte_order + p.kind, (length,))]
-    rows = np.zeros(len(values[0]), kinds)
-    for i, (p, value) in enumerate(zip(element.properties, values, strict=True)):
-        rows[f"values {i}"] = value
-        if p.count_kind:
-            rows[f"length {i}"] = lengths[i]
-    return rows.tobytes()
-
-
-def _text_rows(element: Element, values: list[NDArray[Any]]) -> list[bytes]:
-    """Return further rows of an element, a line each."""
-    words: list[NDArray[np.bytes_]] = []
-    for p, value in zip(element.properties, values, strict=True):
-        words += [spelled(np.full(len(value), value.shape[1]))] if p.count_kind else []
-        kind = np.dtype("i8" if p.kind[0] != "f" else p.kind if value.dtype != np.float64 else "f8")
-        words += [spelled(column) for column in value.astype(kind).T]
-    return [b" ".join(row) for row in zip(*(column.tolist() for column in words), strict=True)]
-
-
-def _fields(values: Any) -> dict[str, NDArray[Any]]:
-    """Return arrays of types that PLY has, under names without spaces, in little-endian order."""
-    fields = {}
-    for name, value in values.items():
-        kind = value.dtype.str[1:] if value.dtype.str[1:] in NAMES else "f8"
-        fields["_".join(name.split())] = value.astype("<" + kind)
-    return fields
-
-
-def _face_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) -> bytes:
-    """Join the rows of the element face, those with equally many corners at a time."""
-    counts = polygons.counts
-    extra = sum(v.dtype.itemsize for v in fields.values())
-    sizes = np.dtype(length).itemsize + 4 * counts + extra
-    starts = np.cumsum(sizes) - sizes
-    out = np.zeros(int(sizes.sum()), np.uint8)
-    for count in np.unique(counts).tolist():
-        chosen = np.flatnonzero(counts == count)
-        kinds = [
-            ("n", length),
-            ("corners", "<i4", (count,)),
-            *[(f"{i}", v.dtype) for i, v in enumerate(fields.values())],
-        ]
-        rows = np.zeros(len(chosen), kinds)
-        rows["n"], rows["corners"] = count, polygons.corners[polygons.indptr[chosen, None] + np.arange(count)]
-        for i, v in enumerate(fields.values()):
-            rows[f"{i}"] = v[chosen]
-        raw = np.frombuffer(rows.tobytes(), np.uint8).reshape(len(rows), -1)
-        if len(chosen) == len(counts):
-            return raw.tobytes()
-        out[starts[chosen, None] + np.arange(raw.shape[1])] = raw
-    return out.tobytes()

@@ -1,37 +1,13 @@
-"""Networks in torch: the training of that of one cluster; at run time they serve on a GPU alone."""
+"""Features and networks in torch, for training and for a GPU at run time."""
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn.parallel import DistributedDataParallel
 
-from cascadenorm.learned import distributed
-from cascadenorm.learned.config import ConfigError, Fit
-from cascadenorm.learned.features import FLOOR, Array, FeatureScaler
-from cascadenorm.mesh import limit_threads
-
-GPU_MEMORY_FRACTION = 0.8
-"""Of the free memory of a GPU that faces to learn from may take."""
-
-
-class Faces(NamedTuple):
-    """Faces to learn from: filtered normals (m, k, 3), context (m, c), true normals (m, 3), all of 4 bytes."""
-
-    stack: Tensor
-    context: Tensor
-    truth: Tensor
-
-    def placed(self) -> "Faces":
-        """Return them where the matrix products are done, if there is room for them."""
-        device, size = distributed.device(), sum(tensor.nbytes for tensor in self)
-        if device.type == "cuda" and size > GPU_MEMORY_FRACTION * torch.cuda.mem_get_info(device)[0]:
-            return self
-        return Faces(*(tensor.to(device) for tensor in self))
+from cascadenorm.learned.config import Fit
+from cascadenorm.learned.features import FLOOR, FeatureScaler
 
 
 class TorchFeatures:
@@ -82,109 +58,3 @@ class Network(torch.nn.Module):
             features = self.activation(layer(features))
         coefficients = self.layers[-1](features)
         return torch.nn.functional.normalize((coefficients[:, :, None] * stack).sum(dim=1), dim=1)
-
-
-def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor, Tensor], Tensor]:
-    """Return what makes features of filtered normals and context: `FeatureScaler.features`, or the same in torch.
-
-    On the processor torch takes four times as long as the kernel behind the former.
-    """
-    if device.type != "cpu":
-        return TorchFeatures(scaler, device)
-
-    def kernel(stack: Tensor, context: Tensor) -> Tensor:
-        with limit_threads(1):
-            return torch.from_numpy(scaler.features(stack.numpy(), [context.numpy()]))
-
-    return kernel
-
-
-def chords(predicted: Tensor, truth: Tensor) -> Tensor:
-    """Return the distances between unit normals: robust, where their squares follow the few that fail."""
-    return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8)
-
-
-def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
-    """Return how many of its faces this process gives to each batch of a pass, and how many all processes give."""
-    counts = distributed.all_gather(np.array([own]))
-    whole = int(counts.sum())
-    stops = np.minimum(np.arange(0, whole + batch, batch), whole)
-    given = np.diff(counts[:, None] * stops // whole)
-    return given[distributed.rank()].tolist(), np.maximum(given.sum(axis=0), 1).tolist()
-
-
-def train_network(
-    faces: Faces,
-    rows: NDArray[np.intp],
-    scaler: FeatureScaler,
-    fit: Fit,
-    *,
-    seed: int,
-    log: Callable[[int, float, float], None] = lambda *_: None,
-) -> dict[str, Array]:
-    """Train a network on 85 % of some faces, stop by the other 15 %, return the best weights.
-
-    Several processes average their gradients, and each gives to a batch in proportion to its faces.
-
-    Parameters
-    ----------
-    faces : of all clusters, those of this process
-    rows : those of one cluster; at least one process has some
-    scaler : of their features
-    fit : settings
-    seed : of the split, the first weights and the order of the batches
-    log : called after each pass with its number from 1, the training loss and the validation loss
-
-    Returns
-    -------
-    weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation (), their loss on the 15 %
-    """
-    generator = torch.Generator().manual_seed(seed)
-    device, stored = distributed.device(), faces.stack.device
-    order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
-    cut = max(1, int(0.85 * len(order)))
-    training, validation = order[:cut], order[cut:] if cut < len(order) else order
-    features, inputs = features_on(device, scaler), len(scaler.mean) + faces.context.shape[1]
-    network = Network(inputs, fit, faces.stack.shape[1], generator).to(device)
-    model = DistributedDataParallel(network) if distributed.world_size() > 1 else network
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay, fused=device.type == "cuda"
-    )
-    mine, sizes = _batches(len(training), fit.batch)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * len(sizes))
-
-    def loss_of(model: torch.nn.Module, part: Tensor) -> Tensor:
-        stack, context, truth = (tensor[part].to(device) for tensor in faces)
-        return chords(model(features(stack, context), stack), truth).sum()
-
-    best, best_loss, best_epoch = network.state_dict(), np.inf, 0
-    for epoch in range(1, fit.epochs + 1):
-        learned = torch.zeros((), dtype=torch.float64, device=device)
-        drawn = training[torch.randperm(len(training), generator=generator)].to(stored)
-        for part, size in zip(drawn.split(mine), sizes, strict=True):  # type: ignore[no-untyped-call]
-            loss = loss_of(model, part)
-            optimiser.zero_grad()
-            shared = loss * (distributed.world_size() / size)  # of all processes the mean is that of the batch
-            shared.backward()  # type: ignore[no-untyped-call]
-            torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
-            optimiser.step()
-            schedule.step()
-            learned += loss.detach()
-        with torch.no_grad():
-            parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
-            tested = sum(loss_of(network, part).item() for part in parts)
-        lost, counts = distributed.all_reduce(np.array([[learned.item(), tested], [len(training), len(validation)]]))
-        training_loss, validation_loss = (lost / counts).tolist()
-        log(epoch, training_loss, validation_loss)
-        if validation_loss < best_loss:
-            best = {name: t.clone() for name, t in network.state_dict().items()}
-            best_loss, best_epoch = validation_loss, epoch
-        elif epoch - best_epoch >= fit.patience:
-            break
-    if not np.isfinite(best_loss):
-        raise ConfigError("the training diverged, its loss is not finite: take a smaller fit.learning_rate")
-    arrays = {"validation": np.array(best_loss, np.float32)}
-    for n in range(len(network.layers)):
-        arrays[f"weight{n + 1}"] = best[f"layers.{n}.weight"].T.contiguous().cpu().numpy()
-        arrays[f"bias{n + 1}"] = best[f"layers.{n}.bias"].cpu().numpy()
-    return arrays

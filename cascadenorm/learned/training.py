@@ -1,31 +1,26 @@
 """Training of a cascade: data → descriptors → k-means → one network a cluster → next stage (Wang, Liu, Tong 2016)."""
 
-import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
-from hashlib import sha256
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save
 from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
-from cascadenorm.learned import distributed
-from cascadenorm.learned.cascade import FORMAT, Cascade
+from cascadenorm.learned import checkpoints, distributed
+from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.features import Array, FeatureScaler, pairwise_features
 from cascadenorm.learned.launch import is_local_main, is_main
-from cascadenorm.learned.networks import Faces, train_network
+from cascadenorm.learned.network_training import Faces, train_network
 from cascadenorm.learned.regression import Regression, nearest
 from cascadenorm.learned.samples import Sample
 from cascadenorm.learned.stage_settings import StageSettings
@@ -75,7 +70,7 @@ def _trained(
     if (meshes := config.data.count + len(own)) < distributed.world_size():
         raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {meshes}: take fewer")
     if is_local_main():
-        _claim(checkpoint, config, own)
+        checkpoints.claim(checkpoint, config, own)
     distributed.barrier()  # by then each machine has a folder
     samples = _samples(config, own, generated, progress)
     stages: list[Regression] = []
@@ -106,7 +101,7 @@ def _train_stage(
 ) -> dict[str, Array]:
     """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
     finished = checkpoint / f"stage{number}.safetensors"
-    if done := distributed.broadcast(partial(_read, finished)):
+    if done := distributed.broadcast(partial(checkpoints.read, finished)):
         return done
     rng = np.random.default_rng([config.seed, number])
     scaler, faces = _described(samples, each, config.context, settings, f"stage {number + 1} descriptors", progress)
@@ -126,7 +121,7 @@ def _train_stage(
 
     def one(c: int) -> Mapping[str, Array]:
         part = checkpoint / f"stage{number}-cluster{c}.safetensors"
-        if done := distributed.broadcast(partial(_read, part)):
+        if done := distributed.broadcast(partial(checkpoints.read, part)):
             return done
         mine = np.flatnonzero(cluster == c)
         count = int(distributed.all_reduce(np.array(float(len(mine)))))
@@ -141,7 +136,7 @@ def _train_stage(
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
         network = train_network(faces, mine, scaler, config.fit, seed=int(seed), log=log)
-        _save(part, network)
+        checkpoints.save(part, network)
         if len(notes) < epochs:  # no longer better
             progress(task, epochs, epochs, notes[-1])
         return network
@@ -150,7 +145,7 @@ def _train_stage(
         networks = list(pool.map(one, range(config.clusters)))
     weights = {name: np.stack([network[name] for network in networks]) for name in networks[0]}
     arrays = {**asdict(scaler), "centers": centers, **weights}
-    _save(finished, arrays)
+    checkpoints.save(finished, arrays)
     return arrays
 
 
@@ -159,7 +154,7 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
     others = f"and {len(own)} meshes that were handed in" if own else "no mesh of anybody else"
     return {
         "model": "cascaded normal regression (Wang, Liu, Tong 2016)",
-        "made_with": _versions(),
+        "made_with": checkpoints.versions(),
         "data": f"procedural shapes with simulated noise from cascadenorm.data_gen; {others}",
         "faces_trained_on": faces,
         "validation_chord_by_stage_and_cluster": losses,
@@ -167,10 +162,6 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
         "licence": "MIT",
         "config": asdict(config),
     }
-
-
-def _versions() -> dict[str, str]:
-    return {name: version(name) for name in ("cascadenorm", "numpy", "scikit-learn", "torch")}
 
 
 def _described(
@@ -236,7 +227,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     missing = [i for i in generated if not files[i].exists()]
     made = zip(missing, pairs(config.data, missing, workers=distributed.cores()), strict=True)
     for done, (i, new) in enumerate(made, len(generated) - len(missing) + 1):
-        _write(files[i], {"noisy": new.noisy.vertices, "normals": new.normals, "faces": new.clean.faces})
+        checkpoints.write(files[i], {"noisy": new.noisy.vertices, "normals": new.normals, "faces": new.clean.faces})
         progress("noisy/clean pairs", done, len(generated))
 
     def drawn(noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, index: int) -> Sample:
@@ -244,51 +235,12 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
 
     samples = []
     for i, file in files.items():
-        kept = load_file(file)
+        kept = checkpoints.read(file)
         samples.append(drawn(kept["noisy"], kept["faces"], kept["normals"], i))
     own_pairs = [own[i - count] for i in others]
     return samples + [
         drawn(pair.noisy.vertices, pair.clean.faces, pair.normals, i) for pair, i in zip(own_pairs, others, strict=True)
     ]
-
-
-def _claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
-    """Make the folder for this config, these pairs and this version, or see that it is theirs."""
-    checkpoint.mkdir(parents=True, exist_ok=True)
-    digest = sha256()
-    for pair in own:
-        for array in (pair.noisy.vertices, pair.clean.vertices, pair.clean.faces):
-            digest.update(array.tobytes())
-    note = checkpoint / "config.json"
-    made_with = {"format": FORMAT, **_versions()}
-    text = json.dumps(asdict(config) | {"own": digest.hexdigest(), "made_with": made_with}, indent=1, sort_keys=True)
-    if note.exists() and note.read_text() != text:
-        raise ConfigError(
-            f"{checkpoint} holds a training with other settings or another version: remove it, or name another folder"
-        )
-    _write_at_once(note, text.encode())
-
-
-def _save(path: Path, arrays: Mapping[str, Array]) -> None:
-    """Write what all processes have; the first one alone does."""
-    if is_main():
-        _write(path, arrays)
-
-
-def _write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    _write_at_once(path, save(dict(arrays)))  # a full disk is an OSError, as anywhere
-
-
-def _write_at_once(path: Path, content: bytes) -> None:
-    """Write as a whole or not at all, so that a file that exists is finished."""
-    unfinished = path.with_suffix(".partial")
-    unfinished.write_bytes(content)
-    os.replace(unfinished, path)
-
-
-def _read(path: Path) -> dict[str, Array]:
-    """Return what was saved, or nothing."""
-    return load_file(path) if path.exists() else {}
 
 
 @contextmanager
