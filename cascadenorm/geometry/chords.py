@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cascadenorm.geometry.averages import averaged
 from cascadenorm.mesh import (
     Bools,
     Csr,
@@ -69,10 +70,7 @@ def local_noise(mesh: Mesh, residuals: Floats) -> Floats:
     ends = topology.edges[topology.interior_edges].ravel()
     each = np.repeat(residuals**2, 2)
     sums = scatter_add(ends, np.stack([each, np.ones_like(each)], axis=1), n)
-    spare = np.empty_like(sums)
-    for _ in range(PASSES):
-        parallel_for(n, _mean_range, sums, topology.vertex_neighbors, spare)
-        sums, spare = spare, sums
+    sums = averaged(sums, topology.vertex_neighbors, PASSES)
     return np.sqrt(np.divide(sums[:, 0], sums[:, 1], out=np.zeros(n), where=sums[:, 1] > 0))
 
 
@@ -182,14 +180,3 @@ def _normal(
         weight = length(cross(one, other)) / squares if squares > 0 else 0.0
         x, y, z = x + weight * n[0], y + weight * n[1], z + weight * n[2]
     return x, y, z
-
-
-@kernel
-def _mean_range(start: int, stop: int, values: Floats, around: Csr, out: Floats) -> None:
-    for i in range(start, stop):
-        mine = around.indices[around.indptr[i] : around.indptr[i + 1]]
-        for d in range(values.shape[1]):
-            total = values[i, d]
-            for j in mine:
-                total += values[j, d]
-            out[i, d] = total / (1 + len(mine))

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.geometry.averages import averaged
+from cascadenorm.mesh import Mesh, Vectors
 
 PASSES = 64
 
@@ -25,17 +26,5 @@ def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = PASSES) -> Vec
     """
     normals = mesh.moved(vertices).vertex_normals
     drift = np.einsum("ij,ij->i", vertices - mesh.vertices, normals)
-    spare = np.empty_like(drift)
-    for _ in range(passes):
-        parallel_for(len(drift), _mean_range, drift, mesh.topology.vertex_neighbors, spare)
-        drift, spare = spare, drift
-    return np.asarray(vertices - drift[:, None] * normals)
-
-
-@kernel
-def _mean_range(start: int, stop: int, values: Floats, neighbors: Csr, out: Floats) -> None:
-    for i in range(start, stop):
-        total = values[i]
-        for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
-            total += values[neighbors.indices[k]]
-        out[i] = total / (1 + neighbors.indptr[i + 1] - neighbors.indptr[i])
+    drift = averaged(drift[:, None], mesh.topology.vertex_neighbors, passes)
+    return np.asarray(vertices - drift * normals)

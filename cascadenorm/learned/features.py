@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.geometry.averages import averaged
 from cascadenorm.learned.descriptors import Stack
-from cascadenorm.mesh import Csr, Floats32, Mesh, in_blocks, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Floats32, Mesh, in_blocks, kernel, parallel_for, scatter_add
 
 Array = NDArray[np.float32]
 
@@ -105,14 +106,10 @@ def context_features(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np
     5 of (m, p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
         then the mean over the connected component
     """
-    rings, kept, mean = mesh.topology.face_rings(1), [], component_means(values, mesh)
-    spare = np.empty_like(values)
-    for rounds in np.diff(CONTEXT_STEPS, prepend=0):
-        kept.append(np.empty_like(values))
-        for left in range(rounds - 1, -1, -1):
-            after = spare if left % 2 else kept[-1]
-            parallel_for(len(values), _mean_range, values, rings, after)
-            values = after
+    kept, mean = [], component_means(values, mesh)
+    for rounds in np.diff(CONTEXT_STEPS, prepend=0).tolist():
+        values = averaged(values, mesh.topology.face_rings(1), rounds)
+        kept.append(values)
     return [*kept, mean]
 
 
@@ -136,20 +133,6 @@ def openness(mesh: Mesh) -> NDArray[np.float32]:
     sums = scatter_add(component, mesh.area_vectors, int(component.max(initial=-1)) + 1)
     areas = np.maximum(scatter_add(component, mesh.areas, len(sums)), np.finfo(float).tiny)
     return np.asarray((np.linalg.norm(sums, axis=1) / areas)[component], np.float32)
-
-
-@kernel
-def _mean_range(start: int, stop: int, values: Floats32, rings: Csr, out: Floats32) -> None:
-    for f in range(start, stop):
-        count = np.float32(1 + rings.indptr[f + 1] - rings.indptr[f])
-        for p in range(values.shape[1]):
-            out[f, p] = values[f, p]
-        for k in range(rings.indptr[f], rings.indptr[f + 1]):
-            g = rings.indices[k]
-            for p in range(values.shape[1]):
-                out[f, p] += values[g, p]
-        for p in range(values.shape[1]):
-            out[f, p] /= count
 
 
 @kernel
