@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.chords import Chords, chords, error_shares
+from cascadenorm.geometry.voxel_lattice import lattice_share
 from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 COPLANAR = 3e-6
@@ -19,11 +20,8 @@ UNEVEN, UNEVEN_CURVED = 0.5, 0.35
 """Coefficients of variation of the edge lengths, above which flat and curved surfaces are as CAD kernels mesh them."""
 EVEN_AREA = 0.8
 """In place of AREA where triangles are even: those of a depth image with coarse disparities are coplanar, too."""
-DIRECTIONS = 64
-"""Edge vectors of a mesh on a lattice: binary marching cubes have some fifty."""
 LATTICE = 0.95
-"""Share of the edges that the most frequent DIRECTIONS vectors hold, from which a mesh lies on a lattice."""
-FEWEST = 1000  # edges of a mesh that can be told to lie on a lattice
+"""Share of the edges that the most frequent vectors hold (see `lattice_share`), from which a mesh lies on a lattice."""
 STEPS = 0.1
 """Share of the concave or of the convex among the edges that are not flat, whichever is less: steps have both."""
 ERROR, ERROR_FLAT = 0.55, 0.75
@@ -32,7 +30,6 @@ of its triangles have a coplanar neighbour, which no noise leaves."""
 SOME = 0.1
 CREASED = 0.1
 """Share of the edges that do not join smooth vertices, from which a component has creases."""
-RESOLUTION = 0.02  # of the median edge length, within which two edge vectors are the same
 
 
 def exact_vertices(mesh: Mesh, measured: Chords | None = None) -> NDArray[np.bool_]:
@@ -86,22 +83,6 @@ def _rounding(mesh: Mesh) -> float:
     """Largest height of a vertex over a plane that rounding explains."""
     ends = mesh.vertices[mesh.topology.edges]
     return min(COPLANAR * mesh.diagonal, SMALL * float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))))
-
-
-def lattice_share(mesh: Mesh) -> float:
-    """Share of the edges that the most frequent vectors hold; near 1 where vertices lie on a lattice, else near 0."""
-    edges = mesh.topology.edges
-    if len(edges) < FEWEST:
-        return 0.0
-    vectors = mesh.vertices[edges[:, 1]] - mesh.vertices[edges[:, 0]]
-    size = RESOLUTION * float(np.median(np.linalg.norm(vectors, axis=1)))
-    if size == 0:
-        return 0.0
-    steps = np.round(np.clip(vectors / size, -1e6, 1e6)).astype(np.int64)
-    rows = np.arange(len(steps))
-    steps *= np.sign(steps[rows, np.abs(steps).argmax(axis=1)])[:, None]  # an edge has no direction
-    _, counts = np.unique(steps @ np.array([1, 1 << 21, 1 << 42]), return_counts=True)
-    return float(np.sort(counts)[-DIRECTIONS:].sum() / len(edges))
 
 
 def _has_steps(mesh: Mesh) -> bool:

@@ -1,4 +1,4 @@
-"""The lattice of the voxels that a mesh was extracted from, told from its vertices."""
+"""Whether a mesh lies on a lattice, and the lattice of the voxels that it was extracted from."""
 
 from itertools import combinations
 
@@ -14,12 +14,32 @@ MOST_EDGES = 20_000
 """Edges that are looked at, evenly spaced in their order."""
 STEP = 2e-3
 """Mean edge lengths: differences between vertices that agree to this are the same."""
+RESOLUTION = 0.02
+"""Median edge lengths: edges that agree to this are the same where a lattice is only suspected."""
+FARTHEST = 1e6  # multiples of it that are told apart: three numbers below 2^20 make one key
+FREQUENT = 64
+"""Vectors that hold nearly all edges of a mesh on a lattice: binary marching cubes have some fifty."""
+FEWEST = 1000  # edges of a mesh that can be told to lie on a lattice
 DIRECTIONS = 80
 """Kinds of edges at most; marching cubes make about 50 on a mask, counting both directions once."""
 COVERED = 0.9
 """Share of the edges that these have to be."""
 ON_NODES = 0.5
 """Share of the vertices that lie on a plane of nodes across each axis; marching cubes put two thirds there."""
+
+
+def lattice_share(mesh: Mesh) -> float:
+    """Share of the edges that the most frequent vectors hold; near 1 where vertices lie on a lattice, else near 0."""
+    edges = mesh.topology.edges
+    if len(edges) < FEWEST:
+        return 0.0
+    vectors = mesh.vertices[edges[:, 1]] - mesh.vertices[edges[:, 0]]
+    size = RESOLUTION * float(np.median(np.linalg.norm(vectors, axis=1)))
+    if size == 0:
+        return 0.0
+    cells, _ = _directions(np.clip(vectors, -FARTHEST * size, FARTHEST * size), size)
+    _, counts = np.unique(cells @ np.array([1, 1 << 21, 1 << 42]), return_counts=True)
+    return float(np.sort(counts)[-FREQUENT:].sum() / len(edges))
 
 
 def lattice_of_mask(mesh: Mesh) -> Lattice | None:
