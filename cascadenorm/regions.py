@@ -17,7 +17,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.coincidence import coincident, joined
 from cascadenorm.interop import adapter
 from cascadenorm.io.welding import weld
-from cascadenorm.mesh import Bools, Mesh, limit_threads
+from cascadenorm.mesh import Bools, Ints, Mesh, limit_threads
 from cascadenorm.registry import Method, find
 
 if TYPE_CHECKING:
@@ -99,9 +99,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
             raise ParameterError("is of one mesh; here there are several", parameter=name)
     every = [Given.of(mesh) for mesh in meshes]
     with limit_threads(controls["threads"]):
-        moved = _together(
-            find(method), [one.mesh for one in every], parameters, [controls] * len(every), [one.dtype for one in every]
-        )
+        moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
     return [one.moved(vertices) for one, vertices in zip(every, moved, strict=True)]
 
 
@@ -143,8 +141,8 @@ def denoise_region_files(
             Path(folder).mkdir(parents=True, exist_ok=True)
         opened = [opened_file(s, t, every, force=force) for s, t in zip(sources, targets, strict=True)]
         start = time.perf_counter()
-        meshes, over = [file.mesh for file in opened], [file.controls for file in opened]
-        moved = _together(chosen, meshes, given, over, [file.file.positions.dtype for file in opened])
+        regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]
+        moved = _together(chosen, regions, given)
         seconds = time.perf_counter() - start
         return [
             written_file(file, vertices, chosen, given, every, seconds=seconds, force=force).report
@@ -152,66 +150,60 @@ def denoise_region_files(
         ]
 
 
-def _together(
-    method: Method,
-    meshes: Sequence[Mesh],
-    parameters: dict[str, Any],
-    controls: Sequence[Controls],
-    types: Sequence[np.dtype[Any]],
-) -> list[NDArray[Any]]:
-    """Return the new vertices of each mesh, in its type; groups of meshes that share vertices move together."""
-    out: list[NDArray[Any]] = [np.empty(0)] * len(meshes)
-    _, groups = coincident(meshes)
+class Region(NamedTuple):
+    """A mesh, the controls over its vertices and faces, and the type of the result."""
+
+    mesh: Mesh
+    controls: Controls
+    dtype: np.dtype[Any]
+
+
+def _together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[NDArray[Any]]:
+    """Return the new vertices of each region, in its type; groups of meshes that share vertices move together."""
+    out: list[NDArray[Any]] = [np.empty(0)] * len(regions)
+    first, groups = coincident([region.mesh for region in regions])
+    owners = np.repeat(groups, [len(region.mesh.vertices) for region in regions])
     for group in np.unique(groups):
-        mine = np.flatnonzero(groups == group).tolist()
-        found = _group(
-            method, [meshes[i] for i in mine], parameters, [controls[i] for i in mine], [types[i] for i in mine]
-        )
+        mine, rows = np.flatnonzero(groups == group).tolist(), np.flatnonzero(owners == group)
+        found = _group(method, [regions[i] for i in mine], np.searchsorted(rows, first[rows]), parameters)
         for i, vertices in zip(mine, found, strict=True):
             out[i] = vertices
     return out
 
 
-def _group(
-    method: Method,
-    meshes: Sequence[Mesh],
-    parameters: dict[str, Any],
-    controls: Sequence[Controls],
-    types: Sequence[np.dtype[Any]],
-) -> list[NDArray[Any]]:
-    if len(meshes) == 1:
-        return [controlled(method, meshes[0], parameters, controls[0], dtype=types[0])]
+def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[NDArray[Any]]:
+    """Return the new vertices of regions of one group; `first` is the first vertex that each coincides with."""
+    if len(regions) == 1:
+        only = regions[0]
+        return [controlled(method, only.mesh, parameters, only.controls, dtype=only.dtype)]
 
     # One mesh, in the coarsest of the types, so that each can hold what comes out
-    first, _ = coincident(meshes)
-    whole = joined(meshes, first)
-    over = welded(_concatenated(meshes, controls), whole.vertices.astype(np.int32))
-    coarsest = min(types, key=lambda kind: kind.itemsize)
+    whole = joined([region.mesh for region in regions], first)
+    over = welded(_concatenated(regions), whole.vertices.astype(np.int32))
+    coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
     moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest)
 
     # To each mesh its vertices; those that did not move keep their own bits
     still = (moved == whole.mesh.vertices.astype(coarsest)).all(axis=1)
-    ends = np.cumsum([len(mesh.vertices) for mesh in meshes])[:-1]
+    ends = np.cumsum([len(region.mesh.vertices) for region in regions])[:-1]
     return [
-        np.where(still[rows][:, None], mesh.vertices, moved[rows]).astype(kind)
-        for mesh, rows, kind in zip(meshes, np.split(whole.vertices, ends), types, strict=True)
+        np.where(still[rows][:, None], region.mesh.vertices, moved[rows]).astype(region.dtype)
+        for region, rows in zip(regions, np.split(whole.vertices, ends), strict=True)
     ]
 
 
-def _concatenated(meshes: Sequence[Mesh], controls: Sequence[Controls]) -> Controls:
+def _concatenated(regions: Sequence[Region]) -> Controls:
     """Return the controls of all meshes as those of one, its vertices and faces one mesh after the other."""
-    one = controls[0].copy()
+    one = regions[0].controls.copy()
     if one["mask"] is not None:
-        one["mask"] = np.concatenate([np.asarray(given["mask"]) for given in controls])
+        one["mask"] = np.concatenate([np.asarray(region.controls["mask"]) for region in regions])
     if one["fixed"] is not None:
-        one["fixed"] = np.concatenate(
-            [_chosen(c["fixed"], len(m.vertices)) for c, m in zip(controls, meshes, strict=True)]
-        )
+        one["fixed"] = np.concatenate([_chosen(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
     if one["only"] is not None:
-        one["only"] = np.concatenate([_chosen(c["only"], len(m.faces)) for c, m in zip(controls, meshes, strict=True)])
+        one["only"] = np.concatenate([_chosen(r.controls["only"], len(r.mesh.faces)) for r in regions])
     if np.ndim(cast(ArrayLike, one["creases"])):
-        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-        pairs = [np.asarray(c["creases"]) + start for c, start in zip(controls, starts, strict=False)]
+        starts = np.cumsum([0, *(len(region.mesh.vertices) for region in regions)])
+        pairs = [np.asarray(r.controls["creases"]) + start for r, start in zip(regions, starts, strict=False)]
         one["creases"] = np.concatenate(pairs)
     return one
 

@@ -58,7 +58,7 @@ def joined(meshes: Sequence[Mesh], first: Ints) -> Joined:
 
     Parameters
     ----------
-    first : (k,) as `coincident` returns it
+    first : (k,) for each vertex of these meshes the first that it coincides with, as `coincident` returns it
     """
     kept = first == np.arange(len(first))
     vertices = (np.cumsum(kept) - 1)[first]
