@@ -34,6 +34,8 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         if code == INTERRUPTED:  # what newer versions of typer make of a KeyboardInterrupt
             raise KeyboardInterrupt
+        if not arguments:  # help is shown; older versions of click end as if it had been asked for
+            return USAGE
         return code if isinstance(code, int) else DONE
     except (KeyboardInterrupt, typer.Abort):
         complain("interrupted; no file was left half written")
