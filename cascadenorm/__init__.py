@@ -8,8 +8,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cascadenorm.api import Report, compare, denoise, denoise_file, methods
+    from cascadenorm.api import compare, denoise, denoise_file, methods
     from cascadenorm.controls import Controls
+    from cascadenorm.denoised_files import Report
     from cascadenorm.errors import (
         CascadenormError,
         ConfigError,
@@ -53,7 +54,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "OutputError": "errors",
     "ParameterError": "errors",
     "ReadError": "errors",
-    "Report": "api",
+    "Report": "denoised_files",
     "Spectrum": "spectra",
     "TrainConfig": "learned.config",
     "WorkerError": "errors",

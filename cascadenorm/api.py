@@ -3,42 +3,24 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TypeVar, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import cascadenorm.baselines
 import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
-from cascadenorm import io
-from cascadenorm.controls.controls import controlled, in_words
-from cascadenorm.controls.limits import framed_length
-from cascadenorm.controls.selection import selected, welded
+from cascadenorm.controls.controls import controlled
+from cascadenorm.controls.selection import welded
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.controls.weights import selected_faces
-from cascadenorm.errors import ReadError
+from cascadenorm.denoised_files import Denoised, Report, opened_file, written_file
 from cascadenorm.evaluation.metrics import Measures, measure
-from cascadenorm.geometry.error_kind import ErrorKind, error_kind
-from cascadenorm.geometry.holes import fill_holes
-from cascadenorm.geometry.laplacians import Order
-from cascadenorm.interop import adapter, as_mesh, mesh_of_file, source_name
-from cascadenorm.io.atomic import check_output, is_special
-from cascadenorm.io.files import check_target, extensible
-from cascadenorm.io.patches import Patches
+from cascadenorm.interop import adapter, as_mesh
 from cascadenorm.io.welding import weld
-from cascadenorm.mesh import (
-    Mesh,
-    bad_faces,
-    bad_vertices,
-    in_frame,
-    in_good_order,
-    isolated,
-    limit_threads,
-    without_lines,
-)
+from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated, limit_threads
 from cascadenorm.registry import Method, find, registered
 
 if TYPE_CHECKING:
@@ -47,51 +29,6 @@ if TYPE_CHECKING:
 DEFAULT_METHOD = "auto"
 
 AnyMesh = TypeVar("AnyMesh")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Report:
-    """What was done to a file.
-
-    Parameters
-    ----------
-    source, output : names of the files, or of the streams
-    method, parameters : what was applied, and the parameters that were given
-    strength : as given
-    controls : the other controls that decide on the result, as given; arrays by their shape alone
-    vertices, faces : counts; vertices that the file splits at seams count once
-    isolated_vertices, isolated_faces : vertices that are not finite, and further faces, that were left as they are
-    moved : vertices with another position
-    mean_displacement, largest_displacement : over all vertices, in mean edge lengths
-    seconds : of the method, without reading and writing
-    error : the kind of error that was found; None where the method is not `auto`, or nothing was to be taken away
-    left_out : what the source holds and the format of the output cannot, in words
-    """
-
-    source: str
-    output: str
-    method: str
-    parameters: dict[str, Any]
-    strength: float
-    controls: dict[str, Any]
-    vertices: int
-    faces: int
-    isolated_vertices: int
-    isolated_faces: int
-    moved: int
-    mean_displacement: float
-    largest_displacement: float
-    seconds: float
-    error: ErrorKind | None
-    left_out: tuple[str, ...]
-
-
-class Denoised(NamedTuple):
-    """What was done to a file, with the file as it was read and as it was written."""
-
-    report: Report
-    before: io.MeshFile
-    after: io.MeshFile
 
 
 @overload  # with the controls alone, for editors; parameters of the method are those of the last two
@@ -214,53 +151,6 @@ def compare(mesh: Any, *others: Any) -> Measures:
     return measure(Mesh(mesh, others[0]), Mesh(others[1], others[-1] if len(others) == 3 else others[0]))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Filling:
-    """What was added to a file.
-
-    Parameters
-    ----------
-    faces, added : triangles that were there, and further ones
-    left_out : what the source holds and the output does not, in words
-    """
-
-    faces: int
-    added: int
-    left_out: tuple[str, ...]
-
-
-def fill_holes_file(
-    source: Path, output: Path, *, order: Order = 2, max_edges: int | None = None, force: bool = False
-) -> Filling:
-    """Fill the holes of a mesh file, as `fill_holes` does; what is there stays, and the patches get values like it.
-
-    PLY and OBJ keep all that they hold, in other formats what is kept is what another format could take over.
-
-    Raises
-    ------
-    ReadError, MeshError, ParameterError, OutputError : nothing is written then
-    """
-    check_output(output, force=force)
-    io.output_format(output)
-    read = io.read(source)
-    mesh_of_file(read, source_name(source))
-    file, lost = extensible(read)
-    filled = fill_holes(file.mesh, order=order, max_edges=max_edges)
-    added = len(filled.faces) - len(file.mesh.faces)
-    if added:
-        left_out = lost + io.write(file.with_patches(Patches(file, filled)), output, force=force)
-    else:
-        left_out = io.write(read, output, force=force)
-    return Filling(faces=len(file.mesh.faces), added=added, left_out=tuple(dict.fromkeys(left_out)))
-
-
-def beside(source: Path, what: str) -> Path:
-    """Return `<stem>_<what><suffix>` in the folder of a mesh file; raises ReadError for a folder."""
-    if source.is_dir():
-        raise ReadError(f"{source} is a folder", hint="give the name of a mesh file in it")
-    return source.with_name(f"{source.stem}_{what}{source.suffix}")
-
-
 def _denoised(
     method: Method, vertices: ArrayLike, faces: ArrayLike, parameters: dict[str, Any], controls: Controls
 ) -> NDArray[Any]:
@@ -304,119 +194,3 @@ def _denoised_file(
     vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
     seconds = time.perf_counter() - start
     return written_file(opened, vertices, method, parameters, controls, seconds=seconds, force=force)
-
-
-class Opened(NamedTuple):
-    """A file that was read, and where it will be written.
-
-    Parameters
-    ----------
-    format : of the output
-    mesh : n vertices
-    controls : over the mesh, where they were given by names in the file
-    """
-
-    source: str | PathLike[str] | BinaryIO
-    output: str | PathLike[str] | BinaryIO
-    format: str
-    file: io.MeshFile
-    mesh: Mesh
-    controls: Controls
-
-
-def opened_file(
-    source: str | PathLike[str] | BinaryIO,
-    output: str | PathLike[str] | BinaryIO | None,
-    controls: Controls,
-    *,
-    format: str | None = None,
-    force: bool,
-) -> Opened:
-    """Read a file to be denoised; everything that can be refused before reading is refused before."""
-    output = _checked_output(source, output, format, force=force)
-    file = io.read(source)
-    if controls["on_bad"] == "isolate":
-        file = file.isolating()
-    chosen = io.output_format(output, format or file.format)
-    check_target(file, output, format=chosen, force=force)
-    mesh = mesh_of_file(file, source_name(source))
-    return Opened(source, output, chosen, file, mesh, selected(controls, file))
-
-
-def written_file(
-    opened: Opened,
-    vertices: NDArray[np.float64],
-    method: Method,
-    parameters: dict[str, Any],
-    controls: Controls,
-    *,
-    seconds: float,
-    force: bool,
-) -> Denoised:
-    """Write a file with other vertices of its mesh, (n, 3), and report what was done; controls as they were given."""
-    source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
-
-    # Formats with whole numbers need the limit to round within it
-    small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow where coordinates are huge
-    with np.errstate(over="ignore"):
-        framed = framed_length("max_displacement", controls["max_displacement"], small, exponent)
-        limit = float(np.ldexp(framed, exponent))
-    try:
-        moved = file.with_vertices(vertices, limit=limit)
-        left_out = io.write(moved, output, format=opened.format, force=force)
-    except ReadError as error:  # a fault of the source that only other formats need to know
-        raise error.within(source_name(source)) from error.__cause__
-
-    moves = np.linalg.norm(np.ldexp(vertices - mesh.vertices, -exponent), axis=1)
-    in_edges = moves / small.mean_edge_length if small.mean_edge_length > 0 else moves
-    report = Report(
-        source=source_name(source),
-        output=source_name(output),
-        method=method.name,
-        parameters=parameters,
-        strength=controls["strength"],
-        controls=in_words(controls),
-        vertices=len(mesh.vertices),
-        faces=len(mesh.faces),
-        isolated_vertices=int(file.bad_vertices.sum()),
-        isolated_faces=int(file.left_out.sum()),
-        moved=int((moves > 0).sum()),
-        mean_displacement=float(in_edges.mean()),
-        largest_displacement=float(in_edges.max()),
-        seconds=seconds,
-        error=_error_found(method, mesh, vertices, controls["strength"]),
-        left_out=tuple(left_out),
-    )
-    return Denoised(report, file, moved)
-
-
-def _error_found(method: Method, mesh: Mesh, vertices: NDArray[np.float64], strength: float) -> ErrorKind | None:
-    """Tell the kind of error from what `auto` took away, of which a strength below 1 takes only a share."""
-    if method.name != DEFAULT_METHOD or not strength:
-        return None
-    small, exponent = in_frame(without_lines(mesh))
-    order = in_good_order(small)
-    moves = np.ldexp(vertices - mesh.vertices, -exponent)[order.numbers] / min(strength, 1.0)
-    return error_kind(order.mesh, order.mesh.vertices + moves, exponent=exponent)
-
-
-def _checked_output(
-    source: str | PathLike[str] | BinaryIO,
-    output: str | PathLike[str] | BinaryIO | None,
-    format: str | None,
-    *,
-    force: bool,
-) -> str | PathLike[str] | BinaryIO:
-    """Return where to write; raises OutputError where that is impossible or not allowed."""
-    if output is None:
-        if not isinstance(source, str | PathLike):
-            raise TypeError("a stream has no place for its output: give one")
-        output = beside(Path(source), "denoised")
-        check_output(output, force=force)
-    elif isinstance(output, str | PathLike):
-        check_output(Path(output), force=force)
-        if not is_special(output):
-            io.output_format(output)
-    elif format is not None:
-        io.output_format(output, format)
-    return output

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.api import DEFAULT_METHOD, Report, opened_file, written_file
+from cascadenorm.api import DEFAULT_METHOD
 from cascadenorm.controls.controls import controlled
 from cascadenorm.controls.selection import welded
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
+from cascadenorm.denoised_files import Report, opened_file, written_file
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.coincidence import coincident, joined
 from cascadenorm.interop import adapter

@@ -6,8 +6,8 @@ import pytest
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api import fill_holes_file
 from cascadenorm.cli import run
+from cascadenorm.filled_files import fill_holes_file
 from cascadenorm.geometry.holes import fill_holes
 from cascadenorm.interop import as_mesh, save_mesh
 from cascadenorm.io.content import Content

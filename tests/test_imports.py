@@ -38,16 +38,18 @@ MAY_IMPORT = {
     "controls.settings": {"errors", "registry"},
     "controls.selection": {"mesh", "errors", "registry", "controls", "io"},
     "inspection": {*MESH, "geometry", "controls", "io", "interop", "learned", "inspection"},
-    "api": {*METHODS, "baselines", "learned", "controls", "interop", "io", "evaluation.metrics"},
+    "denoised_files": {*METHODS, "controls", "interop", "io"},
+    "filled_files": {*METHODS, "interop", "io"},
+    "api": {*METHODS, "baselines", "learned", "controls", "interop", "io", "denoised_files", "evaluation.metrics"},
     "spectra": {*METHODS, "io", "interop"},
-    "regions": {*METHODS, "io", "interop", "controls", "api"},
+    "regions": {*METHODS, "io", "interop", "controls", "api", "denoised_files"},
     "models": {*METHODS, "learned", "io", "controls", "api", "evaluation.pairs"},
     "evaluation": {*METHODS, "learned", "data_gen", "io", "interop", "controls", "api", "evaluation"},
     "reports": {*MESH, "registry", "geometry", "controls", "io", "interop", "inspection", "evaluation.metrics",
-                "evaluation.fields", "render", "api", "reports"},
+                "evaluation.fields", "render", "api", "denoised_files", "reports"},
     "frontends": {*METHODS, "interop", "controls", "api", "regions", "inspection", "evaluation.metrics", "frontends"},
-    "cli": {*METHODS, "workers", "learned", "data_gen", "io", "interop", "controls", "api", "models", "regions",
-            "evaluation", "spectra", "inspection", "render", "reports", "cli"},
+    "cli": {*METHODS, "workers", "learned", "data_gen", "io", "interop", "controls", "api", "denoised_files", "filled_files", "models",
+            "regions", "evaluation", "spectra", "inspection", "render", "reports", "cli"},
 }  # fmt: skip
 """What a module may import; the longest name that fits it decides. A room's own `__init__` is part of it."""
 

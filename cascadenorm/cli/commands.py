@@ -384,12 +384,13 @@ def fill_holes(
     force: Force = False,
 ) -> None:
     """Close the holes of a mesh by patches as dense as what is around them; what is there stays as it is."""
-    from cascadenorm import api
     from cascadenorm.cli import tables
+    from cascadenorm.filled_files import fill_holes_file
+    from cascadenorm.io.files import beside
 
-    target = api.beside(source, "filled") if output is None else output
+    target = beside(source, "filled") if output is None else output
     kind = cast(Literal[1, 2, 3], order)  # typer holds the range
-    done = api.fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
+    done = fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
     print(f"{target}: {counted(done.added, 'face')} added to {done.faces}")
     tables.print_left_out(done.left_out)
 

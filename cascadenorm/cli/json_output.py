@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import Any, TextIO
 
-from cascadenorm.api import Report
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed
+from cascadenorm.denoised_files import Report
 from cascadenorm.evaluation.harness import Evaluation
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection

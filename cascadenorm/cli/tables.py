@@ -10,9 +10,9 @@ from typing import TextIO
 from rich.console import Console
 from rich.table import Table
 
-from cascadenorm.api import Report
 from cascadenorm.cli.errors import complain
 from cascadenorm.cli.options import OPTIONS
+from cascadenorm.denoised_files import Report
 from cascadenorm.evaluation.harness import COLUMNS, Evaluation, Result
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import FINDINGS, Inspection

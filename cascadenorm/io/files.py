@@ -200,6 +200,13 @@ def output_format(target: Source, otherwise: str = "") -> str:
     return chosen
 
 
+def beside(source: Path, what: str) -> Path:
+    """Return `<stem>_<what><suffix>` in the folder of a mesh file; raises ReadError for a folder."""
+    if source.is_dir():
+        raise ReadError(f"{source} is a folder", hint="give the name of a mesh file in it")
+    return source.with_name(f"{source.stem}_{what}{source.suffix}")
+
+
 def is_mesh_name(path: Path) -> bool:
     """Whether a file can be a mesh by its extension, even if packages are missing to read it."""
     format = path.suffix[1:].lower()

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import cascadenorm
-from cascadenorm.api import Report
 from cascadenorm.controls import CONTROLS
+from cascadenorm.denoised_files import Report
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.messages import counted

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cascadenorm.api import Denoised, Report
+from cascadenorm.denoised_files import Denoised, Report
 from cascadenorm.evaluation.metrics import Measures, measure
 from cascadenorm.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.io.atomic import check_output, write_atomically
