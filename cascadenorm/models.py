@@ -63,6 +63,44 @@ class Denoiser:
         return denoise(mesh, faces, method=self.method, model=self.cascade, **settings)
 
 
+def named(model: str) -> Denoiser:
+    """Return a model that comes with the package by its name, or one in a file by its path."""
+    return Denoiser.shipped(model) if model in SHIPPED else Denoiser.load(model)
+
+
+def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = False) -> list[Path]:
+    """Write the networks of a model as ONNX files, stage1.onnx and so on, one a stage.
+
+    Filters, context features and the vertex update are not in them: `cascadenorm.learned.onnx_export.stage_model` says
+    what goes in and comes out.
+
+    Parameters
+    ----------
+    model : `Denoiser.shipped` or `Denoiser.load`
+    folder : it is made
+    force : replace existing files
+
+    Returns
+    -------
+    The files
+
+    Raises
+    ------
+    OutputError : a file exists and force is not given, or it cannot be written
+    MissingDependencyError : onnx is not installed
+    """
+    from cascadenorm.learned.onnx_export import stage_model
+
+    folder = Path(folder)
+    paths = [folder / f"stage{number}.onnx" for number in range(1, len(model.cascade.stages) + 1)]
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in paths:
+        check_output(path, force=force)
+    for path, stage in zip(paths, model.cascade.stages, strict=True):
+        write_atomically(path, [stage_model(stage)], force=force)
+    return paths
+
+
 def train(
     config: TrainConfig,
     output: str | PathLike[str],

@@ -344,8 +344,21 @@ def show_model(
     from cascadenorm import models
     from cascadenorm.cli import json_output
 
-    denoiser = models.Denoiser.shipped(model) if model in models.SHIPPED else models.Denoiser.load(model)
-    json_output.print_json("models", {"model": model, "card": denoiser.card})
+    json_output.print_json("models", {"model": model, "card": models.named(model).card})
+
+
+@app.command("export-onnx")
+def export_onnx(
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for stage1.onnx and so on; it is made.")],
+    *,
+    model: Annotated[str, typer.Option(help="auto or cascade, which come with the package, or a file.")] = "auto",
+    force: Force = False,
+) -> None:
+    """Write the networks of a model as ONNX files, one a stage; docs/models.md has their inputs and outputs."""
+    from cascadenorm import models
+
+    for path in models.export_onnx(models.named(model), folder, force=force):
+        print(path)
 
 
 @app.command()

@@ -1,0 +1,64 @@
+"""What onnxruntime computes from the exported networks is what the cascade computes."""
+
+import json
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from shapes import cube, noisy
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.learned.cascade import apply_stage, shipped
+from cascadenorm.learned.regression import stage_stack
+
+pytest.importorskip("onnx")
+onnxruntime = pytest.importorskip("onnxruntime")
+
+ROUGH = noisy(cube(4), 0.2)
+
+
+def computed(session, stage, mesh, stack):
+    """The normals by onnxruntime."""
+    feed = {"stack": stack, "context": np.concatenate(stage.scaler.context(stack, mesh), axis=1)}
+    for given in session.get_inputs():
+        assert given.shape == ["faces", *feed[given.name].shape[1:]]
+    return session.run(["normals"], feed)[0]
+
+
+@pytest.mark.parametrize("name", ["auto", "cascade"])
+def test_every_stage_gives_the_same_normals(name, tmp_path):
+    mesh, cascade = ROUGH, shipped(name)
+    assert run(["export-onnx", str(tmp_path / "out"), "--model", name]) == 0
+    assert len(list((tmp_path / "out").iterdir())) == len(cascade.stages)
+    for number, stage in enumerate(cascade.stages, 1):
+        session = onnxruntime.InferenceSession(tmp_path / "out" / f"stage{number}.onnx")
+        assert json.loads(session.get_modelmeta().custom_metadata_map["stage"]) == asdict(stage.settings)
+        stack = stage_stack(stage.settings, mesh, ROUGH)
+        np.testing.assert_allclose(computed(session, stage, mesh, stack), stage.normals(mesh, stack), atol=1e-5)
+        some = stack[:1]  # the number of faces is free
+        context = np.concatenate(stage.scaler.context(stack, mesh), axis=1)[:1]
+        (one,) = session.run(None, {"stack": some, "context": context})
+        np.testing.assert_allclose(one, stage.normals(mesh, stack)[:1], atol=1e-5)
+        mesh = apply_stage(stage, mesh, ROUGH)
+
+
+def test_a_sum_that_vanishes_gives_the_first_normal():
+    from cascadenorm.learned.onnx_export import stage_model
+
+    stage = shipped("auto").stages[0]
+    stack = np.zeros((2, 23, 3), np.float32)
+    (normals,) = onnxruntime.InferenceSession(stage_model(stage)).run(
+        None, {"stack": stack, "context": np.zeros((2, 121), np.float32)}
+    )
+    assert not normals.any()
+
+
+def test_files_are_replaced_only_with_force(tmp_path):
+    assert run(["export-onnx", str(tmp_path)]) == 0
+    before = (tmp_path / "stage2.onnx").read_bytes()
+    assert run(["export-onnx", str(tmp_path)]) == 5
+    assert run(["export-onnx", str(tmp_path), "--force"]) == 0
+    assert (tmp_path / "stage2.onnx").read_bytes() == before
+    with pytest.raises(cn.ParameterError):
+        cn.Denoiser.load(tmp_path / "stage2.onnx")
