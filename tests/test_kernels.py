@@ -33,7 +33,7 @@ def run_twice(folder, before: str = "") -> str:
         module.write_text(before + TWICE)
     environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "kept"), "NUMBA_DISABLE_JIT": "0"}
     command = [sys.executable, folder / "module.py"]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -50,6 +50,20 @@ def test_the_next_process_takes_what_was_compiled_for_each_type(tmp_path):
     out = "[0.0, 2.0, 4.0, 3.0] "
     assert run_twice(tmp_path).split("\n") == [out + "0", out + "0", ""]
     assert run_twice(tmp_path).split("\n") == [out + "1", out + "2", ""]
+
+
+def test_kernels_are_read_where_nothing_can_be_written(tmp_path):
+    locked = """
+import os, tempfile
+if os.path.exists("locked"):
+    def refuse(*_, **__):
+        raise OSError(30, "Read-only file system")
+    tempfile.TemporaryFile = refuse  # by which numba tells whether a folder can be written
+"""
+    out = "[0.0, 2.0, 4.0, 3.0] "
+    assert run_twice(tmp_path, locked).split("\n") == [out + "0", out + "0", ""]
+    (tmp_path / "locked").touch()
+    assert run_twice(tmp_path, locked).split("\n") == [out + "1", out + "2", ""]
 
 
 def test_a_full_disk_keeps_nothing_and_stops_nobody(tmp_path):

@@ -33,7 +33,7 @@ def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
     note = checkpoint / "config.json"
     made_with = {"format": FORMAT, **versions()}
     text = json.dumps(asdict(config) | {"own": digest.hexdigest(), "made_with": made_with}, indent=1, sort_keys=True)
-    if note.exists() and note.read_text() != text:
+    if note.exists() and note.read_text(encoding="utf-8") != text:
         raise ConfigError(
             f"{checkpoint} holds a training with other settings or another version: remove it, or name another folder"
         )

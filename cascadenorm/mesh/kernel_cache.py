@@ -1,16 +1,39 @@
 """Compiled kernels on disk, through classes of numba that may change with any release; `kernels` then does without."""
 
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
 from pickle import UnpicklingError
 from typing import Any
 
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+
+
+def _readable(place: type[Any]) -> type[Any]:
+    """Return a place of numba's that need only exist, where numba asks that it can be written."""
+
+    class Readable(place):  # type: ignore[misc]
+        def ensure_cache_path(self) -> None:
+            if not os.path.isdir(self.get_cache_path()):
+                raise OSError("there is no such folder")
+
+    return Readable
+
+
+class KernelPlaces(CompileResultCacheImpl):  # type: ignore[misc]
+    """Where kernels are kept: the first place that can be written; if none can, as in a container, one to read from."""
+
+    _locator_classes = (
+        *CompileResultCacheImpl._locator_classes,
+        *map(_readable, CompileResultCacheImpl._locator_classes),
+    )
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """The compiled forms of a function on disk; a disk that is full or fails keeps none, and so does another numba."""
+
+    _impl_class = KernelPlaces
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
