@@ -1,45 +1,25 @@
 """Inspect a mesh of any kind: what it is, what is wrong with it, where, and how noisy it is."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from os import PathLike, fspath
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm import io
 from cascadenorm.geometry.error_kind import ErrorKind, error_kind
 from cascadenorm.geometry.noise_level import noise_level
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.inspection.defects import boundary_loop_count, flipped_edges, pinched_vertices, repeats, thin_faces
 from cascadenorm.inspection.enclosed import enclosed
-from cascadenorm.interop import adapter
+from cascadenorm.inspection.source import Found, Given, taken
 from cascadenorm.learned.cascade import auto
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated
-from cascadenorm.mesh.mesh import face_array, vertex_array
 
 MOST_FACES_CROSSED = 200_000
 """Faces up to which those that cross are looked for unasked; it takes seconds for 100,000."""
 MOST_FACES_DENOISED = 300_000
 """Faces up to which the kind of error is told, from what `auto` would take away; it takes seconds for 100,000."""
-PLACES = 10
-"""Places that are named of each finding."""
-
-
-@dataclass(frozen=True)
-class Found:
-    """How many places there are where something is wrong, and the first of them.
-
-    Parameters
-    ----------
-    count : of faces, vertices or edges
-    first : up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as the file counts
-    """
-
-    count: int
-    first: tuple[Any, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,40 +101,6 @@ class Inspection:
         return {name: value for name, value in found.items() if isinstance(value, Found) and value.count}
 
 
-class Given(NamedTuple):
-    """A mesh as it was handed in.
-
-    Parameters
-    ----------
-    source, number_type, counts_from : as in Inspection
-    vertices : (n, 3), of any value; faces : (m, 3), of any value
-    vertex_numbers, face_numbers : (n,) and (m,) where they are in the source, counted from 0
-    file_vertices : number of the positions in the source
-    """
-
-    source: str
-    number_type: str
-    counts_from: int
-    vertices: NDArray[np.float64]
-    faces: NDArray[Any]
-    vertex_numbers: NDArray[np.int64]
-    face_numbers: NDArray[np.int64]
-    file_vertices: int
-
-    def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
-        """Name vertices."""
-        return _found(int(bad.sum()), self.vertex_numbers[bad], self.counts_from)
-
-    def at_faces(self, bad: NDArray[np.bool_]) -> Found:
-        """Name faces; one that was cut into several counts, and is named, once."""
-        places = np.unique(self.face_numbers[bad])
-        return _found(len(places), places, self.counts_from)
-
-    def at_edges(self, edges: NDArray[np.int32]) -> Found:
-        """Name edges by the numbers of their ends."""
-        return _found(len(edges), self.vertex_numbers[edges], self.counts_from)
-
-
 def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bool | None = None) -> Inspection:
     """Look a mesh over; what cannot be denoised is reported here rather than refused.
 
@@ -170,7 +116,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     ReadError : a file that cannot be read
     MeshError : arrays of the wrong shape or type
     """
-    given = _given(mesh, faces)
+    given = taken(mesh, faces)
     corners, count = given.faces, len(given.vertices)
     outside = np.asarray((corners < 0) | (corners >= count))
     out_of_range, not_finite = np.asarray(outside.any(axis=1)), bad_vertices(given.vertices)
@@ -252,50 +198,6 @@ NOTHING: dict[str, Any] = {
     "closed": False,
 }
 """What `_shape` says where no face is good."""
-
-
-def _given(mesh: Any, faces: ArrayLike | None) -> Given:
-    if faces is None and (isinstance(mesh, str | PathLike) or hasattr(mesh, "read")):
-        name = fspath(mesh) if isinstance(mesh, str | PathLike) else str(getattr(mesh, "name", "the stream"))
-        return _given_file(io.read(mesh).isolating(), name)
-    if isinstance(mesh, io.MeshFile):
-        return _given_file(mesh.isolating(), f"the {mesh.format} file")
-    if faces is not None:
-        arrays, source = (mesh, faces), "arrays"
-    else:
-        arrays = (mesh.vertices, mesh.faces) if isinstance(mesh, Mesh) else adapter(mesh).arrays(mesh)
-        source = type(mesh).__name__
-    kind = np.asarray(arrays[0]).dtype
-    vertices, corners = vertex_array(arrays[0]), face_array(arrays[1])
-    return Given(
-        source=source,
-        number_type=kind.name if kind.name == "float32" else "float64",
-        counts_from=0,
-        vertices=vertices,
-        faces=corners,
-        vertex_numbers=np.arange(len(vertices)),
-        face_numbers=np.arange(len(corners)),
-        file_vertices=len(vertices),
-    )
-
-
-def _given_file(file: io.MeshFile, name: str) -> Given:
-    first = np.unique(file.welds, return_index=True)[1]
-    return Given(
-        source=name,
-        number_type=file.positions.dtype.name,
-        counts_from=file.counts_from,
-        vertices=file.positions[first].astype(np.float64),
-        faces=np.append(file.welds, np.int32(-1))[file.triangles],
-        vertex_numbers=first,
-        face_numbers=file.triangle_polygons,
-        file_vertices=len(file.positions),
-    )
-
-
-def _found(count: int, places: NDArray[Any], counts_from: int) -> Found:
-    named: Sequence[Any] = (places[:PLACES] + counts_from).tolist()
-    return Found(count, tuple(tuple(place) if isinstance(place, list) else place for place in named))
 
 
 def _scaled(value: float, exponent: int) -> float | None:

@@ -1,0 +1,110 @@
+"""A mesh as it was handed in, and places in it by the numbers of its source."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm import io
+from cascadenorm.interop import adapter
+from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.mesh import face_array, vertex_array
+
+PLACES = 10
+"""Places that are named of each finding."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """How many places there are where something is wrong, and the first of them.
+
+    Parameters
+    ----------
+    count : of faces, vertices or edges
+    first : up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as the file counts
+    """
+
+    count: int
+    first: tuple[Any, ...]
+
+
+class Given(NamedTuple):
+    """A mesh as it was handed in.
+
+    Parameters
+    ----------
+    source, number_type, counts_from : as in Inspection
+    vertices : (n, 3), of any value; faces : (m, 3), of any value
+    vertex_numbers, face_numbers : (n,) and (m,) where they are in the source, counted from 0
+    file_vertices : number of the positions in the source
+    """
+
+    source: str
+    number_type: str
+    counts_from: int
+    vertices: NDArray[np.float64]
+    faces: NDArray[Any]
+    vertex_numbers: NDArray[np.int64]
+    face_numbers: NDArray[np.int64]
+    file_vertices: int
+
+    def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
+        """Name vertices."""
+        return _found(int(bad.sum()), self.vertex_numbers[bad], self.counts_from)
+
+    def at_faces(self, bad: NDArray[np.bool_]) -> Found:
+        """Name faces; one that was cut into several counts, and is named, once."""
+        places = np.unique(self.face_numbers[bad])
+        return _found(len(places), places, self.counts_from)
+
+    def at_edges(self, edges: NDArray[np.int32]) -> Found:
+        """Name edges by the numbers of their ends."""
+        return _found(len(edges), self.vertex_numbers[edges], self.counts_from)
+
+
+def taken(mesh: Any, faces: ArrayLike | None) -> Given:
+    """Take what `inspect` takes."""
+    if faces is None and (isinstance(mesh, str | PathLike) or hasattr(mesh, "read")):
+        name = fspath(mesh) if isinstance(mesh, str | PathLike) else str(getattr(mesh, "name", "the stream"))
+        return _given_file(io.read(mesh).isolating(), name)
+    if isinstance(mesh, io.MeshFile):
+        return _given_file(mesh.isolating(), f"the {mesh.format} file")
+    if faces is not None:
+        arrays, source = (mesh, faces), "arrays"
+    else:
+        arrays = (mesh.vertices, mesh.faces) if isinstance(mesh, Mesh) else adapter(mesh).arrays(mesh)
+        source = type(mesh).__name__
+    kind = np.asarray(arrays[0]).dtype
+    vertices, corners = vertex_array(arrays[0]), face_array(arrays[1])
+    return Given(
+        source=source,
+        number_type=kind.name if kind.name == "float32" else "float64",
+        counts_from=0,
+        vertices=vertices,
+        faces=corners,
+        vertex_numbers=np.arange(len(vertices)),
+        face_numbers=np.arange(len(corners)),
+        file_vertices=len(vertices),
+    )
+
+
+def _given_file(file: io.MeshFile, name: str) -> Given:
+    first = np.unique(file.welds, return_index=True)[1]
+    return Given(
+        source=name,
+        number_type=file.positions.dtype.name,
+        counts_from=file.counts_from,
+        vertices=file.positions[first].astype(np.float64),
+        faces=np.append(file.welds, np.int32(-1))[file.triangles],
+        vertex_numbers=first,
+        face_numbers=file.triangle_polygons,
+        file_vertices=len(file.positions),
+    )
+
+
+def _found(count: int, places: NDArray[Any], counts_from: int) -> Found:
+    named: Sequence[Any] = (places[:PLACES] + counts_from).tolist()
+    return Found(count, tuple(tuple(place) if isinstance(place, list) else place for place in named))
