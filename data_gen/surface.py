@@ -13,7 +13,7 @@ from cascadenorm.data_gen.polygonise import NoSurfaceError, dual_contouring, mar
 from cascadenorm.data_gen.untangle import untangled
 from cascadenorm.mesh import Mesh, Vectors
 
-REACH = 1.6  # shapes are looked for in a cube of this half side
+HALF_SIDE = 1.6  # shapes are looked for in a cube of this half side
 ROUGH = 0.09  # spacing of the first look
 
 
@@ -45,12 +45,12 @@ class UnfitShapeError(ValueError):
 
 def extent_of(field: Field, *, rng: np.random.Generator) -> Extent:
     """Look at a field coarsely."""
-    lattice = sample(field, lower=[-REACH] * 3, upper=[REACH] * 3, spacing=ROUGH, rng=rng)
+    lattice = sample(field, lower=[-HALF_SIDE] * 3, upper=[HALF_SIDE] * 3, spacing=ROUGH, rng=rng)
     inside = lattice.values < 0
     if not inside.any():
         raise UnfitShapeError("the shape is empty, or all thinner than the first look")
     where = lattice.nodes[inside]
-    if np.abs(where).max() > REACH - 2 * ROUGH:
+    if np.abs(where).max() > HALF_SIDE - 2 * ROUGH:
         raise UnfitShapeError("the shape is too large")
     return Extent(where.min(axis=0) - ROUGH, where.max(axis=0) + ROUGH, marching_cubes(field, lattice))
 

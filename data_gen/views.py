@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.data_gen.fields import Field, Values
 from cascadenorm.data_gen.placement import random_rotation
-from cascadenorm.data_gen.surface import REACH, Extent, UnfitShapeError, largest_components
+from cascadenorm.data_gen.surface import HALF_SIDE, Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.untangle import untangled
 from cascadenorm.mesh import Mesh, Vectors, unit
 
@@ -54,11 +54,11 @@ class DepthImage(NamedTuple):
 def depth_image(field: Field, middle: Vectors, turn: Vectors, *, distance: float, step: float) -> DepthImage:
     """Look at a field from a direction, with rays so far apart where they pass the middle."""
     eye = middle + distance * turn[:, 2]
-    count = int(2 * REACH / step)
+    count = int(2 * HALF_SIDE / step)
     pixels = step * (np.arange(count, dtype=np.float64) - 0.5 * (count - 1))
     grid = np.stack(np.meshgrid(pixels, pixels, indexing="ij"), axis=-1).reshape(-1, 2)
     rays = unit(middle + grid @ turn[:, :2].T - eye)
-    depth = traced(field, eye, rays, start=distance - REACH, stop=distance + REACH)
+    depth = traced(field, eye, rays, start=distance - HALF_SIDE, stop=distance + HALF_SIDE)
     points = eye + np.where(np.isfinite(depth), depth, 0)[:, None] * rays
     return DepthImage(eye, turn, distance, pixels, depth, points)
 

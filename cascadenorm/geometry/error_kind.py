@@ -28,7 +28,7 @@ UNSURE = 0.7, 1.5
 """Mean edge lengths: between them the correlation does not tell the kinds apart."""
 PAIRS = 4000
 """Vertices, evenly spaced in their order, around which the correlation is measured."""
-REACH = 12.0
+FARTHEST = 12.0
 """Mean edge lengths up to which it is."""
 
 
@@ -115,7 +115,7 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     values : (n,), not all zero
     """
     some = np.unique(np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64))
-    pairs = cKDTree(points[some]).sparse_distance_matrix(cKDTree(points), REACH, output_type="coo_matrix")
+    pairs = cKDTree(points[some]).sparse_distance_matrix(cKDTree(points), FARTHEST, output_type="coo_matrix")
     apart = pairs.row != -1
     first, second, distance = some[pairs.row[apart]], pairs.col[apart], pairs.data[apart]
     other = first != second
@@ -128,7 +128,7 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     at = np.concatenate([[0.0], known.astype(np.float64)])
     below = np.flatnonzero(correlation < np.exp(-1))
     if len(below) == 0:
-        return REACH
+        return FARTHEST
     i = int(below[0])
     share = (correlation[i - 1] - np.exp(-1)) / (correlation[i - 1] - correlation[i])
     return float(at[i - 1] + share * (at[i] - at[i - 1]))
