@@ -3,12 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
 
 from cascadenorm.data_gen.decimate import thinned
 from cascadenorm.data_gen.fields import Field
 from cascadenorm.data_gen.lattice import grid
 from cascadenorm.data_gen.measured import Measured, beneath
-from cascadenorm.data_gen.placement import random_rotation
+from cascadenorm.data_gen.placement import direction, random_rotation
 from cascadenorm.data_gen.surface import Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.untangle import untangled
 from cascadenorm.mesh import Mesh, Vectors, scatter_add
@@ -21,6 +22,7 @@ SMALLEST = 0.05  # share of the faces of the largest component that others have 
 STEPPED = 3.2  # faces of marching cubes on a mask, for a surface whose area is that of a voxel's side
 GREY = 2.3  # the same on grey values
 NETS = 0.7  # the same for surface nets, against marching cubes
+TILT = 15.0  # degrees; so little makes long, low steps on planes
 DECIMATED = 0.12  # share of the meshes that are decimated, as before an export
 
 
@@ -151,10 +153,19 @@ def surface_nets(volume: Volume) -> Mesh:
 
 def _lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random.Generator) -> tuple[Volume, Vectors]:
     """Nodes (p, q, r, 3) of a lattice turned and shifted at random, and its three edges as rows."""
-    turn = random_rotation(rng=rng) if rng.random() < 0.7 else np.eye(3)
+    turn = _orientation(rng=rng)
     half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + MARGIN * steps
     middle = extent.middle + turn @ (rng.uniform(-0.5, 0.5, 3) * steps)
     return grid(half, steps) @ turn.T + middle, (turn * steps).T
+
+
+def _orientation(*, rng: np.random.Generator) -> Vectors:
+    """Rotation of a lattice: any, none, or the slight one of a part that is put into a scanner by hand."""
+    chance = rng.random()
+    if chance < 0.5:
+        return random_rotation(rng=rng)
+    tilt = float(rng.uniform(0.5, TILT)) if chance < 0.8 else 0.0
+    return np.asarray(Rotation.from_rotvec(tilt * direction(rng=rng), degrees=True).as_matrix())
 
 
 def _sampled(field: Field, nodes: NDArray[np.float64]) -> Volume:

@@ -9,6 +9,8 @@ import cascadenorm as cn
 from cascadenorm.controls import checked
 from cascadenorm.controls.controls import controlled
 from cascadenorm.controls.detail import finer_than
+from cascadenorm.data_gen.dataset import DatasetConfig, pair
+from cascadenorm.data_gen.noise import NoiseKind
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors, angles_between
 from cascadenorm.registry import Method
@@ -148,6 +150,33 @@ def test_strength_of_auto_removes_more_and_more_without_a_jump():
     assert left[2] == pytest.approx(left[3], abs=0.01)
     assert all(after < 0.99 * before for before, after in pairwise(left[3:]))
     assert np.abs(outs[2].vertices - outs[3].vertices).max() < 1e-3 * BUMPY.mean_edge_length
+
+
+KINDS: dict[str, tuple[str, NoiseKind]] = {
+    "independent": ("bust", "normal"),
+    "correlated": ("bust", "correlated"),
+    "segmentation": ("segmentation", "none"),
+    "slices": ("slices", "none"),
+    "tomogram": ("tomogram", "none"),
+    "points": ("points", "none"),
+    "fused": ("fused", "sensor"),
+    "depth image": ("view", "sensor"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_more_strength_of_auto_removes_more_of_every_kind_of_error(kind):
+    family, noise = KINDS[kind]
+    config = DatasetConfig(
+        families=(family,), noise_kinds=(noise,), min_level=0.3, min_faces=1200, max_faces=1500, seed=5
+    )
+    mesh = pair(config, 0).noisy
+    edge = mesh.mean_edge_length
+    outs = [cn.denoise(mesh, strength=strength).vertices for strength in (0, 0.5, 1, 1.5, 2, 2.01, 3, 4)]
+    removed = [np.sqrt(np.mean((out - mesh.vertices) ** 2)) / edge for out in outs]
+    assert all(after > before for before, after in pairwise(removed[:5]))
+    assert all(after > 0.99 * before for before, after in pairwise(removed[4:])) and removed[-1] > removed[4]
+    assert np.abs(outs[5] - outs[4]).max() < 0.05 * edge
 
 
 @pytest.mark.parametrize("method", ["auto", "bilateral-normal", "taubin"])

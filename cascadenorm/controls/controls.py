@@ -1,7 +1,7 @@
 """A method under the controls: in its frame, where and as strongly as wanted, within limits."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut
-from cascadenorm.controls.detail import finer_than, without_finer
+from cascadenorm.controls.detail import Removal, finer_than, without_finer
 from cascadenorm.controls.limits import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.walls import joined_walls
@@ -73,7 +73,8 @@ def controlled(
     detail = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
-        strength, removed = _strength(method, controls, framed, exponent)
+        strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
+        removed = _detail_to_remove(method, controls, framed, exponent)
         step = _step(method, framed, order, parts, checked, controls, detail, removed)
         displacement = _accumulated(step, framed, strength * weights)
         if controls["volume"] == "keep":
@@ -89,7 +90,7 @@ def in_words(controls: Controls) -> dict[str, Any]:
 
 
 EDGES = 2.0
-"""Width of the detail, in mean edge lengths, that each 1 of strength above 1 removes after a method that converges."""
+"""Width of the detail, in mean edge lengths, that each 1 of strength above 1 adds after a method that converges."""
 
 UNREPORTED = ("strength", "threads", "progress")
 """Controls that a report does not name: strength has a field of its own, the others do not change the result."""
@@ -106,14 +107,22 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
     return method.checked(parameters)
 
 
-def _strength(method: Method, controls: Controls, framed: Mesh, exponent: int) -> tuple[float, float]:
-    """How often to apply the method, and up to which width, in the unit of the frame, to remove detail each time."""
-    strength, width = controls["strength"], 0.0
+def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent: int) -> list[Removal]:
+    """List what to remove after a method: `remove_detail`, then what a strength above 1 asks of one that converges.
+
+    Each 1 of strength above 1 is one more removal on the result so far, of detail EDGES wider; the last
+    one may be partial. So a strength builds on what less of it removes.
+    """
+    removals = []
     if controls["remove_detail"] is not None:
         width = framed_length("remove_detail", controls["remove_detail"], framed, exponent)
-    if not method.converges or strength <= 1:
-        return strength, width
-    return 1.0, max(width, (strength - 1) * EDGES * framed.mean_edge_length)
+        removals.append(Removal(width, 1.0, everywhere=True))
+    if method.converges:
+        more = controls["strength"] - 1
+        for number in range(math.ceil(more)):
+            width = (number + 1) * EDGES * framed.mean_edge_length
+            removals.append(Removal(width, min(more - number, 1.0), everywhere=False))
+    return removals
 
 
 def _step(
@@ -124,7 +133,7 @@ def _step(
     parameters: Mapping[str, Any],
     controls: Controls,
     detail: float,
-    removed: float,
+    removed: Sequence[Removal],
 ) -> Step:
     """Return the method together with creases, boundary and detail, which apply each time that it does.
 
@@ -136,7 +145,7 @@ def _step(
     order : how its vertices are numbered
     parts : the shells of its regions, where these share walls
     detail : width of the smallest feature to keep, in the unit of the frame
-    removed : width of the largest feature to remove
+    removed : detail to remove after the method, in order
     """
     creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
@@ -157,7 +166,7 @@ def _surface_step(
     controls: Controls,
     creases: NDArray[np.bool_] | None,
     detail: float,
-    removed: float,
+    removed: Sequence[Removal],
 ) -> Step:
     """Return the step of a mesh without shared walls.
 
@@ -180,7 +189,8 @@ def _surface_step(
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
         vertices = _finite(method, method.function(seen, **parameters), numbers)
-        vertices = without_finer(removed, seen, vertices, everywhere=controls["remove_detail"] is not None)
+        for removal in removed:
+            vertices = without_finer(removal, seen, vertices)
         if edges is not None:
             vertices = smoothed_boundary(seen, edges, vertices)
         if finer is not None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -54,15 +55,26 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     return finer
 
 
-def without_finer(width: float, mesh: Mesh, vertices: Vectors, *, everywhere: bool) -> Vectors:
+class Removal(NamedTuple):
+    """Detail to remove from what a method left.
+
+    width : of the widest feature that goes, in the unit of the mesh
+    share : of the way, from 0 to 1
+    everywhere : False keeps the vertices that the method left where they are
+    """
+
+    width: float
+    share: float
+    everywhere: bool
+
+
+def without_finer(removal: Removal, mesh: Mesh, vertices: Vectors) -> Vectors:
     """Remove features up to a width from what a method left, by rolling guidance of the normals.
 
     Parameters
     ----------
-    width : in the unit of the mesh
     mesh : the input, n vertices
     vertices : (n, 3), where a method wants them
-    everywhere : False keeps the vertices that the method left where they are
 
     Returns
     -------
@@ -70,10 +82,10 @@ def without_finer(width: float, mesh: Mesh, vertices: Vectors, *, everywhere: bo
     input but its foldovers
     """
     left = mesh.moved(vertices)
-    if width == 0 or not left.mean_edge_length > 0:
+    if removal.width == 0 or not left.mean_edge_length > 0:
         return vertices
-    width = min(width, WIDEST * mesh.diagonal)
+    width = min(removal.width, WIDEST * mesh.diagonal)
     filtered = find("rolling-guidance-normal")(left, width=width / left.mean_edge_length)
-    kept = np.zeros(len(vertices), bool) if everywhere else (vertices == mesh.vertices).all(axis=1)
+    kept = np.zeros(len(vertices), bool) if removal.everywhere else (vertices == mesh.vertices).all(axis=1)
     displacement = limited(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
-    return without_flips(mesh, vertices + displacement)
+    return without_flips(mesh, vertices + removal.share * displacement)

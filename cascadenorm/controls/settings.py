@@ -64,7 +64,7 @@ class Controls(TypedDict, total=False):
         float,
         Control(
             help="0 keeps the mesh, 1 applies the method, values between blend linearly; above 1 the method is applied "
-            "again to its own result, and auto removes detail instead, 2 mean edge lengths wide for each 1.",
+            "again to its own result, and auto removes detail instead, 2 mean edge lengths wider for each 1.",
             minimum=0,
             below=math.inf,
             default=1.0,
