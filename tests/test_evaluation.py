@@ -1,16 +1,31 @@
+import csv
+import io
+import json
+import re
+import shlex
 import shutil
+import subprocess
+import sys
+import time
+from base64 import b64decode
 
 import numpy as np
+import PIL.Image
 import pytest
 from shapes import cube, icosphere, noisy
 
+import cascadenorm as cn
 from cascadenorm import registry
-from cascadenorm.evaluation.harness import NOISY, evaluate
+from cascadenorm.cli import run
+from cascadenorm.errors import ParameterError
+from cascadenorm.evaluation import tables
+from cascadenorm.evaluation.harness import NOISY, Evaluation, evaluate
+from cascadenorm.evaluation.memory import peak_memory
 from cascadenorm.evaluation.metrics import measure
 from cascadenorm.evaluation.pairs import find_pairs, write_pairs
 from cascadenorm.interop import save_mesh
 from cascadenorm.io import OutputError, ReadError
-from cascadenorm.registry import ParameterError
+from cascadenorm.reports.evaluations import report_evaluation
 
 SHAPES = {"ball": icosphere(2), "cube": cube(4)}
 
@@ -173,3 +188,228 @@ def test_results_without_a_folder_or_a_name_of_their_own_are_refused(folder, tmp
     other = shutil.copytree(folder / "ball", tmp_path / "ball")
     with pytest.raises(ReadError, match="several pairs are called ball"):
         evaluate([folder, other], methods=[], results={"theirs": tmp_path})
+
+
+# other programs
+
+COPY = (
+    "import sys, shutil; shutil.copyfile(*sys.argv[1:]); x = bytearray(120_000_000); x[::4096] = b'1' * len(x[::4096])"
+)
+
+
+def python(code):
+    """The command line of a program that gets both names of files."""
+    return f"{sys.executable} -c {shlex.quote(code)} {{in}} {{out}}"
+
+
+def test_a_program_is_run_on_each_noisy_mesh_timed_and_measured(folder):
+    done = evaluate(folder, methods=[], commands={"copy": python(COPY)})
+    assert [(r.pair, r.method) for r in done.results] == [(n, m) for n in SHAPES for m in (NOISY, "copy")]
+    for before, after in zip(done.results[::2], done.results[1::2], strict=True):
+        assert after.measures == before.measures and 0 < after.seconds < 30
+        assert before.seconds == 0 and before.memory_mb is None
+    if sys.platform.startswith("linux"):
+        assert all(120 < result.memory_mb < 180 for result in done.results[1::2])  # not that of this process
+
+
+def test_a_program_gets_files_of_the_format_that_it_asks_for(folder, tmp_path):
+    script = tmp_path / "their tool.py"
+    script.write_text(
+        "import sys\n"
+        "assert sys.argv[1].endswith('.obj') and sys.argv[2].endswith('.off')\n"
+        "from cascadenorm.interop import as_mesh, save_mesh\n"
+        "from pathlib import Path\n"
+        "save_mesh(Path(sys.argv[2]), as_mesh(sys.argv[1]))\n"
+    )
+    command = f"{sys.executable} '{script}' {{in.obj}} {{out.off}}"
+    done = evaluate(folder / "ball", methods=[], commands={"theirs": command})
+    assert done.failures == []
+    errors = [result.measures.normal_error_deg for result in done.results]
+    assert errors[1] == pytest.approx(errors[0], abs=1e-3)
+
+
+def test_the_failures_of_a_program_are_shown_and_the_rest_goes_on(folder):
+    commands = {
+        "dies": python("import sys; print('no such grid', file=sys.stderr); sys.exit(3)"),
+        "silent": python("pass"),
+        "rubbish": python("import sys; open(sys.argv[2], 'w').write('ply')"),
+        "copy": python(COPY),
+    }
+    done = evaluate(folder / "ball", methods=[], commands=commands)
+    assert [result.method for result in done.results] == [NOISY, "copy"]
+    said = {failure.method: str(failure.error) for failure in done.failures}
+    assert said["dies"].endswith("ended with code 3: no such grid")
+    assert said["silent"].endswith("wrote no file out.ply") and "out.ply" in said["rubbish"]
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ("cp {in} somewhere", "needs {in} and {out}"),
+        ("no-such-program {in} {out}", "there is no program no-such-program"),
+        ("cp '{in} {out}", "cannot be read"),
+    ],
+)
+def test_commands_that_cannot_run_are_refused_before_any_work(folder, command, message):
+    with pytest.raises(ParameterError, match=re.escape(message)):
+        evaluate(folder, methods=[], commands={"theirs": command})
+
+
+def test_names_of_rows_differ_and_can_be_those_of_files(folder):
+    with pytest.raises(ParameterError, match="two rows are called one"):
+        evaluate(folder, methods=[], commands={"one": "cp {in} {out}"}, results={"one": folder})
+    with pytest.raises(ParameterError, match="a name that a file can have"):
+        evaluate(folder, methods=[], commands={"a/b": "cp {in} {out}"})
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the system does not tell")
+def test_the_memory_of_a_block_is_what_it_touched():
+    with peak_memory() as peak:
+        np.ones(25_000_000)
+    assert peak.megabytes == pytest.approx(200, rel=0.1)
+    with peak_memory() as peak:
+        np.ones(1000)
+    assert peak.megabytes < 20
+
+
+# going on
+
+
+def counted_method(monkeypatch):
+    calls = []
+
+    def counted(mesh):
+        calls.append(len(mesh.faces))
+        return mesh.vertices.copy()
+
+    monkeypatch.setitem(registry._methods, "counted", registry.Method("counted", counted, "", {}))
+    return calls
+
+
+def test_what_was_kept_is_not_computed_again(folder, tmp_path, monkeypatch):
+    calls = counted_method(monkeypatch)
+    first = evaluate(folder, methods="counted", keep=tmp_path / "kept")
+    assert calls
+    calls.clear()
+    assert evaluate(folder, methods="counted", keep=tmp_path / "kept").results == first.results
+    assert calls == []
+    evaluate(folder, methods="counted", strength=0.5, keep=tmp_path / "kept")
+    assert calls  # another setting
+    pair = shutil.copytree(folder, tmp_path / "pairs")
+    calls.clear()
+    evaluate(pair, methods="counted", strength=0.5, keep=tmp_path / "kept")
+    assert calls == []  # the same files elsewhere
+    save_mesh(pair / "ball" / "clean.ply", icosphere(3), force=True)
+    evaluate(pair, methods="counted", strength=0.5, keep=tmp_path / "kept")
+    assert len(SHAPES["ball"].faces) in calls and len(SHAPES["cube"].faces) not in calls
+
+
+def test_a_mesh_that_was_lost_is_made_again(folder, tmp_path, monkeypatch):
+    calls = counted_method(monkeypatch)
+    evaluate(folder / "ball", methods="counted", keep=tmp_path)
+    calls.clear()
+    (tmp_path / "ball" / "counted.ply").unlink()
+    evaluate(folder / "ball", methods="counted", keep=tmp_path)
+    assert calls and (tmp_path / "ball" / "counted.ply").exists()
+
+
+def test_a_killed_evaluation_goes_on(folder, tmp_path):
+    slow = python("import sys, shutil, time; time.sleep(3 * ('cube' in sys.argv[1])); shutil.copyfile(*sys.argv[1:])")
+    arguments = ["evaluate", str(folder), "--method", "laplacian", "--command", f"slow={slow}", "--keep", str(tmp_path)]
+    process = subprocess.Popen([sys.executable, "-m", "cascadenorm", *arguments], stderr=subprocess.DEVNULL)
+    start = time.perf_counter()
+    while not (tmp_path / "cube" / "laplacian.json").exists():
+        assert time.perf_counter() - start < 120 and process.poll() is None
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
+    assert len(kept) == 5 and not (tmp_path / "cube" / "slow.json").exists()
+    assert run([*arguments, "--json"]) == 0
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in kept.items())
+    assert (tmp_path / "cube" / "slow.json").exists()
+
+
+def test_processes_measure_the_same(folder):
+    settings = {"methods": ["laplacian", "taubin"], "commands": {"copy": python(COPY)}}
+    one, two = (evaluate(folder, workers=workers, **settings) for workers in (1, 2))
+    key = [(result.pair, result.method, result.measures) for result in one.results]
+    assert [(result.pair, result.method, result.measures) for result in two.results] == key
+    with pytest.raises(ParameterError, match="workers is 0"):
+        evaluate(folder, methods=[], workers=0)
+
+
+# tables and pages
+
+
+@pytest.fixture(scope="module")
+def measured(folder, tmp_path_factory) -> Evaluation:
+    keep = tmp_path_factory.mktemp("kept")
+    commands = {"a|b_c": python(COPY), "dies": python("raise SystemExit(1)")}
+    return evaluate(folder, methods=["laplacian", "taubin"], commands=commands, keep=keep)
+
+
+def test_the_best_of_each_pair_is_in_bold_and_never_the_input(measured):
+    table = tables.by_pair(measured)
+    assert [row[0].text for row in table.rows] == ["ball", "cube", "mean"]
+    for row, pair in zip(table.rows, SHAPES, strict=False):
+        errors = {r.method: r.measures.normal_error_deg for r in measured.results if r.pair == pair}
+        assert [cell.text for cell in row[1:]] == [f"{errors[method]:.2f}" for method in measured.methods]
+        best = min((method for method in errors if method != NOISY), key=errors.get)
+        assert [method for method, cell in zip(measured.methods, row[1:], strict=True) if cell.best] == [best]
+    means = tables.by_method(measured.means, "")
+    volume = next(number for number, title in enumerate(means.head) if "volume" in title)
+    ratios = {one.method: abs(one.measures.volume_ratio - 1) for one in measured.means if one.method != NOISY}
+    assert [row[0].text for row in means.rows if row[volume].best] == [min(ratios, key=ratios.get)]
+
+
+def test_tables_are_written_for_pages_and_papers(measured):
+    page = tables.markdown(tables.all_tables(measured))
+    assert "| a\\|b_c |" in page and page.count("| pair |") == 1
+    (row,) = (line for line in page.splitlines() if line.startswith("| ball |"))
+    assert row.count("**") == 2
+    paper = tables.latex(tables.all_tables(measured))
+    assert paper.count(r"\begin{tabular}") == paper.count(r"\end{tabular}") == 2
+    assert r"a|b\_c" in paper and r"flipped (\%)" in paper and r"$E_a$ ($^\circ$)" in paper
+    for table in paper.split(r"\begin{tabular}")[1:]:
+        rows = [line for line in table.splitlines() if line.endswith(r"\\")]
+        assert len({row.replace(r"\&", "").count("&") for row in rows}) == 1
+    listed = list(csv.DictReader(io.StringIO(tables.comma_separated(measured))))
+    assert [row["method"] for row in listed] == [result.method for result in measured.results]
+    assert float(listed[1]["vertex_rms_edges"]) == measured.results[1].measures.vertex_rms_edges
+
+
+def test_pages_have_tables_figures_and_the_viewer(measured, tmp_path):
+    report_evaluation(tmp_path / "e.html", measured)
+    text = (tmp_path / "e.html").read_text(encoding="utf-8")
+    assert "ended with code 1" in text and text.count("<strong>") > 10
+    data = [b64decode(found) for found in re.findall(r'image/webp;base64,([^"]+)', text)]
+    assert len(data) == 2 and all(PIL.Image.open(io.BytesIO(one)).size[0] > 1200 for one in data)
+    for name in SHAPES:
+        assert f'href="e_files/{name}.html"' in text
+        page = (tmp_path / "e_files" / f"{name}.html").read_text(encoding="utf-8")
+        scene = json.loads(re.search(r'id="scene">(.*?)</script>', page)[1])
+        assert [mesh["name"] for mesh in scene["meshes"]] == [*measured.methods, "truth"]
+        (field,) = (field for field in scene["fields"] if field["name"] == "normal-error")
+        assert set(field["of"]) == set(measured.methods)
+    first = (tmp_path / "e.html").read_bytes()
+    report_evaluation(tmp_path / "e.html", measured, force=True)
+    assert (tmp_path / "e.html").read_bytes() == first
+    with pytest.raises(OutputError, match="exists already"):
+        report_evaluation(tmp_path / "e.html", measured)
+    with pytest.raises(ParameterError, match="were not kept"):
+        report_evaluation(tmp_path / "other.html", measured._replace(records=None))
+
+
+def test_meshes_without_common_faces_are_in_the_pages_too(tmp_path):
+    (tmp_path / "ball").mkdir()
+    save_mesh(tmp_path / "ball" / "noisy.ply", noisy(icosphere(2), 0.2))
+    save_mesh(tmp_path / "ball" / "clean.ply", icosphere(3))
+    page = ["--html", str(tmp_path / "e.html"), "--markdown", str(tmp_path / "e.md")]
+    assert run(["evaluate", str(tmp_path / "ball"), "--method", "laplacian", *page]) == 0
+    assert (tmp_path / "e_files" / "ball.html").exists()
+    error = cn.compare(tmp_path / "e_files" / "ball" / "laplacian.ply", icosphere(3)).normal_error_deg
+    assert (
+        f"| ball | {cn.compare(tmp_path / 'ball' / 'noisy.ply', icosphere(3)).normal_error_deg:.2f} | {error:.2f} |"
+        in (tmp_path / "e.md").read_text(encoding="utf-8")
+    )

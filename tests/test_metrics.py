@@ -65,6 +65,29 @@ def test_a_cube_turned_about_its_axis_is_off_on_four_sides_of_six(axis):
     assert found.volume_ratio == pytest.approx(1, rel=1e-12)
 
 
+def test_the_mean_by_area_weights_faces_by_their_true_area():
+    """Of a sheet folded along a line at a third, that third of the area turns, in two thirds of the faces."""
+    strip = grid(1, 3)
+    x = np.array([0, 0.5, 1, 3.0])[strip.vertices[:, 0].astype(int)]
+    flat = strip.moved(np.column_stack([x, strip.vertices[:, 1:]]))
+    lifted = flat.vertices.copy()
+    first = lifted[:, 0] < 1
+    lifted[first, 2] = np.tan(np.radians(20)) * (1 - lifted[first, 0])
+    found = measure(flat.moved(lifted), flat)
+    assert found.normal_error_deg == pytest.approx(20 * 2 / 3, rel=1e-9)
+    assert found.normal_error_area_deg == pytest.approx(20 / 3, rel=1e-9)
+
+
+def test_the_root_mean_square_counts_far_vertices_more():
+    plane = grid(4, 5)
+    lifted = plane.vertices.copy()
+    lifted[7, 2] = 0.3
+    found = measure(plane.moved(lifted), plane)
+    count = len(plane.vertices)
+    assert found.vertex_rms_edges == pytest.approx(0.3 / np.sqrt(count) / plane.mean_edge_length, rel=1e-12)
+    assert found.vertex_error_edges == pytest.approx(0.3 / count / plane.mean_edge_length, rel=1e-12)
+
+
 def test_meshes_with_other_faces_are_compared_at_their_nearest_points():
     found = measure(cube(7), cube(4))
     assert found.normal_error_deg == pytest.approx(0, abs=1e-6)

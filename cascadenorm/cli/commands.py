@@ -216,8 +216,30 @@ def evaluate(
             metavar="NAME=DIR", help="Meshes DIR/<pair>.* from another program as a row; may be given several times."
         ),
     ] = None,
+    command: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="'NAME=PROG {in} {out}'",
+            help="Run another program on each noisy mesh; {in.obj} and {out.obj} are files of that format. "
+            "May be given several times.",
+        ),
+    ] = None,
     settings: Set = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the table to a file as well.")] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="Write all results to a file as well.")] = None,
+    markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables for a page.")] = None,
+    latex: Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables for a paper.")] = None,
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write tables, figures, and a page with a viewer for each pair.")
+    ] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for the denoised meshes; run again, what is there is not computed again. With --html it is a "
+            "folder beside that file by default.",
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
@@ -225,19 +247,29 @@ def evaluate(
     """Denoise pairs of noisy.* and clean.* by several methods, and measure the results, also of other programs."""
     from cascadenorm.cli import json_output, progress_bars, tables
     from cascadenorm.evaluation import harness
-    from cascadenorm.io.atomic import check_output
+    from cascadenorm.evaluation import tables as texts
+    from cascadenorm.io.atomic import check_output, write_atomically
 
-    if csv is not None:
-        check_output(csv, force=force)
+    for path in filter(None, (csv, markdown, latex)):
+        check_output(path, force=force)
+    if html is not None:
+        from cascadenorm.reports.evaluations import check_evaluation, report_evaluation
+
+        keep = keep or check_evaluation(html, force=force)
     with progress_bars.progress_tasks() as progress:
         done = harness.evaluate(
             folders,
             methods=method or harness.DEFAULT_METHODS,
             results=_named("--result", result),
+            commands=_named("--command", command),
             parameters=_parameters(settings),
+            keep=keep,
+            workers=workers,
             progress=progress,
             **controls,
         )
+        if html is not None:
+            report_evaluation(html, done, force=force, progress=progress)
     for measured in done.results:
         if not measured.same_faces:
             complain(f"{measured.pair}, {measured.method}: other faces than clean.*; compared with the nearest of them")
@@ -247,8 +279,10 @@ def evaluate(
         json_output.print_json("evaluate", json_output.evaluated(done))
     else:
         tables.print_evaluation(done)
-    if csv is not None:
-        tables.write_table(csv, done, force=force)
+    written = ((csv, texts.comma_separated(done)), (markdown, texts.markdown(texts.all_tables(done))))
+    for target, text in (*written, (latex, texts.latex(texts.all_tables(done)))):
+        if target is not None:
+            write_atomically(target, [text.encode()], force=force)
     if done.failures:
         raise typer.Exit(PARTLY)
 
@@ -493,12 +527,14 @@ def _parameters(settings: Sequence[str] | None) -> dict[str, Any]:
     return {name.replace("-", "_"): value for name, value in _named("--set", settings).items()}
 
 
+VALUES = {"--result": "DIR", "--command": "'PROG {in} {out}'"}
+"""What follows the name in options of two parts."""
+
+
 def _named(option: str, given: Sequence[str] | None) -> dict[str, str]:
     """Read the NAME=VALUE pairs of an option."""
     pairs = [text.partition("=") for text in given or ()]
     for name, equals, _ in pairs:
         if not (name and equals):
-            raise typer.BadParameter(
-                f"{option} {name or equals}: write it as NAME={'DIR' if option == '--result' else 'VALUE'}"
-            )
+            raise typer.BadParameter(f"{option} {name or equals}: write it as NAME={VALUES.get(option, 'VALUE')}")
     return {name.strip(): value.strip() for name, _, value in pairs}

@@ -1,22 +1,20 @@
 """Results as text and tables."""
 
-import csv
-import io
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TextIO
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from cascadenorm.cli.errors import complain
 from cascadenorm.cli.options import OPTIONS
 from cascadenorm.denoised_files import Report
-from cascadenorm.evaluation.harness import COLUMNS, Evaluation, Result
+from cascadenorm.evaluation.harness import Evaluation
 from cascadenorm.evaluation.metrics import Measures
+from cascadenorm.evaluation.tables import NARROW, by_method
 from cascadenorm.inspection import FINDINGS, Inspection
-from cascadenorm.io.atomic import write_atomically
 from cascadenorm.messages import counted
 from cascadenorm.registry import Method, Setting
 from cascadenorm.spectra import Spectrum
@@ -137,43 +135,17 @@ def print_evaluation(done: Evaluation) -> None:
     """Print a line for each pair and method, and the mean of each method."""
     table = Table()
     table.add_column("pair")
-    table.add_column("method")
-    for title in ("E_a deg", "E_v edges", "flipped %", "Hausdorff", "volume", "seconds"):
-        table.add_column(title, justify="right")
-    last = None
-    for result in done.results:
-        if last not in (None, result.pair):
-            table.add_section()
-        table.add_row(*_cells(result, name="" if result.pair == last else result.pair))
-        last = result.pair
-    for number, result in enumerate(done.means):
-        if number == 0:
-            table.add_section()
-        table.add_row(*_cells(result, name="mean" if number == 0 else ""), style="bold")
+    pairs = list(dict.fromkeys(result.pair for result in done.results))
+    blocks = [by_method([one for one in done.results if one.pair == pair], pair, NARROW) for pair in pairs]
+    blocks.append(by_method(done.means, "mean", NARROW))
+    for number, title in enumerate(blocks[0].head):
+        table.add_column(title.replace(" (", "\n").rstrip(")"), justify="right" if number else "left")
+    for block in blocks:
+        for number, row in enumerate(block.rows):
+            cells = [Text(cell.text, style="bold" if cell.best else "") for cell in row]
+            table.add_row("" if number else block.title, *cells)
+        table.add_section()
     print_table(table)
-
-
-def _cells(result: Result, *, name: str) -> tuple[str, ...]:
-    measures = result.measures
-    return (
-        name,
-        result.method,
-        f"{measures.normal_error_deg:.2f}",
-        f"{measures.vertex_error_edges:.3f}",
-        f"{measures.flipped_percent:.3f}",
-        f"{measures.hausdorff_diagonal:.4f}",
-        "open" if measures.volume_ratio is None else f"{measures.volume_ratio:.4f}",
-        f"{result.seconds:.2f}" if result.seconds else "",
-    )
-
-
-def write_table(path: Path, done: Evaluation, *, force: bool) -> None:
-    """Write a line for each pair and method as comma-separated values, the names of the columns first."""
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(result.row() for result in done.results)
-    write_atomically(path, [text.getvalue().encode()], force=force)
 
 
 def print_methods(methods: Mapping[str, Method]) -> None:

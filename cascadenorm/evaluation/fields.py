@@ -83,7 +83,7 @@ def fields(meshes: Mapping[str, Mesh], unit: float) -> list[Field]:
     """
     judged = {key: mesh for key, mesh in meshes.items() if key != "truth"}
     found: dict[str, dict[str, Values]] = {}
-    if "after" in meshes and np.array_equal(meshes["before"].faces, meshes["after"].faces):
+    if {"before", "after"} <= set(meshes) and np.array_equal(meshes["before"].faces, meshes["after"].faces):
         changes = _changes(meshes["before"], meshes["after"], unit)
         found |= {name: {"before": values, "after": values} for name, values in changes.items()}
     if "truth" in meshes:

@@ -23,8 +23,10 @@ class Measures:
     normal_error_deg : E_a, mean angle between the face normals, in degrees
     normal_error_rms_deg : root of the mean square of that angle
     normal_error_p95_deg : 95 % of the faces are at most that far off
+    normal_error_area_deg : mean angle, faces weighted by their true area; by their own where the faces differ
     flipped_percent : share of the faces that are off by more than 90°
     vertex_error_edges : E_v, mean distance of the vertices to the true surface, in mean edge lengths of the true mesh
+    vertex_rms_edges : root of the mean square of that distance
     hausdorff_diagonal : largest distance of a vertex of either mesh to the other surface, over the diagonal of the
         true mesh's bounding box
     volume_ratio : enclosed volume over the true one; None unless both meshes are closed
@@ -33,8 +35,10 @@ class Measures:
     normal_error_deg: float
     normal_error_rms_deg: float
     normal_error_p95_deg: float
+    normal_error_area_deg: float
     flipped_percent: float
     vertex_error_edges: float
+    vertex_rms_edges: float
     hausdorff_diagonal: float
     volume_ratio: float | None
 
@@ -44,8 +48,10 @@ class Measures:
             "normal error E_a, mean": f"{self.normal_error_deg:.3f} deg",
             "normal error, root mean square": f"{self.normal_error_rms_deg:.3f} deg",
             "normal error, 95 % of the faces": f"{self.normal_error_p95_deg:.3f} deg",
+            "normal error, mean by area": f"{self.normal_error_area_deg:.3f} deg",
             "faces flipped (off by more than 90 deg)": f"{self.flipped_percent:.3f} %",
             "vertex error E_v, mean": f"{self.vertex_error_edges:.4f} mean edge lengths",
+            "vertex error, root mean square": f"{self.vertex_rms_edges:.4f} mean edge lengths",
             "Hausdorff distance": f"{self.hausdorff_diagonal:.5f} diagonals",
             "volume ratio": "open" if self.volume_ratio is None else f"{self.volume_ratio:.6f}",
         }
@@ -71,17 +77,21 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     if reference.diagonal == 0 or reference.mean_edge_length == 0:
         raise MeshError("all vertices of the reference mesh are at one place: give a mesh that has an extent")
     away = errors(mesh, reference)
-    angles = away.angles[~np.isnan(away.angles)]
+    known = ~np.isnan(away.angles)
+    angles = away.angles[known]
     if not len(angles):
         raise MeshError("no face has an area in both meshes: there are no normals to compare")
+    areas = (reference if np.array_equal(mesh.faces, reference.faces) else mesh).areas[known]
     there = away.distances[mesh.topology.used_vertices]
     back = Surface(mesh).nearest(_used_vertices(reference)).distances
     return Measures(
         normal_error_deg=float(angles.mean()),
         normal_error_rms_deg=float(np.sqrt(np.square(angles).mean())),
         normal_error_p95_deg=float(np.percentile(angles, 95)),
+        normal_error_area_deg=float(np.average(angles, weights=areas)),
         flipped_percent=float(100 * (angles > 90).mean()),
         vertex_error_edges=float(there.mean() / reference.mean_edge_length),
+        vertex_rms_edges=float(np.sqrt(np.square(there).mean()) / reference.mean_edge_length),
         hausdorff_diagonal=float(max(there.max(), back.max()) / reference.diagonal),
         volume_ratio=_volume_ratio(mesh, reference),
     )

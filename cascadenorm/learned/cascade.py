@@ -130,6 +130,13 @@ def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int = 20,
     return mesh.moved(vertices)
 
 
+def weights_file(name: str, model: str | Path | None = None) -> Path:
+    """Return the file that a learned method takes its weights from: a model of one's own, else the shipped one."""
+    if model is not None:
+        return Path(model)
+    return Path(str(resources.files("cascadenorm"))) / "weights" / f"{name}.safetensors"
+
+
 @cache
 def shipped(name: str) -> Cascade:
     """Return a cascade that comes with the package, "auto" or "cascade"."""

@@ -81,14 +81,14 @@ def rasterized(figure: Figure, *, transparent: bool = False) -> Image:
     return sheet
 
 
-def stacked(figures: Sequence[Figure], *, gap: int = 12, side_by_side: bool = False) -> Figure:
-    """Join figures from the top to the bottom, or from left to right, centred on one line."""
+def stacked(figures: Sequence[Figure], *, gap: int = 12, side_by_side: bool = False, centered: bool = True) -> Figure:
+    """Join figures from the top to the bottom, or from left to right, centred on one line or from one edge."""
     along = [figure.width if side_by_side else figure.height for figure in figures]
     across = [figure.height if side_by_side else figure.width for figure in figures]
     items: list[Picture | Text | Frame] = []
     place = 0
     for figure, length, breadth in zip(figures, along, across, strict=True):
-        beside = (max(across) - breadth) // 2
+        beside = (max(across) - breadth) // 2 if centered else 0
         items += figure.moved(*((place, beside) if side_by_side else (beside, place)))
         place += length + gap
     total, broadest = max(place - gap, 0), max(across, default=0)

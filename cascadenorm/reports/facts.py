@@ -13,6 +13,7 @@ from cascadenorm.controls import CONTROLS
 from cascadenorm.denoised_files import Report
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
+from cascadenorm.learned.cascade import weights_file
 from cascadenorm.messages import counted
 from cascadenorm.registry import find
 from cascadenorm.reports.given import Given
@@ -136,8 +137,7 @@ def _weights(done: Report) -> Path | None:
     """The weights file of a learned method."""
     if "model" not in find(done.method).settings:
         return None
-    own = done.parameters.get("model")
-    return Path(own) if own else Path(cascadenorm.__file__).parent / "weights" / f"{done.method}.safetensors"
+    return weights_file(done.method, done.parameters.get("model"))
 
 
 def _digest(path: Path) -> str:

@@ -18,7 +18,7 @@ class Given(NamedTuple):
 
     Parameters
     ----------
-    key : one of LABELS
+    key : one of LABELS, or the name of a method
     name : of the file, or of the kind of mesh
     file : as it was read, or moved
     from_file : whether `file` holds the bytes of a file, which have a checksum
@@ -37,7 +37,7 @@ class Given(NamedTuple):
     @property
     def label(self) -> str:
         """What the mesh is called."""
-        return LABELS[self.key]
+        return LABELS.get(self.key, self.key)
 
     def checksum(self) -> tuple[int, str] | None:
         """Return the size of the file in bytes and its SHA-256; None for a mesh that is in no file."""

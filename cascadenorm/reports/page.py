@@ -2,7 +2,7 @@
 
 import json
 from base64 import b64encode
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from typing import Any
@@ -29,12 +29,26 @@ def page(
     picture, caption : a WebP file, and what it shows
     scene : of the viewer
     """
-    here = files(__package__)
-    style, script = (here.joinpath(name).read_text(encoding="utf-8") for name in ("report.css", "viewer.js"))
     data = json.dumps(scene, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    viewer = f'<div id="viewer">{image(picture, caption)}</div>'
+    scripts = f'<script type="application/json" id="scene">{data}</script>\n<script>{_file("viewer.js")}</script>'
+    return _html(title, summary, sections, before=viewer, after=scripts)
+
+
+def plain_page(title: str, summary: Iterable[str], sections: Iterable[tuple[str, str]]) -> str:
+    """Return a page without a viewer; parameters are those of `page`."""
+    return _html(title, summary, sections)
+
+
+def _file(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _html(
+    title: str, summary: Iterable[str], sections: Iterable[tuple[str, str]], *, before: str = "", after: str = ""
+) -> str:
     paragraphs = "".join(f"<p>{escape(line)}</p>" for line in summary)
     body = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
-    image = f'<img src="data:image/webp;base64,{b64encode(picture).decode("ascii")}" alt="{escape(caption)}">'
     return f"""<!doctype html>
 <html lang="en">
 <head>
@@ -44,32 +58,49 @@ def page(
 <meta http-equiv="Content-Security-Policy" content="{POLICY}">
 <title>{escape(title)}</title>
 <link rel="icon" href="data:,">
-<style>{style}</style>
+<style>{_file("report.css")}</style>
 </head>
 <body>
 <header class="top"><h1>{escape(title)}</h1>{paragraphs}</header>
 <main>
-<div id="viewer"><figure>{image}<figcaption>{escape(caption)}</figcaption></figure></div>
+{before}
 {body}
 </main>
-<script type="application/json" id="scene">{data}</script>
-<script>{script}</script>
+{after}
 </body>
 </html>
 """
 
 
-def table(rows: Sequence[Sequence[str]], *, head: bool = True) -> str:
-    """Return a table, the first cell of each row and the first row, if it is a head, naming the others."""
+def image(picture: bytes, caption: str) -> str:
+    """Return a WebP file with what it shows."""
+    source = f"data:image/webp;base64,{b64encode(picture).decode('ascii')}"
+    return f'<figure><img src="{source}" alt="{escape(caption)}"><figcaption>{escape(caption)}</figcaption></figure>'
+
+
+def table(
+    rows: Sequence[Sequence[str]], *, head: bool = True, bold: Collection[tuple[int, int]] = (), numbers: bool = False
+) -> str:
+    """Return a table, the first cell of each row and the first row, if it is a head, naming the others.
+
+    Parameters
+    ----------
+    bold : row and column of cells in bold
+    numbers : whether all but the first column is numbers
+    """
     lines = []
     for number, row in enumerate(rows):
         if head and number == 0:
             cells = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in row)
         else:
-            cells = f'<th scope="row">{escape(row[0])}</th>' + "".join(f"<td>{escape(cell)}</td>" for cell in row[1:])
+            cells = f'<th scope="row">{escape(row[0])}</th>' + "".join(
+                f"<td><strong>{escape(cell)}</strong></td>" if (number, column) in bold else f"<td>{escape(cell)}</td>"
+                for column, cell in enumerate(row[1:], start=1)
+            )
         lines.append(f"<tr>{cells}</tr>")
     start, rest = (f"<thead>{lines[0]}</thead>", lines[1:]) if head else ("", lines)
-    return f'<div class="table"><table>{start}<tbody>{"".join(rest)}</tbody></table></div>'
+    kind = ' class="numbers"' if numbers else ""
+    return f'<div class="table"><table{kind}>{start}<tbody>{"".join(rest)}</tbody></table></div>'
 
 
 def listed(lines: Iterable[str]) -> str:

@@ -1,0 +1,99 @@
+"""Other programs, run on the noisy mesh of a pair."""
+
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from cascadenorm.errors import DenoiseError, ParameterError
+from cascadenorm.interop import as_mesh, save_mesh
+from cascadenorm.mesh import Mesh
+
+PLACE = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
+"""Where a command has the names of its files; with an extension they are of that format."""
+LAUNCHER = """
+import json, subprocess, sys, time
+start = time.perf_counter()
+done = subprocess.run(sys.argv[2:], stdin=subprocess.DEVNULL)
+seconds, memory = time.perf_counter() - start, None
+try:
+    import resource
+    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
+except ImportError:
+    pass
+with open(sys.argv[1], "w") as file:
+    json.dump([done.returncode, seconds, memory], file)
+"""
+"""A small process that starts the program: the memory of a child counts from that of its parent on."""
+
+
+class Outcome(NamedTuple):
+    """The mesh that a program wrote, how long it took, and the memory that it needed at most."""
+
+    mesh: Mesh
+    seconds: float
+    memory_mb: float | None
+
+
+def checked_command(name: str, command: str) -> list[str]:
+    """Return the words of a command.
+
+    Raises
+    ------
+    ParameterError : it has no {in} or no {out}, or there is no such program
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise ParameterError(f"the command {name} cannot be read: {error}") from None
+    kinds = {kind for word in words for kind, _ in PLACE.findall(word)}
+    if kinds != {"in", "out"}:
+        raise ParameterError(f"the command {name} needs {{in}} and {{out}} in the place of its files: {command}")
+    if shutil.which(words[0]) is None:
+        raise ParameterError(f"there is no program {words[0]}", hint="check the name, or give its path")
+    return words
+
+
+def run_program(words: Sequence[str], noisy: Path) -> Outcome:
+    """Run a command on a mesh file.
+
+    Parameters
+    ----------
+    words : of the command; {in} is the file as it is and {out} one of its format, {in.obj} and {out.obj} are OBJ
+    noisy : the input
+
+    Raises
+    ------
+    DenoiseError : the program failed, or wrote no file
+    ReadError, MeshError : what it wrote is no mesh
+    """
+    with TemporaryDirectory() as folder:
+        files: dict[str, Path] = {}
+
+        def named(place: re.Match[str]) -> str:
+            kind, extension = place.groups()
+            files[place[0]] = path = Path(folder) / f"{kind}.{extension or noisy.suffix[1:]}"
+            if kind == "in" and not path.exists():
+                if extension is None:
+                    return str(noisy.resolve())
+                save_mesh(path, as_mesh(noisy))
+            return str(path)
+
+        filled = [PLACE.sub(named, word) for word in words]
+        told = Path(folder) / "told.json"
+        launched = [sys.executable, "-S", "-c", LAUNCHER, str(told), *filled]
+        done = subprocess.run(launched, capture_output=True, text=True, errors="replace", check=False)
+        code, seconds, memory = json.loads(told.read_text()) if told.exists() else (done.returncode, 0.0, None)
+        if code:
+            said = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
+            raise DenoiseError(f"{words[0]} ended with code {code}{': ' + said[-1] if said else ''}")
+        written = next(path for place, path in files.items() if place.startswith("{out"))
+        if not written.exists():
+            raise DenoiseError(f"{words[0]} wrote no file {written.name}")
+        return Outcome(as_mesh(written), seconds, memory)

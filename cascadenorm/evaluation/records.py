@@ -1,0 +1,76 @@
+"""Meshes and measures of an evaluation in a folder, so that one that was interrupted goes on where it was."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cascadenorm
+from cascadenorm.errors import OutputError
+from cascadenorm.evaluation.pairs import Pair
+from cascadenorm.interop import save_mesh
+from cascadenorm.io.atomic import write_atomically
+from cascadenorm.learned.cascade import weights_file
+from cascadenorm.mesh import Mesh
+from cascadenorm.registry import find
+
+
+class Records(NamedTuple):
+    """The folder: for each pair a folder that holds `<method>.ply` and `<method>.json`."""
+
+    folder: Path
+
+    def mesh_file(self, pair: str, name: str) -> Path:
+        """Return where a mesh is kept."""
+        return self.folder / pair.replace("/", "_").replace("\\", "_") / f"{name}.ply"
+
+    def key(
+        self,
+        pair: Pair,
+        name: str,
+        settings: Mapping[str, Any] | None,
+        command: Sequence[str],
+        file: Path | None,
+    ) -> str:
+        """Return a digest of all that a result depends on, but the program that a command runs."""
+        weights = None
+        if settings is not None and "model" in find(name).settings:
+            weights = _digest(weights_file(name, settings.get("model")))
+        parts = [
+            cascadenorm.__version__,
+            _digest(pair.noisy),
+            _digest(pair.clean),
+            {key: str(value) for key, value in (settings or {}).items() if key != "threads"},
+            weights,
+            list(command),
+            file and _digest(file),
+        ]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+    def known(self, pair: Pair, name: str, key: str) -> dict[str, Any] | None:
+        """Return the row of a result that was kept under that key, or None."""
+        path = self.mesh_file(pair.name, name)
+        try:
+            kept = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        matches = isinstance(kept, dict) and kept.get("key") == key and path.exists()
+        return dict(kept["row"]) if matches else None
+
+    def keep(self, pair: Pair, name: str, key: str, mesh: Mesh, row: Mapping[str, Any]) -> None:
+        """Keep a mesh, and then its row, which says that both are complete."""
+        path = self.mesh_file(pair.name, name)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{path.parent} cannot be made: {error.strerror or error}") from error
+        record = path.with_suffix(".json")
+        record.unlink(missing_ok=True)
+        save_mesh(path, mesh, force=True)
+        text = json.dumps({"key": key, "row": row}, indent=1)
+        write_atomically(record, [text.encode()], force=True)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,159 @@
+"""Tables of an evaluation: as comma-separated values, Markdown and LaTeX, the best of each row in bold."""
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from cascadenorm.evaluation.harness import Evaluation
+from cascadenorm.evaluation.runs import COLUMNS, NOISY, Result
+
+
+class Column(NamedTuple):
+    """A figure of a result.
+
+    Parameters
+    ----------
+    title, unit : as it is written
+    digits : after the point
+    value : of a result, None where there is none
+    off : how far a value is from the best that there can be
+    none : what is written where a result has no value
+    """
+
+    title: str
+    unit: str
+    digits: int
+    value: Callable[[Result], float | None]
+    off: Callable[[float], float] = abs
+    none: str = "–"
+
+
+COLUMNS_SHOWN = (
+    Column("E_a", "°", 2, lambda one: one.measures.normal_error_deg),
+    Column("E_a by area", "°", 2, lambda one: one.measures.normal_error_area_deg),
+    Column("E_v", "edges", 3, lambda one: one.measures.vertex_error_edges),
+    Column("RMS distance", "edges", 3, lambda one: one.measures.vertex_rms_edges),
+    Column("Hausdorff", "diagonals", 4, lambda one: one.measures.hausdorff_diagonal),
+    Column("flipped", "%", 3, lambda one: one.measures.flipped_percent),
+    Column("volume ratio", "", 4, lambda one: one.measures.volume_ratio, lambda value: abs(value - 1), "open"),
+    Column("time", "s", 2, lambda one: one.seconds or None),
+    Column("memory", "MB", 0, lambda one: one.memory_mb),
+)
+
+
+NARROW = tuple(column for column in COLUMNS_SHOWN if column.title not in ("E_a by area", "RMS distance"))
+"""What fits into a terminal."""
+
+
+class Cell(NamedTuple):
+    """Text, and whether it is the best of its kind."""
+
+    text: str
+    best: bool = False
+
+
+class Table(NamedTuple):
+    """A table; the first cell of each row, and the head, say what the others are."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: list[tuple[Cell, ...]]
+
+
+def by_pair(done: Evaluation, column: Column = COLUMNS_SHOWN[0]) -> Table:
+    """Return one figure, a row a pair and a column a method, and the means."""
+    known = {(one.pair, one.method): one for one in [*done.results, *done.means]}
+    names = [pair.name for pair in done.pairs] or list(dict.fromkeys(one.pair for one in done.results))
+    rows = []
+    for pair in (*names, "mean"):
+        of_pair = [known.get((pair, method)) for method in done.methods]
+        rows.append((Cell(pair), *_cells(column, of_pair)))
+    about = f"{column.title}, {column.unit}" if column.unit else column.title
+    return Table(about, ("pair", *done.methods), rows)
+
+
+def by_method(results: Sequence[Result], title: str, columns: Sequence[Column] = COLUMNS_SHOWN) -> Table:
+    """Return figures, a row a method."""
+    head = tuple(f"{column.title} ({column.unit})" if column.unit else column.title for column in columns)
+    cells = [_cells(column, results) for column in columns]
+    rows = [(Cell(one.method), *row) for one, *row in zip(results, *cells, strict=True)]
+    return Table(title, ("method", *head), rows)
+
+
+def all_tables(done: Evaluation) -> list[Table]:
+    """Return the tables of an evaluation: the normal error pair by pair, and the means of everything."""
+    return [by_pair(done), by_method(done.means, "Means over the pairs")]
+
+
+def _cells(column: Column, results: Sequence[Result | None]) -> list[Cell]:
+    """Write the values; the best, as they are written, are marked where there are several methods."""
+    values = [None if one is None else column.value(one) for one in results]
+    texts = [
+        "–" if one is None else column.none if value is None else f"{value:.{column.digits}f}"
+        for one, value in zip(results, values, strict=True)
+    ]
+    judged = [
+        round(column.off(value), column.digits)
+        for one, value in zip(results, values, strict=True)
+        if one is not None and one.method != NOISY and value is not None
+    ]
+    least = min(judged) if len(judged) > 1 else None
+    return [
+        Cell(text, value is not None and one is not None and one.method != NOISY and _is(column, value, least))
+        for text, value, one in zip(texts, values, results, strict=True)
+    ]
+
+
+def _is(column: Column, value: float, least: float | None) -> bool:
+    return least is not None and round(column.off(value), column.digits) == least
+
+
+def comma_separated(done: Evaluation) -> str:
+    """Return a line for each pair and method, the names of the columns first."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(result.row() for result in done.results)
+    return text.getvalue()
+
+
+def markdown(tables: Sequence[Table]) -> str:
+    """Return tables for a page in Markdown."""
+    parts = []
+    for table in tables:
+        lines = [f"{table.title}:", "", _piped(table.head), _piped(["---", *["---:"] * (len(table.head) - 1)])]
+        lines += [_piped([f"**{cell.text}**" if cell.best else cell.text for cell in row]) for row in table.rows]
+        parts.append("\n".join(lines) + "\n")
+    return "\n".join(parts)
+
+
+def _piped(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def latex(tables: Sequence[Table]) -> str:
+    """Return tables for a paper; they need the package booktabs."""
+    parts = []
+    for table in tables:
+        lines = [f"% {table.title}", rf"\begin{{tabular}}{{l{'r' * (len(table.head) - 1)}}}", r"\toprule"]
+        lines += [" & ".join(map(_escaped, table.head)) + r" \\", r"\midrule"]
+        for number, row in enumerate(table.rows):
+            if row[0].text == "mean" and number:
+                lines.append(r"\midrule")
+            cells = [rf"\textbf{{{_escaped(cell.text)}}}" if cell.best else _escaped(cell.text) for cell in row]
+            lines.append(" & ".join(cells) + r" \\")
+        parts.append("\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""]))
+    return "\n".join(parts)
+
+
+LATEX = {"\\": r"\textbackslash{}", "°": r"$^\circ$", "–": "--", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+SYMBOLS = {"E_a": "$E_a$", "E_v": "$E_v$"}
+
+
+def _escaped(text: str) -> str:
+    """Write text so that LaTeX shows it; the symbols of measures become formulas."""
+    for name, formula in SYMBOLS.items():
+        if text.startswith(name):
+            return formula + _escaped(text[len(name) :])
+    return "".join(f"\\{letter}" if letter in "&%$#_{}" else LATEX.get(letter, letter) for letter in text)

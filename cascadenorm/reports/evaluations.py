@@ -1,0 +1,177 @@
+"""An evaluation as HTML: tables and figures on one page, and a page with the viewer for each pair."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ParameterError
+from cascadenorm.evaluation import tables
+from cascadenorm.evaluation.harness import Evaluation, Failure, Result
+from cascadenorm.evaluation.metrics import errors
+from cascadenorm.evaluation.pairs import Pair
+from cascadenorm.interop import as_mesh
+from cascadenorm.io import OutputError
+from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.mesh import Mesh, scaled_alike
+from cascadenorm.progress import Progress, silent
+from cascadenorm.render import Camera, rasterized, stacked, webp
+from cascadenorm.render.camera import MARGIN, projected
+from cascadenorm.render.pillow import require_pillow
+from cascadenorm.render.scenes import Style, figure, one_view, scene
+from cascadenorm.reports.box_plots import box_plot
+from cascadenorm.reports.given import given
+from cascadenorm.reports.page import image, page, plain_page, table
+from cascadenorm.reports.scene import scene as viewer_scene
+
+WIDTH = 1640
+"""Of a row of pictures, in pixels; they are the smaller, the more there are."""
+LARGEST, SMALLEST = 420, 160
+CROP = 0.22
+"""Width of the part that is enlarged, as a share of the picture."""
+
+
+class _Shown(NamedTuple):
+    """The meshes of a pair by their methods, and the true one."""
+
+    pair: Pair
+    results: list[Result]
+    meshes: list[Mesh]
+    clean: Mesh
+
+
+def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
+    """Return where the pages of the pairs are written; raises what `report_evaluation` does where it cannot be."""
+    require_pillow()
+    output = Path(output)
+    check_output(output, force=force)
+    return output.with_name(f"{output.stem}_files")
+
+
+def report_evaluation(
+    output: str | PathLike[str], done: Evaluation, *, force: bool = False, progress: Progress = silent
+) -> None:
+    """Write what was measured as a page of HTML, and beside it a folder with a page for each pair.
+
+    Parameters
+    ----------
+    output : HTML file; the folder has its name with `_files` in the place of the extension
+    done : by `evaluate` with `keep`, since the meshes are shown
+    force : replace an existing file
+    progress : called with (task, pairs done, pairs in all, the next one)
+
+    Raises
+    ------
+    ParameterError : the evaluation kept no meshes
+    OutputError : the file exists and force is not given, or it cannot be written
+    MissingDependencyError : Pillow is not installed
+    """
+    folder = check_evaluation(output, force=force)
+    if done.records is None:
+        raise ParameterError("the meshes of the evaluation were not kept", hint="give evaluate a folder to keep them")
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be made: {error.strerror or error}") from error
+    sections = [("Failures", _failures(done.failures))] if done.failures else []
+    sections += [(one.title, _table(one)) for one in tables.all_tables(done)]
+    named = {pair.name: pair for pair in done.pairs}
+    measured = list(dict.fromkeys(result.pair for result in done.results))
+    for number, name in enumerate(measured):
+        progress("writing", number, len(measured), name)
+        shown = _shown(done, named[name])
+        file = f"{done.records.mesh_file(name, 'any').parent.name}.html"
+        title = f"{name} – evaluation"
+        picture, content = _figure(shown), _pair_sections(shown)
+        link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Turn the meshes of {escape(name)} around</a></p>'
+        caption = f"Above: the meshes. Below: angle of each face of {name} to the truth."
+        sections.append((name, image(picture, caption) + "".join(html for _, html in content) + link))
+        whole = page(title, [], content, picture=picture, caption=caption, scene=_viewer(shown))
+        write_atomically(folder / file, [whole.encode()], force=True)
+    progress("writing", len(measured), len(measured))
+    count = f"{len(measured)} pairs, {len(done.methods)} rows each."
+    about = [count, "The best of each row or column is in bold; – stands for what is not known."]
+    write_atomically(Path(output), [plain_page("Evaluation", about, sections).encode()], force=force)
+
+
+def _shown(done: Evaluation, pair: Pair) -> _Shown:
+    assert done.records is not None
+    results = [result for result in done.results if result.pair == pair.name]
+    meshes = [as_mesh(done.records.mesh_file(pair.name, result.method)) for result in results]
+    return _Shown(pair, results, meshes, as_mesh(pair.clean))
+
+
+def _pair_sections(shown: _Shown) -> list[tuple[str, str]]:
+    """The figures of a pair, and how its errors are spread."""
+    rows = [(one.method, _angles(mesh, shown.clean)) for one, mesh in zip(shown.results, shown.meshes, strict=True)]
+    measured = tables.by_method(shown.results, "Measures")
+    return [
+        ("Measures", _table(measured)),
+        ("Angles of the faces to the truth", box_plot(rows, unit="°")),
+    ]
+
+
+def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
+    found = errors(*scaled_alike(mesh, clean)).angles
+    return found[~np.isnan(found)]
+
+
+def _figure(shown: _Shown) -> bytes:
+    """The meshes and the truth with a part enlarged, and their errors below on one scale."""
+    count = len(shown.meshes) + 1
+    size = int(np.clip(WIDTH / count - 12, SMALLEST, LARGEST))
+    names = [one.method for one in shown.results]
+    camera = Camera.looking_at(shown.clean)
+    style = Style(size=size, direction=camera.axes[2], crops=[_worst_part(shown, camera)])
+    above = scene([*shown.meshes, shown.clean], [*names, "truth"], style)
+    heat = Style(size=size, direction=camera.axes[2], values="normal-error", reference=shown.clean)
+    below = scene(shown.meshes, names, heat)
+    pictures = [figure(above, one_view(above)), figure(below, one_view(above)[:-1])]
+    return webp(rasterized(stacked(pictures, centered=False)))
+
+
+def _worst_part(shown: _Shown, camera: Camera) -> tuple[float, float, float]:
+    """The part of the picture in which the methods leave most error, summed over their faces that are seen."""
+    cells = int(1 / CROP * 2)
+    total = np.zeros((cells, cells))
+    denoised = shown.meshes[1:] or shown.meshes
+    half = MARGIN * max(camera.reach)
+    for mesh in denoised:
+        angles = np.nan_to_num(errors(*scaled_alike(mesh, shown.clean)).angles)
+        facing = mesh.normals @ camera.axes[2] > 0.2
+        x, y = (projected(camera.framed(mesh.centroids), camera.perspective)[:, :2] / half).T
+        places = [np.clip(((1 + along) / 2 * cells).astype(int), 0, cells - 1) for along in (x, -y)]
+        weights = np.where(facing, angles * mesh.areas / max(mesh.areas.sum(), 1e-300), 0.0)
+        np.add.at(total, (places[1], places[0]), weights)
+    row, column = np.unravel_index(int(total.argmax()), total.shape)
+    x, y = (float(np.clip((place + 0.5) / cells, CROP / 2, 1 - CROP / 2)) for place in (column, row))
+    return x, y, CROP
+
+
+def _viewer(shown: _Shown) -> Mapping[str, object]:
+    """All meshes of the pair in the viewer, the truth last."""
+    meshes = [
+        given(one.method, mesh)._replace(name=one.method) for one, mesh in zip(shown.results, shown.meshes, strict=True)
+    ]
+    truth = given("truth", shown.clean)._replace(name=str(shown.pair.clean))
+    return viewer_scene([*meshes, truth], [])
+
+
+def _table(one: tables.Table) -> str:
+    """A table whose best cells are in bold."""
+    return table([one.head, *[[cell.text for cell in row] for row in one.rows]], bold=_bold(one.rows), numbers=True)
+
+
+def _bold(rows: Iterable[Sequence[tables.Cell]]) -> set[tuple[int, int]]:
+    """Row, from 1 after the head, and column of the best cells."""
+    return {(i, j) for i, row in enumerate(rows, start=1) for j, cell in enumerate(row) if cell.best}
+
+
+def _failures(failures: Sequence[Failure]) -> str:
+    lines = [(f.pair, f.method or "", str(f.error)) for f in failures]
+    return table([("pair", "method", "what went wrong"), *lines])
