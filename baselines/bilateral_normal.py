@@ -152,4 +152,4 @@ def _bilateral_pass(
         if size > 0:
             out[f, 0], out[f, 1], out[f, 2] = x / size, y / size, z / size
         else:
-            out[f] = normals[f]
+            out[f, 0], out[f, 1], out[f, 2] = row(normals, f)

@@ -67,7 +67,7 @@ def _vector_medians(start: int, stop: int, normals: Vectors, areas: Floats, ring
 def _angle_medians(start: int, stop: int, normals: Vectors, areas: Floats, rings: Csr, out: Vectors) -> None:
     for f in range(start, stop):
         if areas[f] == 0.0:  # all are as far from it
-            out[f] = normals[f]
+            out[f, 0], out[f, 1], out[f, 2] = row(normals, f)
             continue
         count = rings.indptr[f + 1] - rings.indptr[f]
         chords = np.empty(count)
@@ -82,4 +82,4 @@ def _angle_medians(start: int, stop: int, normals: Vectors, areas: Floats, rings
                 break
             best = rings.indices[rings.indptr[f] + k]
             passed += areas[best]
-        out[f] = normals[best]
+        out[f, 0], out[f, 1], out[f, 2] = row(normals, best)

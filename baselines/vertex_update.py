@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
-from cascadenorm.mesh.vectors import add, cross, dot, row, subtract
+from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import Vector, add, cross, divided, dot, row, scaled, subtract
 from cascadenorm.registry import Parameter
 
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
@@ -88,14 +88,13 @@ def _sweep_range(
 
     The area of a face along its normal is affine in the place of a corner: it is read once, for all lengths of a step.
     """
-    step = np.empty(3)
     areas, slopes = np.empty(64), np.empty((64, 3))
     for i in movable[start:stop]:
         first, last = around.indptr[i], around.indptr[i + 1]
         if last - first > len(areas):
             areas, slopes = np.empty(last - first), np.empty((last - first, 3))
         place = row(vertices, i)
-        step[:] = 0.0
+        step = (0.0, 0.0, 0.0)
         total, flipped = 0.0, 0
         # each face around pulls the vertex along its normal, towards its plane; those that face against it are counted
         for k in range(last - first):
@@ -108,41 +107,36 @@ def _sweep_range(
             pull = dot(normal, add(u, v)) / 3.0 * weights[f]
             total += weights[f]
             areas[k] = dot(normal, cross(u, v))
-            slope = cross(normal, subtract(v, u))
-            for d in range(3):
-                step[d] += pull * normal[d]
-                slopes[k, d] = slope[d]
+            step = add(step, scaled(pull, normal))
+            slopes[k, 0], slopes[k, 1], slopes[k, 2] = cross(normal, subtract(v, u))
             flipped += areas[k] < 0
-        step /= total / relaxation
+        step = divided(step, total / relaxation)
         if not avoid:
-            vertices[i] += step
+            vertices[i, 0], vertices[i, 1], vertices[i, 2] = add(place, step)
             continue
         if flipped > 0:
-            _add_tangential_pull(vertices, faces, normals, around.indices[first:last], i, step)
+            step = add(step, _tangential_pull(vertices, faces, normals, around.indices[first:last], i))
         for _ in range(4):
             count = 0
             for k in range(last - first):
                 count += areas[k] + step[0] * slopes[k, 0] + step[1] * slopes[k, 1] + step[2] * slopes[k, 2] < 0
             if count <= flipped:
-                vertices[i] += step
+                vertices[i, 0], vertices[i, 1], vertices[i, 2] = add(place, step)
                 break
-            step *= 0.5
+            step = scaled(0.5, step)
 
 
 @kernel
-def _add_tangential_pull(
-    vertices: Vectors, faces: Ints32, normals: Vectors, around: Ints32, i: int, step: Floats
-) -> None:
-    """Add half the way to the mean of the neighbours, less its part along the mean normal."""
-    mean, normal = np.zeros(3), np.zeros(3)
+def _tangential_pull(vertices: Vectors, faces: Ints32, normals: Vectors, around: Ints32, i: Index) -> Vector:
+    """Return half the way to the mean of the neighbours, less its part along the mean normal."""
+    total = normal = (0.0, 0.0, 0.0)
     for f in around:
-        normal += normals[f]
+        normal = add(normal, row(normals, f))
         for corner in range(3):
             if faces[f, corner] != i:
-                mean += vertices[faces[f, corner]]
-    mean /= 2.0 * len(around)
-    pull = mean - vertices[i]
-    squared = (normal * normal).sum()
+                total = add(total, row(vertices, faces[f, corner]))
+    pull = subtract(divided(total, 2.0 * len(around)), row(vertices, i))
+    squared = dot(normal, normal)
     if squared > 0:
-        pull -= normal * ((pull * normal).sum() / squared)
-    step += 0.5 * pull
+        pull = subtract(pull, scaled(dot(pull, normal) / squared, normal))
+    return scaled(0.5, pull)

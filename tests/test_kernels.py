@@ -27,6 +27,31 @@ for dtype in (np.float64, np.float32):
 """
 
 
+FIRST_RUN = """
+import numba.core.event as events
+compiled = []
+
+class Listener(events.Listener):
+    def on_start(self, event):
+        function = event.data["dispatcher"].py_func
+        compiled.append(function.__module__ + "." + function.__qualname__)
+
+    def on_end(self, event):
+        pass
+
+events.register("numba:compile", Listener())
+import numpy as np, cascadenorm as cn
+x, y = np.mgrid[:9, :9].reshape(2, -1)
+vertices = np.stack([x, y, 0.1 * np.random.default_rng(0).normal(size=81)], axis=1)
+corner = np.flatnonzero((x < 8) & (y < 8))
+faces = np.concatenate([corner[:, None] + (0, 9, 10), corner[:, None] + (0, 10, 1)])
+for method in ("bilateral-normal", "auto"):
+    cn.denoise(vertices, faces, method=method)
+for name in compiled:
+    print(name)
+"""
+
+
 def run_twice(folder, before: str = "") -> str:
     module = folder / "module.py"
     if not module.exists():  # older releases of numba take a file that was written again for another
@@ -115,3 +140,15 @@ OTHER_RELEASES = {
 def test_with_another_numba_kernels_run_all_the_same(tmp_path, change):
     out = "[0.0, 2.0, 4.0, 3.0] 0"
     assert run_twice(tmp_path, f"from numba.core import caching\n{change}\n").split("\n") == [out, out, ""]
+
+
+@pytest.mark.slow
+def test_the_first_run_compiles_few_functions_and_no_text_or_sort_of_numba(tmp_path):
+    """Copying a slice brings numba's messages with it, numpy's sort a dozen functions: seconds for each new user."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, "-c", FIRST_RUN]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    compiled = done.stdout.split()
+    assert "cascadenorm.baselines.vertex_update._sweep_range" in compiled
+    assert not [name for name in compiled if "unicode" in name or "quicksort" in name]
+    assert len(compiled) <= 75

@@ -15,6 +15,7 @@ from cascadenorm.mesh import (
     Bools,
     Csr,
     Floats,
+    Index,
     Ints32,
     Mesh,
     Vectors,
@@ -23,7 +24,7 @@ from cascadenorm.mesh import (
     parallel_for,
     scatter_add,
 )
-from cascadenorm.mesh.vectors import Three, Vector, cross, dot, length, row, subtract
+from cascadenorm.mesh.vectors import Vector, add, cross, dot, length, row, subtract
 
 PASSES = 8  # averages over neighbours that a noise estimate is taken from: about four rings
 FEWEST = 150  # edges that bend, or join smooth vertices, of a component from which a share of error is taken
@@ -127,7 +128,7 @@ def _cosine_range(
     """Least cosine of the angle between the normal of a vertex and those of its faces; -1 where there is none."""
     for i in range(start, stop):
         mine = around.indices[around.indptr[i] : around.indptr[i + 1]]
-        normal = _normal(vertices, faces, normals, mine, i, np.zeros(3), 0.0)
+        normal = _normal(vertices, faces, normals, mine, i, (0.0, 0.0, 0.0), 0.0)
         size = length(normal)
         out[i] = 1.0 if size > 0 else -1.0
         for f in mine:
@@ -147,13 +148,13 @@ def _chord_range(
     around: Csr,
     out: Floats,
 ) -> None:
-    mean, rises = np.empty(3), np.empty(2)
+    rises = np.empty(2)
     for e in range(start, stop):
-        mean[:] = normals[pairs[e, 0]] + normals[pairs[e, 1]]
+        mean = add(row(normals, pairs[e, 0]), row(normals, pairs[e, 1]))
         least = SAME_SIDE * length(mean)
         step = subtract(row(vertices, edges[e, 1]), row(vertices, edges[e, 0]))
         for end in range(2):
-            v = edges[e, end]
+            v = np.int64(edges[e, end])  # as in `_cosine_range`: a kernel is compiled for each type
             mine = around.indices[around.indptr[v] : around.indptr[v + 1]]
             normal = _normal(vertices, faces, normals, mine, v, mean, least)
             size = length(normal)
@@ -164,7 +165,7 @@ def _chord_range(
 
 @kernel
 def _normal(
-    vertices: Vectors, faces: Ints32, normals: Vectors, mine: Ints32, v: int, direction: Three, least: float
+    vertices: Vectors, faces: Ints32, normals: Vectors, mine: Ints32, v: Index, direction: Vector, least: float
 ) -> Vector:
     """Sum of the weighted normals of the faces around a vertex, of those that go along a direction by so much."""
     x = y = z = 0.0

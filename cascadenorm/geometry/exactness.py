@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.geometry.chords import Chords, chords, error_shares
 from cascadenorm.geometry.voxel_lattice import lattice_share
-from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 COPLANAR = 3e-6
 """Height of a vertex over the plane of the triangle across an edge, in diagonals, up to which the two are one plane.
@@ -125,7 +125,7 @@ def _coplanar_range(
     for f in range(start, stop):
         out[f] = 0
         for side in range(3):
-            g = across[f, side]
+            g = np.int64(across[f, side])  # as f is: a kernel is compiled for each type
             if g < 0:
                 continue
             if min(_highest(vertices, faces, normals, f, g), _highest(vertices, faces, normals, g, f)) <= limit:
@@ -133,7 +133,7 @@ def _coplanar_range(
 
 
 @kernel
-def _highest(vertices: Vectors, faces: Ints32, normals: Vectors, f: int, g: int) -> float:
+def _highest(vertices: Vectors, faces: Ints32, normals: Vectors, f: Index, g: Index) -> float:
     """Largest distance of a vertex of face g from the plane of face f."""
     most = 0.0
     for k in range(3):

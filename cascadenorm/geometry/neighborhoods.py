@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Vectors, doubled, kernel, parallel_for
 from cascadenorm.mesh.vectors import row, squared_distance
 
 UNLIMITED = 2**31 - 1
@@ -79,9 +79,7 @@ def _within_range(
                     break
                 # make room, twice as much each time
                 if end == len(found):
-                    larger = np.empty(2 * len(found), np.int32)
-                    larger[:end] = found
-                    found = larger
+                    found = doubled(found)
                 found[end] = j
                 end += 1
             current += 1

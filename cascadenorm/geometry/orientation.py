@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Bools, Csr, Ints32, Mesh, kernel, scatter_add
+from cascadenorm.mesh import Bools, Csr, Index, Ints32, Mesh, kernel, scatter_add
 
 
 class Patches(NamedTuple):
@@ -85,7 +85,7 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Boo
         a, b = edges[e]
         # an edge is passed where its faces have at most two third vertices: one face, two, or copies of these
         apexes = _count_apexes(faces, around.indices[around.indptr[e] : around.indptr[e + 1]], a, b)
-        first = -1
+        first = np.int32(-1)  # as all indices here: a kernel is compiled for each type
         for f in around.indices[around.indptr[e] : around.indptr[e + 1]]:
             if _repeats_vertex(faces, f):
                 continue
@@ -99,11 +99,11 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Boo
                 twins = _apex(faces, f, a, b) == _apex(faces, first, a, b)
                 _unite(patch, flipped, first, f, same != twins)
     for f in range(len(patch)):
-        patch[f], flipped[f] = _find(patch, flipped, f)
+        patch[f], flipped[f] = _find(patch, flipped, np.int32(f))
 
 
 @kernel
-def _unite(patch: Ints32, flipped: Bools, f: int, g: int, opposed: bool) -> None:
+def _unite(patch: Ints32, flipped: Bools, f: Index, g: Index, opposed: bool) -> None:
     """Join the patches of two faces; where they are one already, a contradiction is left."""
     root, odd = _find(patch, flipped, f)
     other, other_odd = _find(patch, flipped, g)
@@ -113,7 +113,7 @@ def _unite(patch: Ints32, flipped: Bools, f: int, g: int, opposed: bool) -> None
 
 
 @kernel
-def _find(patch: Ints32, flipped: Bools, f: int) -> tuple[int, bool]:
+def _find(patch: Ints32, flipped: Bools, f: Index) -> tuple[Index, bool]:
     """Return the first face of the patch of f, and whether f is opposite to it; shortens the path there."""
     odd = False
     while patch[f] != f:
@@ -125,9 +125,10 @@ def _find(patch: Ints32, flipped: Bools, f: int) -> tuple[int, bool]:
 
 
 @kernel
-def _count_apexes(faces: Ints32, around: Ints32, a: int, b: int) -> int:
+def _count_apexes(faces: Ints32, around: Ints32, a: Index, b: Index) -> int:
     """Count the different third vertices of the faces at an edge; 3 stands for more as well."""
-    first = second = -1
+    first: Index = -1
+    second: Index = -1
     for f in around:
         if _repeats_vertex(faces, f):
             continue
@@ -142,7 +143,7 @@ def _count_apexes(faces: Ints32, around: Ints32, a: int, b: int) -> int:
 
 
 @kernel
-def _apex(faces: Ints32, f: int, a: int, b: int) -> int:
+def _apex(faces: Ints32, f: Index, a: Index, b: Index) -> Index:
     """Return the vertex of a face that is neither a nor b."""
     apex = -1
     for v in faces[f]:
@@ -153,13 +154,13 @@ def _apex(faces: Ints32, f: int, a: int, b: int) -> int:
 
 
 @kernel
-def _repeats_vertex(faces: Ints32, f: int) -> bool:
+def _repeats_vertex(faces: Ints32, f: Index) -> bool:
     u, v, w = faces[f]
     return bool(u == v or v == w or w == u)
 
 
 @kernel
-def _runs(faces: Ints32, f: int, a: int, b: int) -> bool:
+def _runs(faces: Ints32, f: Index, a: Index, b: Index) -> bool:
     """Tell whether a face runs from a to b, rather than from b to a."""
     u, v, w = faces[f]
     return bool((u == a and v == b) or (v == a and w == b) or (w == a and u == b))

@@ -12,6 +12,8 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Ints32 = NDArray[np.int32]
+Index = int | np.integer[Any]
+"""One of an index array, or a count, in kernels, which are compiled for each type of it."""
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
 Vectors = NDArray[np.float64]
@@ -57,6 +59,15 @@ def _scatter_add(index: Ints, values: Floats, out: Floats) -> None:
     for i in range(len(index)):
         for column in range(values.shape[1]):
             out[index[i], column] += values[i, column]
+
+
+@kernel
+def doubled(values: Ints32) -> Ints32:
+    """Return values with room for as many more behind them; in a loop, since a slice takes two seconds to compile."""
+    larger = np.empty(2 * len(values), np.int32)
+    for i in range(len(values)):
+        larger[i] = values[i]
+    return larger
 
 
 def first_places(bad: Bools) -> str:

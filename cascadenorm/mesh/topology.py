@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.mesh.arrays import Ints, Ints32, scatter_add
+from cascadenorm.mesh.arrays import Ints, Ints32, doubled, scatter_add
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
 
@@ -228,7 +228,7 @@ def _edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[
                     found[end] = max(a, b)
                     end += 1
         # each inner edge was found twice, from either face: keep one
-        found[first:end].sort()
+        _sort(found[first:end])
         last, end = end, first
         for k in range(first, last):
             if end == first or found[end - 1] != found[k]:
@@ -249,13 +249,36 @@ def _sides_up_range(
 ) -> None:
     """Number of the edge of each face side whose smaller vertex is in start … stop."""
     for i in range(start, stop):
-        row = up.indices[up.indptr[i] : up.indptr[i + 1]]
         for k in range(around.indptr[i], around.indptr[i + 1]):
             f = around.indices[k]
             for side in range(3):
                 a, b = faces[f, side], faces[f, (side + 1) % 3]
                 if min(a, b) == i:
-                    of_sides[f, side] = up.indptr[i] + np.searchsorted(row, max(a, b))
+                    # halve the row, whose entries ascend, until one is left
+                    low, high = up.indptr[i], up.indptr[i + 1] - 1
+                    while low < high:
+                        middle = (low + high) // 2
+                        if up.indices[middle] < max(a, b):
+                            low = middle + 1
+                        else:
+                            high = middle
+                    of_sides[f, side] = low
+
+
+@kernel
+def _sort(values: Ints32) -> None:
+    """Sort values in place (Shell 1959); numpy's sort takes a second to compile."""
+    gap = 1
+    while gap < len(values) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for k in range(gap, len(values)):
+            value, place = values[k], k
+            while place >= gap and values[place - gap] > value:
+                values[place] = values[place - gap]
+                place -= gap
+            values[place] = value
+        gap //= 3
 
 
 @kernel
@@ -299,9 +322,7 @@ def _face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: in
                             continue
                         seen[g] = f
                         if end == len(found):
-                            larger = np.empty(2 * len(found), np.int32)
-                            larger[:end] = found
-                            found = larger
+                            found = doubled(found)
                         found[end] = g
                         end += 1
             level_start, level_stop = level_stop, end

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cascadenorm.mesh.arrays import Floats
+from cascadenorm.mesh.arrays import Floats, Index
 from cascadenorm.mesh.kernels import kernel
 
 Vector = tuple[float, float, float]
@@ -11,7 +11,7 @@ Three = Vector | Floats
 
 
 @kernel
-def row(points: Floats, i: int) -> Vector:
+def row(points: Floats, i: Index) -> Vector:
     """Row i of an (n, 3) array."""
     return points[i, 0], points[i, 1], points[i, 2]
 
@@ -26,6 +26,18 @@ def add(u: Three, v: Three) -> Vector:
 def subtract(u: Three, v: Three) -> Vector:
     """Return u - v."""
     return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+@kernel
+def scaled(factor: float, u: Three) -> Vector:
+    """Return factor · u."""
+    return factor * u[0], factor * u[1], factor * u[2]
+
+
+@kernel
+def divided(u: Three, divisor: float) -> Vector:
+    """Return u / divisor; not the product with 1 / divisor, which rounds twice."""
+    return u[0] / divisor, u[1] / divisor, u[2] / divisor
 
 
 @kernel
