@@ -279,3 +279,21 @@ def test_a_million_faces_take_less_than_twelve_million_bytes(place):
     clean = Mesh(ball.vertices[used], faces.reshape(-1, 3))
     cn.report("r.html", noisy(clean, 0.2), clean)
     assert (place / "r.html").stat().st_size < 12e6
+
+
+@pytest.mark.parametrize(
+    ("faces", "said"),
+    [("", "points.obj has no faces"), ("f 1 2 2\n", "none of 1 faces can be worked on")],
+)
+def test_a_file_without_a_usable_face_has_a_report_in_text(place, capsys, faces, said):
+    (place / "points.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 2 0 0\n{faces}")
+    assert run(["inspect", "points.obj"]) == 0
+    plain = capsys.readouterr().out
+    assert run(["inspect", "points.obj", "--report", "r.html"]) == 0
+    assert capsys.readouterr().out == plain
+    text = text_of(place / "r.html")
+    assert (
+        f"There is nothing to be seen: {said}" in text
+        and hashlib.sha256((place / "points.obj").read_bytes()).hexdigest() in text
+    )
+    assert 'id="viewer"' not in (place / "r.html").read_text()

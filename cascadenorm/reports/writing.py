@@ -11,14 +11,14 @@ from cascadenorm.denoised_files import Denoised, Report
 from cascadenorm.evaluation.metrics import Measures, measure
 from cascadenorm.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.io.atomic import check_output, write_atomically
-from cascadenorm.mesh import scaled_alike
+from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.messages import counted
 from cascadenorm.registry import find
 from cascadenorm.render import Camera, rasterized, render, side_by_side, webp
 from cascadenorm.render.pillow import require_pillow
 from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
-from cascadenorm.reports.page import code, listed, page, table
+from cascadenorm.reports.page import code, listed, page, plain_page, table
 from cascadenorm.reports.places import Place, places
 from cascadenorm.reports.scene import scene
 
@@ -66,7 +66,8 @@ def report(
     Parameters
     ----------
     output : HTML file
-    mesh : of any kind that `denoise` takes; where it is alone, bad vertices and faces are left out of the view
+    mesh : of any kind that `denoise` takes; where it is alone, bad vertices and faces are left out of the view, and
+        one without a usable face has a report in text
     result : the denoised mesh
     truth : the true mesh
     done : what `denoise_file` returned for `result`
@@ -125,14 +126,30 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
     sections.append(("Files", table(facts.file_rows(shown))))
     sections.append(("Versions", table(facts.version_rows(done), head=False)))
     names = ", ".join(f"{one.label.lower()}: {one.name}" for one in shown)
+    title = f"{Path(shown[0].name).name} – {'denoised' if done else 'mesh report'}"
+    summary = _summary(inspected, measured, done)
+    why = _undrawn(shown[0]) if len(shown) == 1 else None
+    if why is not None:
+        return plain_page(title, [f"There is nothing to be seen: {why}.", *summary], sections)
     return page(
-        f"{Path(shown[0].name).name} – {'denoised' if done else 'mesh report'}",
-        _summary(inspected, measured, done),
+        title,
+        summary,
         sections,
         picture=_picture(shown),
         caption=names[0].upper() + names[1:],
         scene=scene(shown, found),
     )
+
+
+def _undrawn(alone: Given) -> str | None:
+    """Why a mesh has no surface that can be drawn; None where it has one."""
+    if not len(alone.file.polygons):
+        return f"{alone.name} has no faces"
+    try:
+        alone.mesh  # noqa: B018 - checked when it is first asked for
+    except MeshError as error:
+        return error.problem
+    return None
 
 
 def _summary(inspected: Inspected, measured: Measured, done: Report | None) -> list[str]:
