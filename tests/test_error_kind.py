@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from shapes import cube, grid, icosphere, noisy
 from skimage.measure import marching_cubes
 
@@ -40,6 +41,14 @@ def test_the_voxels_of_a_mask_are_found_at_any_rotation(voxel, turn):
     np.testing.assert_allclose(np.sort(np.linalg.norm(lattice, axis=1)), np.sort(voxel), rtol=1e-3)
     along = np.abs(lattice @ turn) / np.linalg.norm(lattice, axis=1)[:, None]
     np.testing.assert_allclose(np.sort(along, axis=1), [[0, 0, 1]] * 3, atol=2e-3)
+
+
+def test_vertices_in_ambiguous_cells_do_not_hide_the_voxels():
+    values = gaussian_filter(np.random.default_rng(0).normal(size=(24, 24, 24)), 0.9)
+    mesh = extracted(np.where(np.pad(values, 2, constant_values=-1) > 0.05, 0.5, -0.5), (1.0, 1.0, 3.0))
+    places = np.unique(np.round(2 * mesh.vertices / [1, 1, 3]).astype(int) % 2, axis=0)
+    assert len(places) == 4  # the middles of edges along each axis, and of cells
+    np.testing.assert_allclose(np.linalg.norm(lattice_of_mask(mesh), axis=1), (1, 1, 3), rtol=1e-3)
 
 
 @pytest.mark.parametrize("voxel", [(1.0, 1.0, 1.0), (0.7, 0.7, 1.6)])

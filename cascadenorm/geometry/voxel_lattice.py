@@ -24,6 +24,8 @@ DIRECTIONS = 80
 """Kinds of edges at most; marching cubes make about 50 on a mask, counting both directions once."""
 COVERED = 0.9
 """Share of the edges that these have to be."""
+IN_CELLS = 0.05
+"""Share of the vertices that may lie in the middle of cells, where marching cubes put one if cells are ambiguous."""
 ON_NODES = 0.5
 """Share of the vertices that lie on a plane of nodes across each axis; marching cubes put two thirds there."""
 
@@ -113,7 +115,8 @@ def _in_the_middle_of_edges(offsets: Vectors, lattice: Lattice) -> bool:
     near = np.round(halves)
     if np.abs(halves - near).max() > 0.05:
         return False
-    places = np.unique(near.astype(np.int64) % 2, axis=0)
+    places, counts = np.unique(near.astype(np.int64) % 2, axis=0, return_counts=True)
+    places = places[counts > IN_CELLS * len(near)]
     if len(places) != 3:  # an edge along each axis
         return False
     return bool((np.abs(places[:, None] - places[None]).sum(axis=2)[np.triu_indices(3, 1)] == 2).all())
