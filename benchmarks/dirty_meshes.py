@@ -39,6 +39,14 @@ def sound() -> Dirty:
     return Dirty(vertices + np.random.default_rng(0).normal(scale=NOISE, size=vertices.shape), faces, alike=True)
 
 
+def tetrahedra(count: int) -> Dirty:
+    """So many components, some through others."""
+    shifts = np.random.default_rng(1).uniform(-50, 50, (count, 1, 3))
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float) + shifts
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]) + 4 * np.arange(count)[:, None, None]
+    return Dirty(vertices.reshape(-1, 3), faces.reshape(-1, 3))
+
+
 def dirty_meshes() -> dict[str, Dirty]:
     """Each mesh by its name, the sound one first."""
     vertices, faces = sound()[:2]
@@ -61,9 +69,6 @@ def dirty_meshes() -> dict[str, Dirty]:
 
     flipped, inside_out = faces.copy(), faces[:, ::-1].copy()
     flipped[::3] = flipped[::3, ::-1]
-    shifts = np.random.default_rng(1).uniform(-50, 50, (2000, 1, 3))
-    tetrahedron = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
-    corners = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
     return {
         "sound": sound(),
         "a vertex is not a number": changed(7, np.nan),
@@ -87,9 +92,7 @@ def dirty_meshes() -> dict[str, Dirty]:
             np.concatenate([vertices, vertices[:, [2, 0, 1]] + 1]), np.concatenate([faces, faces + count])
         ),
         "soup: no vertex is shared": Dirty(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)),
-        "2,000 components": Dirty(
-            (tetrahedron + shifts).reshape(-1, 3), (corners + 4 * np.arange(2000)[:, None, None]).reshape(-1, 3)
-        ),
+        "2,000 components": tetrahedra(2000),
         "a single triangle": Dirty(vertices[strip], strip[None]),
         "open": Dirty(vertices, faces[: len(faces) // 3]),
         "no vertices, no faces": Dirty(np.zeros((0, 3)), np.zeros((0, 3), int)),

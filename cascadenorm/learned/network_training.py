@@ -95,9 +95,7 @@ def train_network(
     features, inputs = features_on(device, scaler), len(scaler.mean) + faces.context.shape[1]
     network = Network(inputs, fit, faces.stack.shape[1], generator).to(device)
     model = DistributedDataParallel(network) if distributed.world_size() > 1 else network
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay, fused=device.type == "cuda"
-    )
+    optimiser = _optimiser(network, fit, device)
     mine, sizes = _batches(len(training), fit.batch)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * len(sizes))
 
@@ -107,22 +105,19 @@ def train_network(
 
     best, best_loss, best_epoch = network.state_dict(), np.inf, 0
     for epoch in range(1, fit.epochs + 1):
-        learned = torch.zeros((), dtype=torch.float64, device=device)
         drawn = training[torch.randperm(len(training), generator=generator)].to(stored)
+        learned = torch.zeros((), dtype=torch.float64, device=device)
         for part, size in zip(drawn.split(mine), sizes, strict=True):  # type: ignore[no-untyped-call]
             loss = loss_of(model, part)
-            _descend(loss * (distributed.world_size() / size), network, optimiser, fit.clip)
-            schedule.step()
+            _descend(loss * (distributed.world_size() / size), network, optimiser, schedule, fit.clip)
             learned += loss.detach()
         with torch.no_grad():
             parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
             tested = sum(loss_of(network, part).item() for part in parts)
-        lost, counts = distributed.all_reduce(np.array([[learned.item(), tested], [len(training), len(validation)]]))
-        training_loss, validation_loss = (lost / counts).tolist()
+        training_loss, validation_loss = _means([learned.item(), tested], [len(training), len(validation)])
         log(epoch, training_loss, validation_loss)
         if validation_loss < best_loss:
-            best = {name: t.clone() for name, t in network.state_dict().items()}
-            best_loss, best_epoch = validation_loss, epoch
+            best, best_loss, best_epoch = _copied(network), validation_loss, epoch
         elif epoch - best_epoch >= fit.patience:
             break
     if not np.isfinite(best_loss):
@@ -137,12 +132,34 @@ def _split(rows: NDArray[np.intp], generator: torch.Generator) -> tuple[Tensor, 
     return order[:cut], order[cut:] if cut < len(order) else order
 
 
-def _descend(loss: Tensor, network: Network, optimiser: torch.optim.Optimizer, clip: float) -> None:
+def _optimiser(network: Network, fit: Fit, device: torch.device) -> torch.optim.Optimizer:
+    rate, decay = fit.learning_rate, fit.weight_decay
+    return torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay, fused=device.type == "cuda")
+
+
+def _descend(
+    loss: Tensor,
+    network: Network,
+    optimiser: torch.optim.Optimizer,
+    schedule: torch.optim.lr_scheduler.LRScheduler,
+    clip: float,
+) -> None:
     """Take a step; of all processes the mean of the loss is that of the batch."""
     optimiser.zero_grad()
     loss.backward()  # type: ignore[no-untyped-call]
     torch.nn.utils.clip_grad_norm_(network.parameters(), clip)
     optimiser.step()
+    schedule.step()
+
+
+def _copied(network: Network) -> dict[str, Tensor]:
+    return {name: tensor.clone() for name, tensor in network.state_dict().items()}
+
+
+def _means(sums: list[float], counts: list[int]) -> list[float]:
+    """Divide sums by counts, both over all processes."""
+    total, of = distributed.all_reduce(np.array([sums, counts], np.float64))
+    return list((total / of).tolist())
 
 
 def _arrays(state: Mapping[str, Tensor]) -> dict[str, Array]:
