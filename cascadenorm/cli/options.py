@@ -1,7 +1,7 @@
 """Options of the command line; those of the controls are made from their declaration."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
@@ -77,3 +77,21 @@ def _value(setting: ControlSetting, given: Any) -> Any:
     if setting.about.flag:
         return setting.choices[0] if given else None
     return given or None if isinstance(given, list) else given  # some versions of typer give an empty list
+
+
+def parameter_values(settings: Sequence[str] | None) -> dict[str, Any]:
+    """Read NAME=VALUE pairs; the method checks names and values."""
+    return {name.replace("-", "_"): value for name, value in named_values("--set", settings).items()}
+
+
+VALUES = {"--result": "DIR", "--command": "'PROG {in} {out}'"}
+"""What follows the name in options of two parts."""
+
+
+def named_values(option: str, given: Sequence[str] | None) -> dict[str, str]:
+    """Read the NAME=VALUE pairs of an option."""
+    pairs = [text.partition("=") for text in given or ()]
+    for name, equals, _ in pairs:
+        if not (name and equals):
+            raise typer.BadParameter(f"{option} {name or equals}: write it as NAME={VALUES.get(option, 'VALUE')}")
+    return {name.strip(): value.strip() for name, _, value in pairs}

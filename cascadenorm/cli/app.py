@@ -1,0 +1,23 @@
+"""The program without its commands: what it is called, and its version."""
+
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="cascadenorm",
+    help="Denoise triangle meshes by cascaded normal regression, or by one of the classical methods.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.callback(invoke_without_command=True)
+def options(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+    """Denoise triangle meshes by cascaded normal regression, or by one of the classical methods."""
+    if version:
+        from cascadenorm import __version__
+
+        print(f"cascadenorm {__version__}")
+        raise typer.Exit

@@ -1,0 +1,155 @@
+"""Commands that change a mesh, or say what it needs."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast
+
+import typer
+
+from cascadenorm.cli.app import app
+from cascadenorm.cli.options import Force, Json, Method, ReportFile, Set, parameter_values, takes_controls
+from cascadenorm.messages import counted
+
+
+@app.command()
+@takes_controls()
+def denoise(
+    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],
+    *,
+    output: Annotated[
+        str | None, typer.Option("-o", "--output", help="File, whose extension selects the format, or - for stdout.")
+    ] = None,
+    method: Method = "auto",
+    model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
+    settings: Set = None,
+    format: Annotated[
+        str | None, typer.Option("--format", metavar="EXT", help="Format of stdout, such as stl; else that of IN.")
+    ] = None,
+    report: ReportFile = None,
+    truth: Annotated[Path | None, typer.Option(metavar="FILE", help="The true mesh, for the report.")] = None,
+    force: Force = False,
+    as_json: Json = False,
+    **controls: Any,
+) -> None:
+    """Denoise a mesh file; by default into <stem>_denoised<suffix> beside it."""
+    from cascadenorm import api
+    from cascadenorm.cli import json_output, progress_bars, tables
+
+    target: Any = output if output is not None else ("-" if source == "-" else None)
+    parameters = parameter_values(settings)
+    if model is not None:
+        parameters["model"] = model
+    if format is not None and target != "-":
+        raise typer.BadParameter("--format is for stdout: the extension of the output selects the format of a file")
+    if truth is not None and report is None:
+        raise typer.BadParameter("--truth is for a report: give --report as well")
+    if report is not None:
+        from cascadenorm import reports
+
+        reports.check_report(report, force=force)
+    with progress_bars.progress_bar("denoising") as progress:
+        denoised = api.denoised_file(
+            sys.stdin.buffer if source == "-" else source,
+            sys.stdout.buffer if target == "-" else target,
+            method=method,
+            format=format,
+            parameters=parameters,
+            force=force,
+            progress=progress,
+            **controls,
+        )
+    if report is not None:
+        reports.report_denoised(report, denoised, truth=truth, force=force)
+    done = denoised.report
+    out = sys.stderr if target == "-" else sys.stdout
+    if as_json:
+        json_output.print_json("denoise", json_output.denoised(done), file=out)
+    else:
+        tables.print_denoised(done, file=out)
+
+
+@app.command("denoise-regions")
+@takes_controls()
+def denoise_regions(
+    sources: Annotated[list[str], typer.Argument(metavar="IN...", help="Mesh files.")],
+    *,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder, where files keep their names.")
+    ] = None,
+    method: Method = "auto",
+    model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
+    settings: Set = None,
+    force: Force = False,
+    as_json: Json = False,
+    **controls: Any,
+) -> None:
+    """Denoise mesh files whose walls coincide, as those of a segmentation do: shared walls stay shared."""
+    from cascadenorm import regions
+    from cascadenorm.cli import json_output, progress_bars, tables
+
+    parameters = parameter_values(settings)
+    if model is not None:
+        parameters["model"] = model
+    with progress_bars.progress_bar("denoising") as progress:
+        done = regions.denoise_region_files(
+            sources, output, method=method, parameters=parameters, force=force, progress=progress, **controls
+        )
+    if as_json:
+        json_output.print_json("denoise-regions", {"files": [json_output.denoised(one) for one in done]})
+    else:
+        for one in done:
+            tables.print_denoised(one, file=sys.stdout)
+
+
+@app.command()
+def inspect(
+    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],
+    *,
+    self_intersections: Annotated[
+        bool | None,
+        typer.Option(help="Look for self-intersections, or do not; by default only in meshes of moderate size."),
+    ] = None,
+    report: ReportFile = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Report what a mesh is, its defects and where they are, and how noisy it is."""
+    from cascadenorm import inspection
+    from cascadenorm.cli import json_output, tables
+
+    mesh = sys.stdin.buffer if source == "-" else source
+    if report is None:
+        found = inspection.inspect(mesh, self_intersections=self_intersections)
+    else:
+        from cascadenorm import reports
+
+        found = reports.report(report, mesh, self_intersections=self_intersections, force=force).inspections["mesh"]
+    if as_json:
+        json_output.print_json("inspect", json_output.inspected(found))
+    else:
+        tables.print_inspection(found)
+
+
+@app.command("fill-holes")
+def fill_holes(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="Mesh file.")],
+    *,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File; by default <stem>_filled<suffix> beside the source.")
+    ] = None,
+    order: Annotated[int, typer.Option(min=1, max=3, help="1 membrane, 2 goes on smoothly, 3 in curvature too.")] = 2,
+    max_edges: Annotated[
+        int | None, typer.Option(min=3, help="Leave longer holes open, such as the outer boundary.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Close the holes of a mesh by patches as dense as what is around them; what is there stays as it is."""
+    from cascadenorm.cli import tables
+    from cascadenorm.filled_files import fill_holes_file
+    from cascadenorm.io.files import beside
+
+    target = beside(source, "filled") if output is None else output
+    kind = cast(Literal[1, 2, 3], order)  # typer holds the range
+    done = fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
+    print(f"{target}: {counted(done.added, 'face')} added to {done.faces}")
+    tables.print_left_out(done.left_out)
