@@ -20,7 +20,7 @@ def peak_memory() -> Iterator[Peak]:
     """Measure the block: the largest resident memory of this process less that before (Linux)."""
     peak = Peak()
     try:
-        _CLEAR.write_text("5")  # proc(5): resets the peak
+        _CLEAR.write_text("5", encoding="ascii")  # proc(5): resets the peak
         before = _kilobytes("VmRSS")
     except OSError:
         yield peak
@@ -31,5 +31,5 @@ def peak_memory() -> Iterator[Peak]:
 
 def _kilobytes(name: str) -> int:
     """Read a size of this process."""
-    lines = _STATUS.read_text().splitlines()
+    lines = _STATUS.read_text(encoding="ascii").splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith(f"{name}:"))

@@ -27,7 +27,7 @@ try:
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
 except ImportError:
     pass
-with open(sys.argv[1], "w") as file:
+with open(sys.argv[1], "w", encoding="utf-8") as file:
     json.dump([done.returncode, seconds, memory], file)
 """
 """A small process that starts the program: the memory of a child counts from that of its parent on."""
@@ -88,8 +88,10 @@ def run_program(words: Sequence[str], noisy: Path) -> Outcome:
         filled = [PLACE.sub(named, word) for word in words]
         told = Path(folder) / "told.json"
         launched = [sys.executable, "-S", "-c", LAUNCHER, str(told), *filled]
-        done = subprocess.run(launched, capture_output=True, text=True, errors="replace", check=False)
-        code, seconds, memory = json.loads(told.read_text()) if told.exists() else (done.returncode, 0.0, None)
+        done = subprocess.run(launched, capture_output=True, encoding="utf-8", errors="replace", check=False)
+        code, seconds, memory = (
+            json.loads(told.read_text(encoding="utf-8")) if told.exists() else (done.returncode, 0.0, None)
+        )
         if code:
             said = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
             raise DenoiseError(f"{words[0]} ended with code {code}{': ' + said[-1] if said else ''}")
