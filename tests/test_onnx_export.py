@@ -21,7 +21,7 @@ ROUGH = noisy(cube(4), 0.2)
 def inputs(session, stage, mesh, stack):
     """What the networks of a stage read; without context features they have one input."""
     feed = {"stack": stack}
-    if stage.settings.context:
+    if stage.scaler.context_mean.size:
         feed["context"] = np.concatenate(stage.scaler.context(stack, mesh), axis=1)
     assert {given.name: given.shape for given in session.get_inputs()} == {
         name: ["faces", *array.shape[1:]] for name, array in feed.items()
