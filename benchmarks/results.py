@@ -20,8 +20,8 @@ STEERED = "kinect_cone"
 """The pair by which a choice of training shapes was made; it does not count in the means."""
 TUNED, PUBLISHED = "best classical, tuned by the truth", "published"
 REFERENCE_NOTE = (
-    f"*{TUNED.capitalize()}*: of bilateral, guided, L0, Fleishman's and Jones' filter in the program of Zhang et al. "
-    "(2015), the one with the least error, with parameters chosen for each pair by its true mesh, which no user has. "
+    f"*{TUNED.capitalize()}*: the least error of the bilateral, guided, L0, Fleishman's and Jones' filters in the "
+    "program of Zhang et al. (2015), each tuned on the clean mesh of the pair, which no user has. "
     f"*{PUBLISHED.capitalize()}*: the denoised mesh that was published for the pair, where there is one."
 )
 
