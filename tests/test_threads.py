@@ -80,7 +80,8 @@ def test_every_number_is_claimed_once_and_answers_come_in_order(threads):
 
 def test_as_many_threads_work_at_once_as_are_asked_for():
     together = Barrier(2, timeout=30)
-    on_threads(2, 2, lambda _: together.wait())
+    arrivals = on_threads(2, 2, lambda _: together.wait())  # each waits until the other is there
+    assert sorted(arrivals) == [0, 1]
 
 
 def test_threads_are_kept():
@@ -127,5 +128,7 @@ if child == 0:
     meet = threading.Barrier(2, timeout=30)
     on_threads(2, 2, lambda _: meet.wait())
     os._exit(7)
-assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7"""
-    subprocess.run([sys.executable, "-W", "ignore::DeprecationWarning", "-c", code], check=True, timeout=120)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))"""
+    started = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", code]
+    done = subprocess.run(started, check=True, timeout=120, capture_output=True, text=True)
+    assert done.stdout == "7\n"
