@@ -21,9 +21,8 @@ from cascadenorm.learned.networks import TorchFeatures
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
 
-TWO_PROCESSES = [
-    sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "-m", "cascadenorm", "train",
-]  # fmt: skip
+TORCHRUN = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2"]
+TWO_PROCESSES = [*TORCHRUN, "-m", "cascadenorm", "train"]
 TINY = TrainConfig(
     faces_per_mesh=500,
     clusters=2,
@@ -186,6 +185,30 @@ def test_a_process_may_have_no_face_of_a_cluster(tmp_path):
         '[data]\ncount = 2\nfamilies = ["smooth"]\nmin_faces = 1200\nmax_faces = 1500\n'
     )
     assert trained_by_two(settings).card["faces_trained_on"] == 80
+
+
+THREADS_LEFT = """
+import sys
+from pathlib import Path
+import torch
+from cascadenorm.learned import distributed
+with distributed.process_group():
+    weights = torch.nn.Linear(3, 1)
+    network = torch.nn.parallel.DistributedDataParallel(weights)
+    optimiser = torch.optim.AdamW(network.parameters())
+    network(torch.ones(2, 3)).sum().backward()
+    optimiser.step()
+    del weights, network, optimiser
+names = [thread.read_text() for thread in Path("/proc/self/task").glob("*/comm")]
+sys.exit(any("gloo" in name for name in names))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are listed in /proc on Linux alone")
+def test_a_process_group_leaves_no_thread_that_could_abort_the_end_of_a_process(tmp_path):
+    (tmp_path / "ends.py").write_text(THREADS_LEFT)
+    done = subprocess.run([*TORCHRUN, str(tmp_path / "ends.py")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_fewer_meshes_than_processes_are_refused_in_words(tmp_path):

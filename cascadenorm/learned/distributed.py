@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 import torch
+import torch.distributed.nn  # before there is a process group, since its default arguments keep the one that they find
 from numpy.typing import NDArray
 from torch import distributed
 
