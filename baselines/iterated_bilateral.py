@@ -61,34 +61,50 @@ def ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float
     return rings, own, spatial_weights(mesh, rings, 1.0, own)
 
 
-def _add_neighbor(total, normals, f, g, weight, steepness):  # type: ignore[no-untyped-def]
-    """Add the normals of face g to the sums of its neighbour f, (3, LANES), each by how near it is to that of f."""
+def _filter_face(f, normals, own, rings, weights, steepness, out):  # type: ignore[no-untyped-def]
+    """Filter the normals of face f, (3, LANES), each by how near those of its neighbours are to it."""
     zero, one = np.float32(0), np.float32(1)
+    total = np.empty((3, LANES), np.float32)
+    for d in range(3):
+        for r in range(LANES):
+            total[d, r] = own[f] * normals[f, d, r]
+
+    # each neighbour by its range weight and its spatial weight
+    for k in range(rings.indptr[f], rings.indptr[f + 1]):
+        g = rings.indices[k]
+        for r in range(LANES):
+            chord = zero
+            for d in range(3):
+                difference = normals[g, d, r] - normals[f, d, r]
+                chord += difference * difference
+            share = one - steepness[r] * chord
+            share = share if share > zero else zero
+            for _ in range(3):
+                share *= share
+            share *= weights[k]
+            for d in range(3):
+                total[d, r] += share * normals[g, d, r]
+
+    # at length 1
     for r in range(LANES):
-        chord = zero
+        length = np.sqrt(total[0, r] ** 2 + total[1, r] ** 2 + total[2, r] ** 2)
         for d in range(3):
-            difference = normals[g, d, r] - normals[f, d, r]
-            chord += difference * difference
-        share = one - steepness[r] * chord
-        share = share if share > zero else zero
-        for _ in range(3):
-            share *= share
-        share *= weight
-        for d in range(3):
-            total[d, r] += share * normals[g, d, r]
+            out[f, d, r] = total[d, r] / length if length > zero else normals[f, d, r]
 
 
-@overload(_add_neighbor)
-def _compiled(total, normals, f, g, weight, steepness):  # type: ignore[no-untyped-def]
-    """Choose what `_add_neighbor` is compiled to: vector instructions, or its own loops where those fail."""
+@overload(_filter_face)
+def _compiled(f, normals, own, rings, weights, steepness, out):  # type: ignore[no-untyped-def]
+    """Choose what `_filter_face` is compiled to: vector instructions, or its own loops where those fail."""
     try:
-        from cascadenorm.baselines.bilateral_lanes import add_lanes, equals
+        from cascadenorm.baselines.bilateral_lanes import equals, filter_lanes
 
-        if not equals(_add_neighbor):
-            return _add_neighbor
+        if not equals(_filter_face):
+            return _filter_face
     except Exception:  # whatever may become of interfaces that promise nothing
-        return _add_neighbor
-    return lambda total, normals, f, g, weight, steepness: add_lanes(total, normals, f, g, weight, steepness)  # type: ignore[call-arg]
+        return _filter_face
+    return lambda f, normals, own, rings, weights, steepness, out: filter_lanes(  # type: ignore[call-arg]
+        f, normals, own, rings, weights, steepness, out
+    )
 
 
 @kernel
@@ -103,14 +119,5 @@ def _bilateral_range(
     out: Floats32,
 ) -> None:
     """One pass of LANES filters side by side, each on its own normals; iteration f alone writes out[f]."""
-    total = np.empty((3, LANES), np.float32)
     for f in range(start, stop):
-        for d in range(3):
-            for r in range(LANES):
-                total[d, r] = own[f] * normals[f, d, r]
-        for k in range(rings.indptr[f], rings.indptr[f + 1]):
-            _add_neighbor(total, normals, f, rings.indices[k], weights[k], steepness)  # type: ignore[no-untyped-call]
-        for r in range(LANES):
-            length = np.sqrt(total[0, r] ** 2 + total[1, r] ** 2 + total[2, r] ** 2)
-            for d in range(3):
-                out[f, d, r] = total[d, r] / length if length > np.float32(0) else normals[f, d, r]
+        _filter_face(f, normals, own, rings, weights, steepness, out)  # type: ignore[no-untyped-call]
