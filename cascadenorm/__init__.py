@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cascadenorm.api import compare, denoise, denoise_file, methods
+    from cascadenorm.batch.batch import denoise_files
     from cascadenorm.controls import Controls
     from cascadenorm.denoised_files import Report
     from cascadenorm.errors import (
@@ -61,6 +62,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "compare": "api",
     "denoise": "api",
     "denoise_file": "api",
+    "denoise_files": "batch.batch",
     "denoise_region_files": "regions",
     "denoise_regions": "regions",
     "evaluate": "evaluation.harness",
@@ -102,6 +104,7 @@ __all__ = [
     "compare",
     "denoise",
     "denoise_file",
+    "denoise_files",
     "denoise_region_files",
     "denoise_regions",
     "evaluate",

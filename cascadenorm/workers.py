@@ -58,12 +58,12 @@ def side_by_side(count: int) -> Iterator[Map]:
 
 def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item], /) -> Iterator[Result]:
     """Submit work to the pool, whose processes start here; they ignore Ctrl-C, and the parent stops them."""
-    with _interrupts_blocked():
+    with interrupts_blocked():
         return pool.map(partial(_on_one_thread, work), items)
 
 
 @contextmanager
-def _interrupts_blocked() -> Iterator[None]:
+def interrupts_blocked() -> Iterator[None]:
     """Block SIGINT until the end of the block, and for good in the processes that are started in it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield

@@ -20,11 +20,11 @@ from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import tables
 from cascadenorm.evaluation.harness import NOISY, Evaluation, evaluate
-from cascadenorm.evaluation.memory import peak_memory
 from cascadenorm.evaluation.metrics import measure
 from cascadenorm.evaluation.pairs import find_pairs, write_pairs
 from cascadenorm.interop import save_mesh
 from cascadenorm.io import OutputError, ReadError
+from cascadenorm.memory import peak_memory
 from cascadenorm.reports.evaluations import report_evaluation
 
 SHAPES = {"ball": icosphere(2), "cube": cube(4)}

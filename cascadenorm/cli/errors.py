@@ -53,6 +53,12 @@ def worded(error: Exception) -> str:
     return f"{name}: {error} (please report it; CASCADENORM_TRACEBACK=1 shows where it comes from)"
 
 
+def located(name: str, error: Exception) -> str:
+    """Return the message of an error after the name of the file that it is about, once."""
+    message = worded(error)
+    return message if message.startswith((name, repr(name))) else f"{name}: {message}"
+
+
 def complain(message: str) -> None:
     """Print one line on stderr."""
     print(f"cascadenorm: {' '.join(message.split())}", file=sys.stderr)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import Any, TextIO
 
+from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed
 from cascadenorm.denoised_files import Report
@@ -42,6 +43,12 @@ def with_aliases(content: Any) -> Any:
 def denoised(done: Report) -> dict[str, Any]:
     """Return what was done to a file."""
     return asdict(done)
+
+
+def batch(done: Batch) -> dict[str, Any]:
+    """Return what became of the files of a batch."""
+    failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
+    return {"files": done.lines, "kept": done.kept, "failures": failures}
 
 
 def inspected(found: Inspection) -> dict[str, Any]:

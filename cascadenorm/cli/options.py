@@ -11,6 +11,7 @@ import typer
 from cascadenorm.controls import CONTROLS, ControlSetting
 
 Method = Annotated[str, typer.Option(help="One of those that `cascadenorm methods` lists.")]
+Model = Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 ReportFile = Annotated[
@@ -79,9 +80,10 @@ def _value(setting: ControlSetting, given: Any) -> Any:
     return given or None if isinstance(given, list) else given  # some versions of typer give an empty list
 
 
-def parameter_values(settings: Sequence[str] | None) -> dict[str, Any]:
-    """Read NAME=VALUE pairs; the method checks names and values."""
-    return {name.replace("-", "_"): value for name, value in named_values("--set", settings).items()}
+def parameter_values(settings: Sequence[str] | None, model: Path | None = None) -> dict[str, Any]:
+    """Read NAME=VALUE pairs, to which the weights are added; the method checks names and values."""
+    values: dict[str, Any] = {name.replace("-", "_"): v for name, v in named_values("--set", settings).items()}
+    return values if model is None else {**values, "model": model}
 
 
 VALUES = {"--result": "DIR", "--command": "'PROG {in} {out}'"}

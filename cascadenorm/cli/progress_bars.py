@@ -4,16 +4,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, ProgressColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
 from cascadenorm.progress import Listener, Progress
 
 
 @contextmanager
-def progress_bar(text: str) -> Iterator[Listener]:
-    """Show the fraction that is done, on a terminal."""
-    with _bars() as bar:
+def progress_bar(text: str, *, time_left: bool = False) -> Iterator[Listener]:
+    """Show the fraction that is done, on a terminal, and how long the rest will take if that is asked for."""
+    with _bars(*((TimeRemainingColumn(),) if time_left else ())) as bar:
         task = bar.add_task(text, total=1.0)
         yield lambda fraction: bar.update(task, completed=fraction)
 
@@ -43,9 +43,9 @@ def progress_tasks(*, log: bool = False) -> Iterator[Progress]:
 
 
 @contextmanager
-def _bars() -> Iterator[Bars]:
+def _bars(*further: ProgressColumn) -> Iterator[Bars]:
     console = Console(stderr=True, markup=False)
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), *further)
     bars = Bars(*columns, console=console, transient=True, disable=not console.is_terminal)
     if bars.disable:  # rich 14 ends the line of a bar that it has not drawn
         yield bars

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import complain
 from cascadenorm.cli.options import OPTIONS
 from cascadenorm.denoised_files import Report
@@ -44,6 +45,18 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
         complain(f"left as they are: {vertices}, {counted(done.isolated_faces, 'bad face')}")
     print_left_out(done.left_out)
+
+
+def print_batch(done: Batch) -> None:
+    """Print how many files were denoised, kept and not denoised."""
+    denoised = len(done.lines) - len(done.failures)
+    seconds = sum(line["seconds"] for line in done.lines)
+    method = sum(line["report"]["seconds"] for line in done.lines if line["report"])
+    print(f"{counted(denoised, 'file')} denoised in {seconds:.1f} s of the processes, {method:.1f} s of them denoising")
+    if done.kept:
+        print(f"{counted(len(done.kept), 'file')} kept, which {'was' if len(done.kept) == 1 else 'were'} done already")
+    if done.failures:
+        print(f"{counted(len(done.failures), 'file')} failed")
 
 
 def _option(name: str, value: object) -> str:

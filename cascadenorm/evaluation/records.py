@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import cascadenorm
+from cascadenorm.digests import file_digest
 from cascadenorm.errors import OutputError
 from cascadenorm.evaluation.pairs import Pair
 from cascadenorm.interop import save_mesh
@@ -36,15 +37,15 @@ class Records(NamedTuple):
         """Return a digest of all that a result depends on, but the program that a command runs."""
         weights = None
         if settings is not None and "model" in find(name).settings:
-            weights = _digest(weights_file(name, settings.get("model")))
+            weights = file_digest(weights_file(name, settings.get("model")))
         parts = [
             cascadenorm.__version__,
-            _digest(pair.noisy),
-            _digest(pair.clean),
+            file_digest(pair.noisy),
+            file_digest(pair.clean),
             {key: str(value) for key, value in (settings or {}).items() if key != "threads"},
             weights,
             list(command),
-            file and _digest(file),
+            file and file_digest(file),
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -70,7 +71,3 @@ class Records(NamedTuple):
         save_mesh(path, mesh, force=True)
         text = json.dumps({"key": key, "row": row}, indent=1)
         write_atomically(record, [text.encode()], force=True)
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

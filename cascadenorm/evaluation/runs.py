@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cascadenorm.api import denoise
-from cascadenorm.evaluation.memory import peak_memory
 from cascadenorm.evaluation.metrics import Measures, measure
 from cascadenorm.evaluation.pairs import Pair, result_file
 from cascadenorm.evaluation.programs import run_program
 from cascadenorm.evaluation.records import Records
 from cascadenorm.interop import as_mesh
+from cascadenorm.memory import peak_memory
 from cascadenorm.mesh import Mesh
 
 FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)

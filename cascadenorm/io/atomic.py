@@ -1,6 +1,7 @@
 """Write a file whole or not at all."""
 
 import os
+import re
 import secrets
 import stat
 from collections.abc import Iterable, Iterator, Sequence
@@ -10,6 +11,9 @@ from pathlib import Path
 
 from cascadenorm.errors import OutputError
 from cascadenorm.io.base import Piece
+
+NAMED = 40
+"""Characters of the name of a file that its temporary file is called by."""
 
 
 def check_output(path: Path, *, force: bool) -> None:
@@ -93,6 +97,18 @@ def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool
             Path(name).unlink(missing_ok=True)
 
 
+def remove_unfinished(outputs: Iterable[Path]) -> None:
+    """Remove the temporary files of outputs whose process was killed while it wrote them, with those beside them."""
+    stems: dict[Path, set[str]] = {}
+    for output in outputs:
+        stems.setdefault(output.parent, set()).add(Path(output.name[:NAMED]).stem)
+    for folder, names in stems.items():
+        for path in folder.glob(".*.part"):
+            found = re.fullmatch(r"\.(.+)\.[0-9a-f]{8,12}\.part", path.name, re.DOTALL)
+            if found and (found[1] in names or Path(found[1]).stem in names):
+                path.unlink(missing_ok=True)
+
+
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
     """Turn errors of the operating system into our own."""
@@ -109,7 +125,7 @@ def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]]
 
     It has the permissions of the file that it replaces, or those that the process gives to new files.
     """
-    name = str(target.parent / f".{target.name[:40]}.{secrets.token_hex(6)}.part")
+    name = str(target.parent / f".{target.name[:NAMED]}.{secrets.token_hex(6)}.part")
     mode = target.stat().st_mode & 0o777 if target.exists() else None
     with open(name, "xb", opener=None if mode is None else partial(os.open, mode=mode)) as stream:
         staged.append((target, name))

@@ -265,7 +265,7 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
     except FileNotFoundError:
         raise ReadError(f"{path} does not exist: check the name") from None
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _sniffed(data: bytes) -> str | None:

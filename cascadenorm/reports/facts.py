@@ -1,6 +1,5 @@
 """What a report says besides what it shows: files, measures, findings, and how to make the result again."""
 
-import hashlib
 import platform
 import shlex
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from typing import Any
 import cascadenorm
 from cascadenorm.controls import CONTROLS
 from cascadenorm.denoised_files import Report
+from cascadenorm.digests import file_digest
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.learned.cascade import weights_file
@@ -82,7 +82,7 @@ def version_rows(done: Report | None) -> Rows:
         rows.append(("seed", "none: no random numbers are drawn, and the number of threads changes nothing"))
         weights = _weights(done)
         if weights is not None:
-            rows.append((f"weights of {done.method}", f"SHA-256 {_digest(weights)}"))
+            rows.append((f"weights of {done.method}", f"SHA-256 {file_digest(weights)}"))
     return rows
 
 
@@ -138,7 +138,3 @@ def _weights(done: Report) -> Path | None:
     if "model" not in find(done.method).settings:
         return None
     return weights_file(done.method, done.parameters.get("model"))
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

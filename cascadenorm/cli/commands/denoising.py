@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal, cast
 import typer
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.options import Force, Json, Method, ReportFile, Set, parameter_values, takes_controls
+from cascadenorm.cli.errors import PARTLY, complain, located
+from cascadenorm.cli.options import Force, Json, Method, Model, ReportFile, Set, parameter_values, takes_controls
 from cascadenorm.messages import counted
 
 
@@ -20,7 +21,7 @@ def denoise(
         str | None, typer.Option("-o", "--output", help="File, whose extension selects the format, or - for stdout.")
     ] = None,
     method: Method = "auto",
-    model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
+    model: Model = None,
     settings: Set = None,
     format: Annotated[
         str | None, typer.Option("--format", metavar="EXT", help="Format of stdout, such as stl; else that of IN.")
@@ -36,9 +37,7 @@ def denoise(
     from cascadenorm.cli import json_output, progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
-    parameters = parameter_values(settings)
-    if model is not None:
-        parameters["model"] = model
+    parameters = parameter_values(settings, model)
     if format is not None and target != "-":
         raise typer.BadParameter("--format is for stdout: the extension of the output selects the format of a file")
     if truth is not None and report is None:
@@ -68,6 +67,65 @@ def denoise(
         tables.print_denoised(done, file=out)
 
 
+@app.command()
+@takes_controls()
+def batch(
+    sources: Annotated[
+        list[str],
+        typer.Argument(metavar="IN...", help="Files, folders, or quoted patterns like 'scans/**/*.ply'."),
+    ],
+    *,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results.")],
+    method: Method = "auto",
+    model: Model = None,
+    settings: Set = None,
+    format: Annotated[
+        str | None, typer.Option("--format", metavar="EXT", help="Format of the results, such as stl; else as given.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes at most; by default one for each core.")] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option(metavar="SIZE", help="Memory of all processes, like 4GB; else most of what is free."),
+    ] = None,
+    retries: Annotated[int, typer.Option(min=0, help="Further attempts where memory was short.")] = 1,
+    watch: Annotated[
+        float | None,
+        typer.Option(
+            min=0, metavar="SECONDS", help="Go on with files that come; each is taken when unchanged for so long."
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: Json = False,
+    **controls: Any,
+) -> None:
+    """Denoise many files into a folder; what is done already is kept, and what fails stops no other."""
+    from cascadenorm.batch.batch import denoise_files
+    from cascadenorm.cli import json_output, progress_bars, tables
+
+    with progress_bars.progress_bar("denoising", time_left=True) as progress:
+        done = denoise_files(
+            sources,
+            output,
+            method=method,
+            format=format,
+            force=force,
+            parameters=parameter_values(settings, model),
+            workers=workers,
+            memory=memory,
+            retries=retries,
+            watch=watch,
+            on_failure=lambda failure: complain(located(failure.source, failure.error)),
+            progress=progress,
+            **controls,
+        )
+    if as_json:
+        json_output.print_json("batch", json_output.batch(done))
+    else:
+        tables.print_batch(done)
+    if done.failures:
+        raise typer.Exit(PARTLY)
+
+
 @app.command("denoise-regions")
 @takes_controls()
 def denoise_regions(
@@ -77,7 +135,7 @@ def denoise_regions(
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder, where files keep their names.")
     ] = None,
     method: Method = "auto",
-    model: Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")] = None,
+    model: Model = None,
     settings: Set = None,
     force: Force = False,
     as_json: Json = False,
@@ -87,9 +145,7 @@ def denoise_regions(
     from cascadenorm import regions
     from cascadenorm.cli import json_output, progress_bars, tables
 
-    parameters = parameter_values(settings)
-    if model is not None:
-        parameters["model"] = model
+    parameters = parameter_values(settings, model)
     with progress_bars.progress_bar("denoising") as progress:
         done = regions.denoise_region_files(
             sources, output, method=method, parameters=parameters, force=force, progress=progress, **controls

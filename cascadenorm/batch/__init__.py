@@ -1,0 +1,1 @@
+"""Many files denoised: in processes, as memory allows, resumed where they were interrupted."""

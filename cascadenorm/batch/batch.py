@@ -1,0 +1,259 @@
+"""Many files denoised in processes of their own, so that none stops the others, and interrupted batches go on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from datetime import datetime, timezone
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from cascadenorm.api import DEFAULT_METHOD
+from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs
+from cascadenorm.batch.manifest import Line, Manifest
+from cascadenorm.batch.scheduling import Schedule
+from cascadenorm.batch.settings import settings_of
+from cascadenorm.batch.watching import Settled
+from cascadenorm.batch.work import Outcome, Settings, Task, work
+from cascadenorm.controls.settings import Controls, takes_controls
+from cascadenorm.errors import OutputError, ParameterError, WorkerError
+from cascadenorm.io.atomic import remove_unfinished
+from cascadenorm.memory import available_memory, memory_size
+from cascadenorm.mesh import thread_count
+from cascadenorm.progress import Listener
+from cascadenorm.worker_processes import Worker, first_ready
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+SCAN = 0.5
+"""Seconds between two looks at a folder that is watched."""
+
+FREE = 0.8
+"""Part of the free memory that a batch takes, unless it is told how much."""
+
+COST = 20_000
+"""Bytes of a file that take as long as what each file takes besides, for the fraction that is done."""
+
+
+class Failure(NamedTuple):
+    """A file that could not be denoised."""
+
+    source: str
+    error: Exception
+
+
+class Batch(NamedTuple):
+    """What became of the files of a batch.
+
+    Parameters
+    ----------
+    lines : of the manifest, for each file that was denoised now or failed, as they ended
+    kept : names of the files that were done already
+    failures : errors of those that failed
+    """
+
+    lines: list[Line]
+    kept: list[str]
+    failures: list[Failure]
+
+
+@takes_controls
+def denoise_files(
+    sources: Sources,
+    output: str | PathLike[str],
+    *,
+    method: str = DEFAULT_METHOD,
+    format: str | None = None,
+    force: bool = False,
+    parameters: dict[str, Any] | None = None,
+    workers: int | None = None,
+    memory: str | int | None = None,
+    retries: int = 1,
+    watch: float | None = None,
+    on_failure: Callable[[Failure], object] | None = None,
+    **controls: Unpack[Controls],
+) -> Batch:
+    """Denoise many files into a folder, as `denoise_file` does each; one that fails stops no other.
+
+    Parameters
+    ----------
+    sources : files, folders or patterns such as "scans/**/*.ply", one or several
+    output : folder of the results, which lie in it as the sources lie in the folder that they have in common. Its
+        `manifest.jsonl` records what became of each file: what is done, by the digests of file, settings and result,
+        is not done again
+    method, parameters : as in `denoise_file`
+    format : of the results, such as "stl"; None keeps that of each source
+    force : replace files in the output folder that no batch has written
+    workers : processes at most; None is one for each thread
+    memory : of all processes together, as bytes or as text like "4GB"; None is most of what is free. Files are
+        denoised side by side as far as their estimated needs fit
+    retries : further attempts, alone, for a file whose process ended early, for which memory did not suffice, or that
+        changed while it was read
+    watch : go on and look for further files until interrupted; a file is taken once it has not changed for so many
+        seconds
+    on_failure : called with each failure as it happens
+
+    `threads` counts those of all processes.
+
+    Returns
+    -------
+    What became of each file
+
+    Raises
+    ------
+    ReadError : there is no file
+    ParameterError : an unknown method, parameter or control, a value out of range
+    OutputError : the folder cannot be written, the disk is full, another batch is writing there, or two files have the
+        same place
+    """
+    if retries < 0:
+        raise ParameterError(f"is {retries}; it must be at least 0", parameter="retries")
+    if workers is not None and workers < 1:
+        raise ParameterError(f"is {workers}; it must be at least 1", parameter="workers")
+    if watch is not None and not watch >= 0:
+        raise ParameterError(f"is {watch}; it must be at least 0", parameter="watch")
+    settings, threads, listener = settings_of(method, parameters or {}, controls, format, force=force)
+    cores = threads or thread_count()
+    budget = int(FREE * available_memory()) if memory is None else memory_size("memory", memory)
+    folder = Path(output)
+    find = partial(find_jobs, sources, folder, format)
+    jobs = find()
+    if watch is None:
+        check_sources(sources, folder, jobs)
+    manifest = Manifest(folder)
+    try:
+        run = _Run(settings, folder, manifest, Schedule(cores, budget), workers or cores, retries, listener, on_failure)
+        run.all(jobs if watch is None else [], find, None if watch is None else Settled(watch))
+    finally:
+        manifest.close()
+    return run.done
+
+
+class _Run:
+    """A batch while it runs: the processes, and what each is working on."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        folder: Path,
+        manifest: Manifest,
+        schedule: Schedule,
+        workers: int,
+        retries: int,
+        listener: Listener | None,
+        on_failure: Callable[[Failure], object] | None,
+    ) -> None:
+        self._work = partial(work, settings)
+        self._key = settings.key
+        self._folder, self._manifest, self._schedule = folder, manifest, schedule
+        self._count, self._retries, self._listener, self._on_failure = workers, retries, listener, on_failure
+        self._idle: list[Worker[Task, Outcome]] = []
+        self._busy: dict[Worker[Task, Outcome], tuple[Task, int]] = {}
+        self._attempts: dict[Job, int] = {}
+        self._found = self._ended = 0
+        self.done = Batch([], [], [])
+
+    def all(self, jobs: list[Job], find: Callable[[], list[Job]], settled: Settled | None) -> None:
+        """Do the files, and those that settle later; however that ends, no process and no half file is left."""
+        remove_unfinished([Path(job.output) for job in jobs])
+        self._add(jobs)
+        try:
+            while self._schedule.left or settled is not None:
+                self._begin_all()
+                if self._busy:
+                    for worker in first_ready(list(self._busy), None if settled is None else SCAN):
+                        self._end(worker)
+                elif settled is not None:
+                    time.sleep(SCAN)
+                if settled is not None:
+                    busy = {job.source for job in self._attempts}
+                    self._add(settled.take([job for job in find() if job.source not in busy]))
+        finally:
+            unfinished = [Path(task.job.output) for task, _ in self._busy.values()]
+            Worker.stop([*self._idle, *self._busy])
+            remove_unfinished(unfinished)
+
+    def _add(self, jobs: list[Job]) -> None:
+        self._schedule.add(jobs)
+        self._attempts.update(dict.fromkeys(jobs, 0))
+        self._found += sum(job.size + COST for job in jobs)
+
+    def _begin_all(self) -> None:
+        """Begin as many files as processes, cores and memory allow."""
+        while len(self._busy) < self._count and (following := self._schedule.next()) is not None:
+            job, threads = following
+            self._attempts[job] += 1
+            worker = self._idle.pop() if self._idle else Worker(self._work)
+            self._begin(worker, Task(job, self._manifest.last.get(self._name(job))), threads)
+
+    def _begin(self, worker: Worker[Task, Outcome], task: Task, threads: int) -> None:
+        self._busy[worker] = task, threads
+        worker.begin(task, threads)
+
+    def _end(self, worker: Worker[Task, Outcome]) -> None:
+        """Take what a process has found out; a checked file goes on to be denoised by the same process."""
+        task, threads = self._busy[worker]
+        try:
+            outcome = worker.result()
+            del self._busy[worker]
+            self._idle.append(worker)
+        except WorkerError as error:
+            del self._busy[worker]
+            remove_unfinished([Path(task.job.output)])
+            outcome = Outcome(status="failed", input_digest=task.digest, error=error, then="again")
+        if outcome.status == "new":
+            self._idle.remove(worker)
+            task = task._replace(digest=outcome.input_digest)
+            self._manifest.add(self._line("started", task, outcome))
+            self._begin(worker, task, threads)
+            return
+        self._schedule.end(task.job)
+        if outcome.then == "again" and self._attempts[task.job] <= self._retries:
+            self._schedule.again(task.job)
+            return
+        self._record(task, outcome)
+
+    def _record(self, task: Task, outcome: Outcome) -> None:
+        """Note what became of a file."""
+        if outcome.status == "kept":
+            self.done.kept.append(task.job.source)
+        else:
+            line = self._line(outcome.status, task, outcome)
+            self._manifest.add(line)
+            self.done.lines.append(line)
+        if outcome.error is not None:
+            self.done.failures.append(Failure(task.job.source, outcome.error))
+            if self._on_failure is not None:
+                self._on_failure(self.done.failures[-1])
+            if outcome.then == "stop":
+                raise OutputError("the disk is full", hint="free some space and run the same again: it goes on there")
+        del self._attempts[task.job]
+        self._ended += task.job.size + COST
+        if self._listener is not None:
+            self._listener(self._ended / self._found)
+
+    def _name(self, job: Job) -> str:
+        """The name of a result in the manifest, from the folder of the manifest."""
+        return Path(job.output).relative_to(self._folder).as_posix()
+
+    def _line(self, status: str, task: Task, outcome: Outcome) -> Line:
+        previous = self._manifest.last.get(self._name(task.job)) or {}
+        report = None if outcome.report is None else asdict(outcome.report)
+        error = outcome.error
+        return {
+            "status": status,
+            "input": task.job.source,
+            "input_sha256": outcome.input_digest,
+            "output": self._name(task.job),
+            "output_sha256": outcome.output_digest or previous.get("output_sha256"),
+            "settings": self._key,
+            "attempts": self._attempts[task.job],
+            "seconds": outcome.seconds,
+            "time": datetime.now(timezone.utc).isoformat(timespec="milliseconds"),
+            "report": report,
+            "error": None if error is None else {"type": type(error).__name__, "message": str(error)},
+        }

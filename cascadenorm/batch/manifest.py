@@ -1,0 +1,87 @@
+"""The manifest of a batch: a line of JSON for each thing that happened to a file, in a file that only grows.
+
+A file is `started`, then `done` or `failed`; its last line counts. What was started and never ended was interrupted.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from cascadenorm.errors import OutputError
+
+if sys.platform != "win32":
+    import fcntl
+
+NAME = "manifest.jsonl"
+
+Line = dict[str, Any]
+
+
+class Manifest:
+    """The manifest in a folder, open for further lines; lines that cannot be read, such as half a one, do not count.
+
+    Attributes
+    ----------
+    last : the last line of each output, by its name
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / NAME
+        self.last: dict[str, Line] = {}
+        with self._explained():
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file = self.path.open("ab+", buffering=0)
+        try:
+            self._lock()
+            with self._explained():
+                self._file.seek(0)
+                data = self._file.read()
+                if data and not data.endswith(b"\n"):
+                    self._file.write(b"\n")
+        except BaseException:
+            self.close()
+            raise
+        for text in data.splitlines():
+            line = _parsed(text)
+            if line is not None:
+                self.last[line["output"]] = line
+
+    def add(self, line: Line) -> None:
+        """Add a line, in one write."""
+        with self._explained():
+            self._file.write(json.dumps(line, default=str, allow_nan=False).encode() + b"\n")
+        self.last[line["output"]] = line
+
+    def close(self) -> None:
+        """Let other batches write into the folder."""
+        self._file.close()
+
+    def _lock(self) -> None:
+        if sys.platform == "win32":
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(
+                f"another batch is writing to {self.path.parent}", hint="wait for it, or choose another folder"
+            ) from None
+        except OSError:  # a file system without locks
+            return
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(f"{self.path} cannot be written: {error.strerror or error}") from error
+
+
+def _parsed(text: bytes) -> Line | None:
+    try:
+        line = json.loads(text)
+    except ValueError:
+        return None
+    return line if isinstance(line, dict) and isinstance(line.get("output"), str) else None

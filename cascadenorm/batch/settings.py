@@ -1,0 +1,65 @@
+"""What is done to every file of a batch, checked, with a digest of it."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import cascadenorm
+from cascadenorm.batch.work import Settings
+from cascadenorm.controls.settings import checked
+from cascadenorm.digests import file_digest
+from cascadenorm.errors import ParameterError
+from cascadenorm.io import output_format
+from cascadenorm.learned.cascade import Cascade, weights_file
+from cascadenorm.progress import Listener
+from cascadenorm.registry import find
+
+NO_RESULT = ("threads", "progress")
+"""Controls that change no byte of a result; they concern the batch as a whole."""
+
+
+def settings_of(
+    method: str, parameters: Mapping[str, Any], controls: Mapping[str, Any], format: str | None, *, force: bool
+) -> tuple[Settings, int | None, Listener | None]:
+    """Check the settings; return them, the number of threads, and who is told of the progress.
+
+    Raises
+    ------
+    ParameterError : an unknown name, a value out of range, weights that cannot be read
+    OutputError : a format that cannot be written
+    """
+    every = checked(controls)
+    values = find(method).checked(parameters)
+    if format is not None:
+        output_format(f".{format}")
+    given = {name: value for name, value in every.items() if name not in NO_RESULT}
+    defaults = {name: setting.default for name, setting in find(method).settings.items()}
+    parts = [cascadenorm.__version__, method, defaults | values, given, format]
+    parts = [json.dumps(parts, sort_keys=True, default=_as_text), *map(_content, given.values())]
+    if "model" in defaults:
+        parts.append(_weights(method, values.get("model")))
+    key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+    return Settings(method, dict(parameters), given, force, key), every["threads"], every["progress"]
+
+
+def _weights(method: str, model: Any) -> str:
+    if not isinstance(model, str | PathLike | None):
+        raise ParameterError("is no file: processes of their own read it there", parameter="model")
+    file = weights_file(method, None if model is None else Path(model))
+    Cascade.load(file)  # what is wrong with it is wrong with every file
+    return file_digest(file)
+
+
+def _as_text(value: Any) -> str:
+    return hashlib.sha256(value.tobytes()).hexdigest() if isinstance(value, np.ndarray) else str(value)
+
+
+def _content(value: Any) -> str:
+    """Return the digest of a file that a control is given by, such as a mask; empty for another value."""
+    named = isinstance(value, str | PathLike) and Path(value).is_file()
+    return file_digest(Path(value)) if named else ""

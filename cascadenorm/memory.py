@@ -1,0 +1,86 @@
+"""Memory: how much is free, how much work needs at most, and amounts of it in words."""
+
+import math
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from cascadenorm.errors import ParameterError
+
+_STATUS, _CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+_MEMINFO, _GROUP, _GROUPS = Path("/proc/meminfo"), Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
+_UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "mi": 2**20, "gi": 2**30, "ti": 2**40}
+
+
+@dataclass
+class Peak:
+    """Megabytes beyond what the process had before; None where the system does not tell."""
+
+    megabytes: float | None = None
+
+
+@contextmanager
+def peak_memory() -> Iterator[Peak]:
+    """Measure the block: the largest resident memory of this process less that before (Linux)."""
+    peak = Peak()
+    try:
+        _CLEAR.write_text("5", encoding="ascii")  # proc(5): resets the peak
+        before = _kilobytes(_STATUS, "VmRSS")
+    except OSError:
+        yield peak
+        return
+    yield peak
+    peak.megabytes = max(0, _kilobytes(_STATUS, "VmHWM") - before) * 1024 / 1e6
+
+
+def available_memory() -> int:
+    """Bytes that new work can take: what the system has free, within the limits of the control groups (Linux).
+
+    Where the system does not tell, half of the memory of the machine.
+    """
+    try:
+        free = 1024 * _kilobytes(_MEMINFO, "MemAvailable")
+    except (OSError, StopIteration):
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 2**32
+    return min(free, *_group_limits(), free)
+
+
+def _group_limits() -> Iterator[int]:
+    """What each control group (version 2) that this process is in leaves free."""
+    try:
+        own = next(line for line in _GROUP.read_text(encoding="ascii").splitlines() if line.startswith("0::"))
+    except (OSError, StopIteration):
+        return
+    place = _GROUPS / own[3:].lstrip("/")
+    for group in (place, *place.parents):
+        try:
+            limit = (group / "memory.max").read_text(encoding="ascii").strip()
+            used = int((group / "memory.current").read_text(encoding="ascii"))
+        except OSError:
+            continue
+        if limit != "max":
+            yield max(0, int(limit) - used)
+
+
+def memory_size(name: str, text: str | int) -> int:
+    """Return the bytes that "4GB", "500 MB" or "2GiB" stand for; a number counts bytes.
+
+    Raises
+    ------
+    ParameterError : it is none, or not above 0; the message calls it by its name
+    """
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*([kmgt]?i?)b?\s*", str(text), re.IGNORECASE)
+    unit = match[2].lower() if match else "?"
+    size = math.floor(float(match[1]) * _UNITS[unit]) if match and unit in _UNITS else 0
+    if size < 1:
+        raise ParameterError(f'is {text!r}; it must be an amount of memory, such as "4GB" or "500 MB"', parameter=name)
+    return size
+
+
+def _kilobytes(table: Path, name: str) -> int:
+    """Read a size from a table of the system."""
+    lines = table.read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(f"{name}:"))
