@@ -54,6 +54,7 @@ MAY_IMPORT = {
     "reports": {*MESH, "registry", "progress", "digests", "geometry", "learned.cascade", "controls", "io",
                 "interop", "inspection", "evaluation", "render", "api", "denoised_files", "reports"},
     "frontends": {*METHODS, "interop", "controls", "api", "regions", "inspection", "evaluation.metrics", "frontends"},
+    "frontends.blender": {*METHODS, "io.normals", "controls", "api", "inspection", "frontends"},
     "cli": {*METHODS, "workers", "learned", "data_gen", "io", "interop", "controls", "api", "denoised_files",
             "filled_files", "batch", "models", "regions", "evaluation", "spectra", "inspection", "render", "reports",
             "cli"},

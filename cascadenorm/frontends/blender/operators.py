@@ -1,0 +1,208 @@
+"""The operators: denoise what is selected, and tell the kind of error of the active object."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.api import denoise
+from cascadenorm.errors import CascadenormError
+from cascadenorm.frontends.blender.panel import draw_settings
+from cascadenorm.frontends.blender.properties import chosen, declarations, label
+from cascadenorm.frontends.blender.surfaces import (
+    Surface,
+    copy_of,
+    creases_of,
+    mask_of,
+    surface_of,
+    write,
+    write_shape_key,
+)
+from cascadenorm.frontends.jobs import Cancelled, Job
+from cascadenorm.inspection import inspect
+from cascadenorm.inspection.findings import FINDINGS
+from cascadenorm.messages import counted
+from cascadenorm.progress import Listener, report_to
+
+Work = Callable[[Listener], Any]
+
+TICK = 0.1
+"""Seconds between two looks at the work."""
+VIEWING = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION"}
+"""Events that turn the view, which is allowed meanwhile."""
+
+
+class Working(bpy.types.Operator):
+    """An operator whose work is done in a thread; Esc ends it. Called by a script, it returns when it is done."""
+
+    bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """Whether there is a mesh to work on, in Object or Edit mode."""
+        return context.mode in {"OBJECT", "EDIT_MESH"} and bool(targets(context))
+
+    def execute(self, context: Any) -> set[str]:
+        """Work, and come back when it is done."""
+        try:
+            self.finish(context, self.prepare(context)(_nobody))
+        except CascadenormError as error:
+            self.report({"ERROR"}, error.message(label))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        """Begin to work in a thread."""
+        try:
+            self._job = Job(self.prepare(context))
+        except CascadenormError as error:
+            self.report({"ERROR"}, error.message(label))
+            return {"CANCELLED"}
+        manager = context.window_manager
+        manager.progress_begin(0, 100)
+        self._timer = manager.event_timer_add(TICK, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        """Show the progress, and write the result when it is there."""
+        if event.type == "ESC":
+            self._job.cancel()
+        elif event.type in VIEWING:
+            return {"PASS_THROUGH"}
+        if not self._job.done:
+            context.window_manager.progress_update(100 * self._job.fraction)
+            state = "ending" if self._job.cancelled else f"{self._job.fraction:.0%}, Esc ends it"
+            context.workspace.status_text_set(f"{self.bl_label}: {state}")
+            return {"RUNNING_MODAL"}
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        try:
+            self.finish(context, self._job.result())
+        except Cancelled:
+            self.report({"INFO"}, "Nothing has changed")
+            return {"CANCELLED"}
+        except CascadenormError as error:
+            self.report({"ERROR"}, error.message(label))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def prepare(self, context: Any) -> Work:
+        """Read what the work needs from Blender, and return the work."""
+        raise NotImplementedError
+
+    def finish(self, context: Any, result: Any) -> None:
+        """Write the result of the work."""
+        raise NotImplementedError
+
+
+class Denoise(Working):
+    """Denoise the selected meshes, in Edit mode their selected vertices"""
+
+    bl_idname = "cascadenorm.denoise"
+    bl_label = "Denoise"
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        """Take the settings of the active object where none are given, and begin."""
+        settings = context.object.cascadenorm
+        for name in declarations():
+            if settings.is_property_set(name) and not self.properties.is_property_set(name):
+                setattr(self.properties, name, getattr(settings, name))
+        return super().invoke(context, event)
+
+    def draw(self, context: Any) -> None:
+        """Draw the settings into the panel of the last operation."""
+        draw_settings(self.layout, self.properties, context.object)
+
+    def prepare(self, context: Any) -> Work:
+        """Read the surfaces and settings."""
+        self._objects, given = targets(context), self.properties
+        surfaces = [surface_of(object) for object in self._objects]
+        settings = [
+            {**chosen(given), "mask": mask_of(object, given), "creases": creases_of(object, given)}
+            for object in self._objects
+        ]
+
+        def work(listener: Listener) -> list[NDArray[np.float32]]:
+            return [
+                _denoised(surface, arguments, listener, i / len(surfaces), 1 / len(surfaces))
+                for i, (surface, arguments) in enumerate(zip(surfaces, settings, strict=True))
+            ]
+
+        return work
+
+    def finish(self, context: Any, result: list[NDArray[np.float32]]) -> None:
+        """Write the new positions where the result is to be."""
+        editing = context.mode == "EDIT_MESH"
+        if editing:
+            bpy.ops.object.mode_set(mode="OBJECT")
+        for object, positions in zip(self._objects, result, strict=True):
+            self._write(context, object, positions)
+        if editing:
+            bpy.ops.object.mode_set(mode="EDIT")
+
+    def _write(self, context: Any, object: Any, positions: NDArray[np.float32]) -> None:
+        object.cascadenorm.found = ""
+        if self.properties.result == "COPY" and object.cascadenorm.source is None:
+            copy = copy_of(object)
+            for name in declarations():
+                if self.properties.is_property_set(name):
+                    setattr(copy.cascadenorm, name, getattr(self.properties, name))
+            if context.view_layer.objects.active == object:
+                context.view_layer.objects.active = copy
+            object = copy
+        if self.properties.result == "SHAPE_KEY":
+            write_shape_key(object, positions)
+        else:
+            write(object, positions)
+
+
+class Inspect(Working):
+    """Tell which kind of error the active object has, how large it is, and what is wrong with its mesh"""
+
+    bl_idname = "cascadenorm.inspect"
+    bl_label = "Inspect"
+
+    def prepare(self, context: Any) -> Work:
+        """Read the surface."""
+        self._object = context.object
+        surface = surface_of(self._object)
+
+        def work(listener: Listener) -> str:
+            with report_to(listener):
+                found = inspect(surface.vertices, surface.faces)
+            kind = "Too large to tell the error" if found.error is None else str(found.error)
+            defects = [counted(value.count, *FINDINGS[name]) for name, value in found.findings.items()]
+            return "\n".join([kind[:1].upper() + kind[1:], *defects])
+
+        return work
+
+    def finish(self, context: Any, result: str) -> None:
+        """Show it in the panel."""
+        self._object.cascadenorm.found = result
+
+
+def targets(context: Any) -> list[Any]:
+    """Return the objects to work on, one for each mesh: those in Edit mode, else the selected, else the active one."""
+    if context.mode == "EDIT_MESH":
+        return list(context.objects_in_mode_unique_data)
+    objects = [o for o in context.selected_objects or [context.object] if o is not None and o.type == "MESH"]
+    return list({object.data: object for object in objects if object.data.library is None}.values())
+
+
+def _denoised(
+    surface: Surface, settings: dict[str, Any], listener: Listener, begin: float, length: float
+) -> NDArray[np.float32]:
+    """Return the new positions of a surface, whose work is a part of the whole."""
+
+    def listen(fraction: float) -> None:
+        listener(begin + length * fraction)
+
+    return surface.positions_of(denoise(surface.vertices, surface.faces, progress=listen, **settings))
+
+
+def _nobody(fraction: float) -> None:
+    """Hear of the progress where nobody looks."""

@@ -1,0 +1,131 @@
+"""The settings of Blender's operator and panel, made from the declarations of the controls and methods."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from cascadenorm.api import DEFAULT_METHOD, methods
+from cascadenorm.controls import CONTROLS
+from cascadenorm.frontends.properties import Property, properties, settings_of
+
+RESULTS = [
+    ("MESH", "This mesh", "Move the vertices of the mesh, or of its active shape key"),
+    ("SHAPE_KEY", "Shape key", 'Keep the mesh and write the shape key "Denoised"'),
+    ("COPY", "Copy", "Hide the object and denoise a copy, which is made again from it whenever it is denoised"),
+]
+CREASES = [
+    ("NONE", "None", "Creases are told by the method alone"),
+    ("SHARP", "Sharp edges", "Edges marked as sharp"),
+    ("SEAM", "Seams", "Edges marked as seams"),
+    ("SHARP_SEAM", "Sharp edges and seams", "Edges marked as sharp or as seams"),
+    ("ANGLE", "Angle", "Edges where the normals of two faces differ by more than an angle"),
+]
+
+
+def declarations(**options: Any) -> dict[str, Any]:
+    """Return every setting by its name in Blender: those below, the controls, the parameters of each method.
+
+    Parameters
+    ----------
+    options : of each property
+    """
+    named = [(name, name, method.summary) for name, method in methods().items()]
+    groups = "Vertex group whose weights scale the displacement of each vertex"
+    edges = CONTROLS["creases"].about.help
+    return {
+        "method": bpy.props.EnumProperty(name="Method", items=named, default=DEFAULT_METHOD, **options),
+        "result": bpy.props.EnumProperty(name="Result", items=RESULTS, default="MESH", **options),
+        "vertex_group": bpy.props.StringProperty(name="Mask", description=groups, **options),
+        "invert_vertex_group": bpy.props.BoolProperty(
+            name="Invert", description="Subtract its weights from 1", **options
+        ),
+        "creases": bpy.props.EnumProperty(name="Creases", items=CREASES, default="NONE", description=edges, **options),
+        "crease_angle": bpy.props.FloatProperty(
+            name="Angle",
+            description="Of creases",
+            subtype="ANGLE",
+            default=np.radians(40.0),
+            min=0.0,
+            max=np.pi,
+            **options,
+        ),
+        **{identifier(property): _declared(property, options) for property in _generic()},
+    }
+
+
+def identifier(property: Property) -> str:
+    """Return what a property is called in scripts, such as keep_detail or taubin_iterations."""
+    return "_".join(filter(None, [property.method.replace("-", "_"), property.setting.name]))
+
+
+def label(name: str, value: object = None) -> str:
+    """Return what the panel calls a control or a parameter, for messages."""
+    if name == "mask":
+        return "Mask"
+    text = name.replace("_", " ").capitalize()
+    return text if value is None else f"{text} = {value}"
+
+
+def parameters_of(method: str) -> list[Property]:
+    """Return the parameters of a method."""
+    return [property for property in _generic() if property.method == method]
+
+
+def chosen(settings: Any) -> dict[str, Any]:
+    """Return the keyword arguments of `denoise` that an operator or an object is set to, but for mask and creases.
+
+    Raises
+    ------
+    ParameterError : text that is no value of its setting, or a number out of range
+    """
+    values = {}
+    for property in _generic():
+        name = identifier(property)
+        if settings.is_property_set(name):
+            values[property.name] = _value(property, getattr(settings, name))
+    return {"method": settings.method, **settings_of(values, settings.method)}
+
+
+def _generic() -> Iterator[Property]:
+    """Yield the properties but those of arrays, which Blender gives by groups and marks."""
+    arrays = {name for name, control in CONTROLS.items() if control.about.arrays}
+    return (property for property in properties() if property.method or property.setting.name not in arrays)
+
+
+def _declared(property: Property, options: dict[str, Any]) -> Any:
+    """Declare a number with its range, a choice, a path or a text, which is empty where the default is None."""
+    setting = property.setting
+    about = {"name": label(setting.name), "description": property.help.removesuffix("."), **options}
+    if setting.choices:
+        names = [str(choice) for choice in setting.choices] + (["none"] if setting.optional else [])
+        items = [(name, name, "") for name in names]
+        return bpy.props.EnumProperty(**about, items=items, default=str(setting.default or "none"))
+    if setting.kinds == (int,) and not setting.optional:
+        return bpy.props.IntProperty(**about, **_range(property), default=setting.default)
+    if setting.kinds == (float,) and not setting.optional:
+        return bpy.props.FloatProperty(**about, **_range(property), default=setting.default, precision=3, step=5)
+    kind = {"subtype": "FILE_PATH"} if Path in setting.kinds else {}
+    return bpy.props.StringProperty(**about, **kind)
+
+
+def _range(property: Property) -> dict[str, Any]:
+    about, kind = property.setting.about, property.setting.kinds[0]
+    lower = about.above if about.minimum is None else about.minimum
+    upper = about.below if about.maximum is None else about.maximum
+    limits = {"min": lower, "max": upper}
+    return {name: kind(limit) for name, limit in limits.items() if limit is not None and np.isfinite(limit)}
+
+
+def _value(property: Property, value: Any) -> Any:
+    """Return a value of Blender's in the type of its setting; a float32 means its shortest decimal."""
+    setting = property.setting
+    if isinstance(value, float):
+        value = float(str(np.float32(value)))
+    if value == "" and isinstance(value, str):
+        return setting.default
+    if Path in setting.kinds:
+        return Path(bpy.path.abspath(value))
+    return setting.checked(value)
