@@ -1,12 +1,12 @@
 """What each step from the published method to the model `auto` brings: python benchmarks/ablation.py DIR
 
-    python benchmarks/ablation.py DIR [--count 1000] [--seeds 0 1 2] [--clusters 1 4] [--keep FOLDER]
+    python benchmarks/ablation.py DIR [--count 1000] [--max-faces 6000] [--seeds 0 1 2] [--clusters 1 4] [--keep FOLDER]
 
 Trains each rung of the ladder from configs/cascade.toml to configs/auto.toml, once for each seed and number of
-clusters, on the data of `auto` with fewer shapes, and measures on the pairs in DIR and on generated ones from a seed
-that no training has. Writes docs/ablation.md. Trainings of a seed share their generated pairs. Pairs, models and
+clusters, on the data of `auto` with fewer and smaller shapes. Measures on the pairs in DIR and on generated ones from a
+seed that no training has. Writes docs/ablation.md. Trainings of a seed share their generated pairs. Pairs, models and
 measurements stay in the folder, so that an interrupted run goes on where it was and ends with the same table. With the
-settings above there are 36 trainings, which take a day on two cores.
+settings above there are 36 trainings, which take several hours on two cores.
 """
 
 import argparse
@@ -27,14 +27,21 @@ from cascadenorm.io.atomic import write_atomically
 from cascadenorm.learned import training
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig, read_config
-from cascadenorm.mesh import Mesh, angles_between, thread_count
+from cascadenorm.mesh import Mesh, Vectors, angles_between, thread_count
 from cascadenorm.workers import Map, side_by_side
 
 ROOT = Path(__file__).parents[1]
 UNSEEN = 1_000_003  # seed of the generated pairs that are measured on
 
-Sets = dict[str, list[tuple[Mesh, Mesh]]]
-"""Noisy and clean meshes, by what they are."""
+Sets = dict[str, list[tuple[Mesh, Vectors]]]
+"""Noisy meshes and the true normals of their faces, which are zero where they are unknown, by what the meshes are."""
+KINDS: dict[str, tuple[str, ...]] = {
+    "depth cameras": ("view", "fused"),
+    "segmentations": ("segmentation", "slices"),
+    "tomograms": ("tomogram",),
+    "points": ("points",),
+}
+"""Families of measured surfaces."""
 Rows = dict[tuple[str, int], list[list[float]]]
 """For each rung and number of clusters, for each seed: the mean angle on each set, in degrees."""
 
@@ -91,27 +98,33 @@ def measured(cascade: Cascade, sets: Sets, path: Path, each: Map) -> list[float]
     return [known["angles"][name] for name in sets]
 
 
-def angle(cascade: Cascade, meshes: tuple[Mesh, Mesh]) -> float:
+def angle(cascade: Cascade, pair: tuple[Mesh, Vectors]) -> float:
     """Mean angle of the normals of a denoised mesh, in degrees; `measure` takes longer, since it knows more."""
-    noisy, clean = meshes
-    return float(np.degrees(angles_between(noisy.moved(cascade.vertices(noisy)).normals, clean.normals).mean()))
+    noisy, normals = pair
+    known = normals.any(axis=1)
+    denoised = noisy.moved(cascade.vertices(noisy))
+    return float(np.degrees(angles_between(denoised.normals[known], normals[known]).mean()))
 
 
 def measured_on(folder: Path, data: DatasetConfig, unseen: int) -> Sets:
     """Return the pairs of a folder, and generated ones that no training has seen, `unseen` of each kind."""
-    shapes = tuple(name for name in data.families if name not in ("view", "fused"))
+    measured = {family for families in KINDS.values() for family in families}
+    shapes = tuple(family for family in data.families if family not in measured)
     return {
-        "public models": [(as_mesh(pair.noisy), as_mesh(pair.clean)) for pair in find_pairs([folder])],
-        "generated shapes": generated(data, unseen, families=shapes),
-        "depth views": generated(data, unseen, families=("view",), noise_kinds=("sensor",)),
-        "fused scans": generated(data, unseen, families=("fused",), noise_kinds=("sensor",)),
+        "public models": [(as_mesh(pair.noisy), as_mesh(pair.clean).normals) for pair in find_pairs([folder])],
+        "independent noise": generated(data, unseen, families=shapes, noise_kinds=("normal", "gaussian", "uniform")),
+        "correlated error": generated(data, unseen, families=shapes, noise_kinds=("correlated",)),
+        **{
+            kind: generated(data, unseen, families=families, noise_kinds=("sensor",))
+            for kind, families in KINDS.items()
+        },
     }
 
 
-def generated(data: DatasetConfig, count: int, **changes: object) -> list[tuple[Mesh, Mesh]]:
+def generated(data: DatasetConfig, count: int, **changes: object) -> list[tuple[Mesh, Vectors]]:
     """Make pairs that no training has seen."""
     unseen = replace(data, seed=UNSEEN, count=count, **changes)
-    return [(pair.noisy, pair.clean) for pair in pairs(unseen, workers=thread_count())]
+    return [(pair.noisy, pair.normals) for pair in pairs(unseen, workers=thread_count())]
 
 
 def cell(values: Iterable[float]) -> str:
@@ -120,7 +133,7 @@ def cell(values: Iterable[float]) -> str:
     return f"{found.mean():.2f} ± {np.ptp(found) / 2:.2f}"
 
 
-def table(rows: Rows, sets: Sequence[str], count: int) -> str:
+def table(rows: Rows, sets: Sequence[str], data: DatasetConfig) -> str:
     """Return the page of what is known so far."""
     cells = {row: " | ".join(cell(values) for values in zip(*found, strict=True)) for row, found in rows.items()}
     lines = [
@@ -128,9 +141,10 @@ def table(rows: Rows, sets: Sequence[str], count: int) -> str:
         "",
         "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over the seeds. "
         "The first rung has the settings of `configs/cascade.toml`, each adds one thing to the one before, the last "
-        f"has those of `configs/auto.toml`. All are trained on {count} shapes like those of `auto`. Public models are "
-        "those of the validation set of the standard synthetic benchmark; shapes, views of one depth camera and scans "
-        "fused from several are generated from a seed that no training has. "
+        f"has those of `configs/auto.toml`. All are trained on {data.count} shapes like those of `auto`, of at most "
+        f"{data.max_faces} faces. Public models are those of the validation set of the standard synthetic benchmark; "
+        "the others are generated from a seed that no training has: shapes with independent and with correlated error, "
+        "depth images, alone or fused, segmentations, levels of tomograms, and surfaces through points. "
         "Made by `python benchmarks/ablation.py DIR`.",
         "",
         f"| | clusters | seeds | {' | '.join(sets)} |",
@@ -164,7 +178,7 @@ def run(
                     rows[name, k].append(measured(cascade, sets, path.with_suffix(".json"), each))
                     print(name, k, seed, rows[name, k][-1], flush=True)
                     known = {row: found for row, found in rows.items() if found}
-                    write_atomically(page, [table(known, list(sets), data.count).encode()], force=True)
+                    write_atomically(page, [table(known, list(sets), data).encode()], force=True)
 
 
 def main() -> None:
@@ -172,12 +186,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="DIR", help="pairs: */noisy.* and */clean.*")
     parser.add_argument("--count", type=int, default=1000, help="shapes to train on")
+    parser.add_argument("--max-faces", type=int, default=6000, help="of each of them")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--clusters", type=int, nargs="+", default=[1, 4])
     parser.add_argument("--keep", type=Path, default=ROOT / "runs" / "ablation")
     options = parser.parse_args()
     paper, auto = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "auto"))
-    auto = replace(auto, data=replace(auto.data, count=options.count))
+    auto = replace(auto, data=replace(auto.data, count=options.count, max_faces=options.max_faces))
     sets = measured_on(options.folder, auto.data, unseen=24)
     page = ROOT / "docs" / "ablation.md"
     run(ladder(paper, auto), sets, page, options.keep, seeds=options.seeds, clusters=options.clusters)

@@ -4,6 +4,7 @@ import importlib.util
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shapes import icosphere, noisy
 
@@ -22,7 +23,7 @@ TINY = TrainConfig(
     fit=Fit(hidden=(4,), epochs=1),
     data=DatasetConfig(count=2, families=("smooth",), min_faces=1200, max_faces=1250),
 )
-SETS = {"balls": [(noisy(icosphere(2), 0.2), icosphere(2))]}
+SETS = {"balls": [(noisy(icosphere(2), 0.2), icosphere(2).normals)]}
 
 
 def test_the_ladder_leads_from_the_paper_to_auto_on_the_same_data():
@@ -34,9 +35,17 @@ def test_the_ladder_leads_from_the_paper_to_auto_on_the_same_data():
 
 
 def test_a_table_has_the_mean_and_half_the_spread():
-    page = ablation.table({("a", 1): [[1.0, 5.0], [2.0, 5.5]]}, ["here", "there"], 7)
-    assert "trained on 7 shapes" in page
+    page = ablation.table({("a", 1): [[1.0, 5.0], [2.0, 5.5]]}, ["here", "there"], TINY.data)
+    assert "trained on 2 shapes like those of `auto`, of at most 1250 faces" in page
     assert page.endswith("| a | 1 | 2 | 1.50 ± 0.50 | 5.25 ± 0.25 |\n")
+
+
+def test_each_kind_of_error_is_measured_by_the_true_normals(tmp_path):
+    sets = ablation.measured_on(ROOT / "cascadenorm" / "demo_data", replace(AUTO.data, max_faces=3000), unseen=1)
+    assert all(len(found) >= 1 for found in sets.values())
+    mesh, normals = sets["segmentations"][0]
+    assert normals.shape == (len(mesh.faces), 3)
+    assert not np.allclose(normals, mesh.normals)
 
 
 class Interrupted(Exception):
