@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.controls.controls import in_words
-from cascadenorm.controls.limits import framed_length
+from cascadenorm.controls.apply import in_words
+from cascadenorm.controls.displacement import framed_length
 from cascadenorm.controls.selection import selected
 from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import ReadError

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api import DEFAULT_METHOD
-from cascadenorm.controls.controls import controlled
+from cascadenorm.controls.apply import controlled
 from cascadenorm.controls.selection import welded
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.denoised_files import Report, opened_file, written_file

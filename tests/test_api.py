@@ -7,7 +7,7 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.controls import checked
-from cascadenorm.controls.controls import controlled
+from cascadenorm.controls.apply import controlled
 from cascadenorm.geometry.volume import closed_parts, is_closed, with_volume_of
 from cascadenorm.interop import adapter
 from cascadenorm.mesh import Mesh

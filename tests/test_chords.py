@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 from shapes import grid, icosphere, noisy
-from test_exactness import cylinder, torus
+from test_exact_surfaces import cylinder, torus
 
 from cascadenorm.geometry.chords import chords, local_noise
 from cascadenorm.mesh import Mesh, unit

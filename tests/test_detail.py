@@ -7,7 +7,7 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.controls import checked
-from cascadenorm.controls.controls import controlled
+from cascadenorm.controls.apply import controlled
 from cascadenorm.controls.detail import finer_than
 from cascadenorm.data_gen.dataset import DatasetConfig, pair
 from cascadenorm.data_gen.noise import NoiseKind

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from shapes import cube, grid, icosphere, noisy
-from test_exactness import cylinder
+from test_exact_surfaces import cylinder
 
 import cascadenorm as cn
 from cascadenorm.geometry.foldovers import foldovers, without_flips

@@ -5,7 +5,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.controls.controls import controlled
+from cascadenorm.controls.apply import controlled
 from cascadenorm.controls.creases import crease_edges
 from cascadenorm.controls.settings import checked
 from cascadenorm.mesh import Mesh, in_good_order, ordering

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import cube, grid, icosphere, noisy
-from test_exactness import coil, cylinder, torus
+from test_exact_surfaces import coil, cylinder, torus
 from test_foldovers import flipped
 
 from cascadenorm.geometry.chords import chords, local_noise

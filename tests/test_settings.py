@@ -12,7 +12,7 @@ from shapes import icosphere
 import cascadenorm as cn
 from cascadenorm.cli import options, run
 from cascadenorm.controls import CONTROLS, Controls, ControlSetting, checked, settings
-from cascadenorm.controls.controls import UNREPORTED
+from cascadenorm.controls.apply import UNREPORTED
 from cascadenorm.interop import save_mesh
 
 ROOT = Path(__file__).parents[1]

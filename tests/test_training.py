@@ -16,7 +16,7 @@ from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_confi
 from cascadenorm.learned.descriptors import bilateral_descriptor
 from cascadenorm.learned.features import FeatureScaler, pairwise_features
 from cascadenorm.learned.launch import is_local_main, is_main
-from cascadenorm.learned.network_training import Faces, chords, train_network
+from cascadenorm.learned.network_training import Faces, chordal_distance, train_network
 from cascadenorm.learned.networks import TorchFeatures
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
@@ -100,7 +100,7 @@ def test_features_to_learn_from_are_those_at_run_time():
 def test_chord_is_twice_the_sine_of_half_the_angle():
     angle = torch.tensor([0.2, 1.0])
     turned = torch.stack([torch.cos(angle), torch.sin(angle), 0 * angle], dim=1)
-    found = chords(turned, torch.tensor([[1.0, 0, 0]]).expand(2, 3))
+    found = chordal_distance(turned, torch.tensor([[1.0, 0, 0]]).expand(2, 3))
     np.testing.assert_allclose(found, [2 * np.sin(0.1), 2 * np.sin(0.5)], rtol=1e-4)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from cascadenorm.controls.limits import limited
+from cascadenorm.controls.displacement import limited
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver

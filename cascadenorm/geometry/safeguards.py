@@ -3,7 +3,7 @@
 import numpy as np
 
 from cascadenorm.geometry.chords import chords, local_noise
-from cascadenorm.geometry.exactness import exact_vertices
+from cascadenorm.geometry.exact_surfaces import exact_vertices
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.mesh import Floats, Mesh, Vectors
 

@@ -49,7 +49,7 @@ def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor
     return kernel
 
 
-def chords(predicted: Tensor, truth: Tensor) -> Tensor:
+def chordal_distance(predicted: Tensor, truth: Tensor) -> Tensor:
     """Return the distances between unit normals: robust, where their squares follow the few that fail."""
     return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8)
 
@@ -101,7 +101,7 @@ def train_network(
 
     def loss_of(model: torch.nn.Module, part: Tensor) -> Tensor:
         stack, context, truth = (tensor[part].to(device) for tensor in faces)
-        return chords(model(features(stack, context), stack), truth).sum()
+        return chordal_distance(model(features(stack, context), stack), truth).sum()
 
     best, best_loss, best_epoch = network.state_dict(), np.inf, 0
     for epoch in range(1, fit.epochs + 1):

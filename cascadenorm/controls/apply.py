@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut
 from cascadenorm.controls.detail import Removal, finer_than, without_finer
-from cascadenorm.controls.limits import displaced, framed_length
+from cascadenorm.controls.displacement import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.walls import joined_walls
 from cascadenorm.controls.weights import holds_some, vertex_weights

@@ -9,7 +9,7 @@ from cascadenorm.data_gen.cad_tessellation import cad_part
 from cascadenorm.data_gen.noise import displacements
 from cascadenorm.data_gen.surface import UnfitShapeError
 from cascadenorm.data_gen.volumes import marching_cubes
-from cascadenorm.geometry.exactness import coplanar_neighbors, exact_vertices
+from cascadenorm.geometry.exact_surfaces import coplanar_neighbors, exact_vertices
 from cascadenorm.geometry.voxel_lattice import lattice_share
 from cascadenorm.mesh import Mesh
 
