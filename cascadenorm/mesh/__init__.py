@@ -16,13 +16,14 @@ from cascadenorm.mesh.arrays import (
     scatter_add,
     unit,
 )
+from cascadenorm.mesh.csr import Csr
 from cascadenorm.mesh.frame import in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh
 from cascadenorm.mesh.ordering import Renumbered, in_good_order
 from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, parallel_for, thread_count
-from cascadenorm.mesh.topology import Csr, Topology
+from cascadenorm.mesh.topology import Topology
 
 __all__ = [
     "Bools",

@@ -1,36 +1,21 @@
 """Who touches whom: the part of a mesh that does not change when vertices move."""
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.mesh.arrays import Ints, Ints32, doubled, scatter_add
-from cascadenorm.mesh.kernels import kernel
+from cascadenorm.mesh.arrays import scatter_add
+from cascadenorm.mesh.csr import Csr, joined
 from cascadenorm.mesh.threads import parallel_for
-
-
-class Csr(NamedTuple):
-    """Rows of unequal length: row i is indices[indptr[i] : indptr[i + 1]]."""
-
-    indptr: NDArray[np.int64]
-    indices: NDArray[np.int32]
-
-    def row(self, i: int) -> NDArray[np.int32]:
-        """Return the entries of row i."""
-        return self.indices[self.indptr[i] : self.indptr[i + 1]]
-
-    @property
-    def counts(self) -> NDArray[np.int64]:
-        """Length of each row."""
-        return np.diff(self.indptr)
-
-    @property
-    def rows(self) -> NDArray[np.int32]:
-        """Row number of each entry, so that (rows, indices) are the pairs."""
-        return np.repeat(np.arange(len(self.indptr) - 1, dtype=np.int32), self.counts)
+from cascadenorm.mesh.topology_kernels import (
+    color_vertices,
+    edges_up_range,
+    face_ring_range,
+    fill_vertex_faces,
+    sides_up_range,
+)
 
 
 class Topology:
@@ -56,7 +41,7 @@ class Topology:
         indptr = np.zeros(self.vertex_count + 1, np.int64)
         np.cumsum(np.bincount(self.faces.ravel(), minlength=self.vertex_count), out=indptr[1:])
         indices = np.empty(self.faces.size, np.int32)
-        _fill_vertex_faces(self.faces, indptr[:-1].copy(), indices)
+        fill_vertex_faces(self.faces, indptr[:-1].copy(), indices)
         return Csr(indptr, indices)
 
     def face_rings(self, ring: int) -> Csr:
@@ -64,17 +49,17 @@ class Topology:
         if ring < 1:
             raise ValueError(f"ring is {ring}; it must be at least 1")
         if ring not in self._face_rings:
-            parts = parallel_for(len(self.faces), _face_ring_range, self.faces, self.vertex_faces, ring)
-            self._face_rings[ring] = _joined(len(self.faces), parts)
+            parts = parallel_for(len(self.faces), face_ring_range, self.faces, self.vertex_faces, ring)
+            self._face_rings[ring] = joined(len(self.faces), parts)
         return self._face_rings[ring]
 
     @cached_property
     def _edges(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Unique undirected edges, and the edge of each face side; side k joins corners k and k + 1."""
-        parts = parallel_for(self.vertex_count, _edges_up_range, self.faces, self.vertex_faces)
-        up = _joined(self.vertex_count, parts)
+        parts = parallel_for(self.vertex_count, edges_up_range, self.faces, self.vertex_faces)
+        up = joined(self.vertex_count, parts)
         of_sides = np.empty(self.faces.shape, np.int32)
-        parallel_for(self.vertex_count, _sides_up_range, self.faces, self.vertex_faces, up, of_sides)
+        parallel_for(self.vertex_count, sides_up_range, self.faces, self.vertex_faces, up, of_sides)
         return np.stack([up.rows, up.indices], axis=1), of_sides
 
     @property
@@ -170,7 +155,7 @@ class Topology:
         So what moves the vertices of a group, and reads their faces alone, may do so in any order.
         """
         colors = np.full(self.vertex_count, -1, np.int32)
-        _color_vertices(self.faces, self.vertex_faces, colors)
+        color_vertices(self.faces, self.vertex_faces, colors)
         order = np.argsort(colors, kind="stable").astype(np.int32)
         counts = np.bincount(colors + 1)
         return Csr(np.cumsum(counts) - counts[0], order[counts[0] :])
@@ -189,142 +174,3 @@ class Topology:
     def face_components(self) -> NDArray[np.int32]:
         """(m,) number of the connected component of each face, as in `components`."""
         return self.components[self.faces[:, 0]]
-
-
-def _joined(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int32]]]) -> Csr:
-    """Put rows together that were made range by range: the counts of each, and their entries row after row."""
-    indptr = np.zeros(count + 1, np.int64)
-    if parts:
-        np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
-    return Csr(indptr, np.concatenate([found for _, found in parts]) if parts else np.empty(0, np.int32))
-
-
-@kernel
-def _fill_vertex_faces(faces: Ints32, free: Ints, indices: Ints32) -> None:
-    for f in range(len(faces)):
-        for corner in range(3):
-            v = faces[f, corner]
-            indices[free[v]] = f
-            free[v] += 1
-
-
-@kernel
-def _edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[Ints, Ints32]:
-    """Other ends of the edges at each vertex in start … stop that is their smaller one, ascending."""
-    counts = np.empty(stop - start, np.int64)
-    found = np.empty(
-        2 * (around.indptr[stop] - around.indptr[start]) + 1, np.int32
-    )  # two sides of each face at a vertex
-    end = 0
-    for i in range(start, stop):
-        first = end
-        for k in range(around.indptr[i], around.indptr[i + 1]):
-            f = around.indices[k]
-            if k > around.indptr[i] and around.indices[k - 1] == f:
-                continue  # a face that repeats the vertex
-            for side in range(3):
-                a, b = faces[f, side], faces[f, (side + 1) % 3]
-                if min(a, b) == i:
-                    found[end] = max(a, b)
-                    end += 1
-        # each inner edge was found twice, from either face: keep one
-        _sort(found[first:end])
-        last, end = end, first
-        for k in range(first, last):
-            if end == first or found[end - 1] != found[k]:
-                found[end] = found[k]
-                end += 1
-        counts[i - start] = end - first
-    return counts, found[:end].copy()
-
-
-@kernel
-def _sides_up_range(
-    start: int,
-    stop: int,
-    faces: Ints32,
-    around: Csr,
-    up: Csr,
-    of_sides: Ints32,
-) -> None:
-    """Number of the edge of each face side whose smaller vertex is in start … stop."""
-    for i in range(start, stop):
-        for k in range(around.indptr[i], around.indptr[i + 1]):
-            f = around.indices[k]
-            for side in range(3):
-                a, b = faces[f, side], faces[f, (side + 1) % 3]
-                if min(a, b) == i:
-                    # halve the row, whose entries ascend, until one is left
-                    low, high = up.indptr[i], up.indptr[i + 1] - 1
-                    while low < high:
-                        middle = (low + high) // 2
-                        if up.indices[middle] < max(a, b):
-                            low = middle + 1
-                        else:
-                            high = middle
-                    of_sides[f, side] = low
-
-
-@kernel
-def _sort(values: Ints32) -> None:
-    """Sort values in place (Shell 1959); numpy's sort takes a second to compile."""
-    gap = 1
-    while gap < len(values) // 3:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for k in range(gap, len(values)):
-            value, place = values[k], k
-            while place >= gap and values[place - gap] > value:
-                values[place] = values[place - gap]
-                place -= gap
-            values[place] = value
-        gap //= 3
-
-
-@kernel
-def _color_vertices(faces: Ints32, around: Csr, colors: Ints32) -> None:
-    taken = np.full(len(colors) + 1, -1, np.int32)  # by which vertex a colour was last seen in a neighbour
-    for i in range(len(colors)):
-        first, last = around.indptr[i], around.indptr[i + 1]
-        for k in range(first, last):
-            for corner in range(3):
-                color = colors[faces[around.indices[k], corner]]
-                if color >= 0:
-                    taken[color] = i
-        color = 0
-        while taken[color] == i:
-            color += 1
-        if last > first:
-            colors[i] = color
-
-
-@kernel
-def _face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int) -> tuple[Ints, Ints32]:
-    """Search breadth first from each face in start … stop; the counts, and the faces found, row after row."""
-    seen = np.full(len(faces), -1, np.int32)
-    counts = np.empty(stop - start, np.int64)
-    found = np.empty(max(64, 16 * ring * ring * (stop - start)), np.int32)
-    end = 0
-    for f in range(start, stop):
-        first = end
-        seen[f] = f
-        level_start, level_stop = first, first
-        for step in range(ring):
-            # the faces of the last ring, or the face itself, lead to the next ring over their vertices
-            level_size = 1 if step == 0 else level_stop - level_start
-            for i in range(level_size):
-                center = f if step == 0 else found[level_start + i]
-                for corner in range(3):
-                    v = faces[center, corner]
-                    for k in range(around.indptr[v], around.indptr[v + 1]):
-                        g = around.indices[k]
-                        if seen[g] == f:
-                            continue
-                        seen[g] = f
-                        if end == len(found):
-                            found = doubled(found)
-                        found[end] = g
-                        end += 1
-            level_start, level_stop = level_stop, end
-        counts[f - start] = end - first
-    return counts, found[:end].copy()

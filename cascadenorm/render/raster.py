@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, kernel, parallel_for
+from cascadenorm.mesh import Floats, Ints32, kernel, parallel_for
 
 SMALLEST_BAND = 16
 LINE = 0.02
@@ -68,11 +68,17 @@ def _paint_rows(
     samples: int,
     picture: Floats,
 ) -> None:
-    rows, columns = (stop - start) * samples, width * samples
-    depth = np.full((rows, columns), -np.inf)
-    seen = np.full((rows, columns), -1, np.int32)
+    seen = np.full(((stop - start) * samples, width * samples), -1, np.int32)
+    _find_nearest(start, screen, samples, seen)
+    _shade(start, screen, palette, places, light, perspective, half_line, samples, seen, picture)
+    picture[start:stop] /= samples * samples
 
-    # The nearest triangle at each sample; samples lie in the middle of their cells
+
+@kernel
+def _find_nearest(start: int, screen: Floats, samples: int, seen: Ints32) -> None:
+    """Find the nearest triangle at each sample, which lies in the middle of its cell, of the rows from `start` on."""
+    rows, columns = seen.shape
+    depth = np.full((rows, columns), -np.inf)
     for f in range(len(screen)):
         ax, ay = screen[f, 0, 0] * samples, (screen[f, 0, 1] - start) * samples
         bx, by = screen[f, 1, 0] * samples, (screen[f, 1, 1] - start) * samples
@@ -98,7 +104,22 @@ def _paint_rows(
                     depth[i, j] = z
                     seen[i, j] = f
 
-    # The colour of each sample
+
+@kernel
+def _shade(
+    start: int,
+    screen: Floats,
+    palette: Floats,
+    places: Floats,
+    light: Floats,
+    perspective: float,
+    half_line: float,
+    samples: int,
+    seen: Ints32,
+    picture: Floats,
+) -> None:
+    """Add the colour of each sample to its pixel, and one to its coverage."""
+    rows, columns = seen.shape
     for i in range(rows):
         y = i + 0.5
         for j in range(columns):
@@ -136,4 +157,3 @@ def _paint_rows(
             for channel in range(3):
                 pixel[channel] += (1.0 - cover) * strength * palette[place, channel] + cover * LINE
             pixel[3] += 1.0
-    picture[start:stop] /= samples * samples

@@ -1,0 +1,35 @@
+"""Compressed sparse rows: lists of unequal length, one after the other in one array."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Csr(NamedTuple):
+    """Rows of unequal length: row i is indices[indptr[i] : indptr[i + 1]]."""
+
+    indptr: NDArray[np.int64]
+    indices: NDArray[np.int32]
+
+    def row(self, i: int) -> NDArray[np.int32]:
+        """Return the entries of row i."""
+        return self.indices[self.indptr[i] : self.indptr[i + 1]]
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Length of each row."""
+        return np.diff(self.indptr)
+
+    @property
+    def rows(self) -> NDArray[np.int32]:
+        """Row number of each entry, so that (rows, indices) are the pairs."""
+        return np.repeat(np.arange(len(self.indptr) - 1, dtype=np.int32), self.counts)
+
+
+def joined(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int32]]]) -> Csr:
+    """Put rows together that were made range by range: the counts of each, and their entries row after row."""
+    indptr = np.zeros(count + 1, np.int64)
+    if parts:
+        np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
+    return Csr(indptr, np.concatenate([found for _, found in parts]) if parts else np.empty(0, np.int32))

@@ -1,0 +1,138 @@
+"""Loops over faces and vertices of which the topology of a mesh is made."""
+
+import numpy as np
+
+from cascadenorm.mesh.arrays import Ints, Ints32, doubled
+from cascadenorm.mesh.csr import Csr
+from cascadenorm.mesh.kernels import kernel
+
+
+@kernel
+def fill_vertex_faces(faces: Ints32, free: Ints, indices: Ints32) -> None:
+    for f in range(len(faces)):
+        for corner in range(3):
+            v = faces[f, corner]
+            indices[free[v]] = f
+            free[v] += 1
+
+
+@kernel
+def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[Ints, Ints32]:
+    """Other ends of the edges at each vertex in start … stop that is their smaller one, ascending."""
+    counts = np.empty(stop - start, np.int64)
+    found = np.empty(
+        2 * (around.indptr[stop] - around.indptr[start]) + 1, np.int32
+    )  # two sides of each face at a vertex
+    end = 0
+    for i in range(start, stop):
+        first = end
+        for k in range(around.indptr[i], around.indptr[i + 1]):
+            f = around.indices[k]
+            if k > around.indptr[i] and around.indices[k - 1] == f:
+                continue  # a face that repeats the vertex
+            for side in range(3):
+                a, b = faces[f, side], faces[f, (side + 1) % 3]
+                if min(a, b) == i:
+                    found[end] = max(a, b)
+                    end += 1
+        # each inner edge was found twice, from either face: keep one
+        _sort(found[first:end])
+        last, end = end, first
+        for k in range(first, last):
+            if end == first or found[end - 1] != found[k]:
+                found[end] = found[k]
+                end += 1
+        counts[i - start] = end - first
+    return counts, found[:end].copy()
+
+
+@kernel
+def sides_up_range(
+    start: int,
+    stop: int,
+    faces: Ints32,
+    around: Csr,
+    up: Csr,
+    of_sides: Ints32,
+) -> None:
+    """Number of the edge of each face side whose smaller vertex is in start … stop."""
+    for i in range(start, stop):
+        for k in range(around.indptr[i], around.indptr[i + 1]):
+            f = around.indices[k]
+            for side in range(3):
+                a, b = faces[f, side], faces[f, (side + 1) % 3]
+                if min(a, b) == i:
+                    # halve the row, whose entries ascend, until one is left
+                    low, high = up.indptr[i], up.indptr[i + 1] - 1
+                    while low < high:
+                        middle = (low + high) // 2
+                        if up.indices[middle] < max(a, b):
+                            low = middle + 1
+                        else:
+                            high = middle
+                    of_sides[f, side] = low
+
+
+@kernel
+def _sort(values: Ints32) -> None:
+    """Sort values in place (Shell 1959); numpy's sort takes a second to compile."""
+    gap = 1
+    while gap < len(values) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for k in range(gap, len(values)):
+            value, place = values[k], k
+            while place >= gap and values[place - gap] > value:
+                values[place] = values[place - gap]
+                place -= gap
+            values[place] = value
+        gap //= 3
+
+
+@kernel
+def color_vertices(faces: Ints32, around: Csr, colors: Ints32) -> None:
+    taken = np.full(len(colors) + 1, -1, np.int32)  # by which vertex a colour was last seen in a neighbour
+    for i in range(len(colors)):
+        first, last = around.indptr[i], around.indptr[i + 1]
+        for k in range(first, last):
+            for corner in range(3):
+                color = colors[faces[around.indices[k], corner]]
+                if color >= 0:
+                    taken[color] = i
+        color = 0
+        while taken[color] == i:
+            color += 1
+        if last > first:
+            colors[i] = color
+
+
+@kernel
+def face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int) -> tuple[Ints, Ints32]:
+    """Search breadth first from each face in start … stop; the counts, and the faces found, row after row."""
+    seen = np.full(len(faces), -1, np.int32)
+    counts = np.empty(stop - start, np.int64)
+    found = np.empty(max(64, 16 * ring * ring * (stop - start)), np.int32)
+    end = 0
+    for f in range(start, stop):
+        first = end
+        seen[f] = f
+        level_start, level_stop = first, first
+        for step in range(ring):
+            # the faces of the last ring, or the face itself, lead to the next ring over their vertices
+            level_size = 1 if step == 0 else level_stop - level_start
+            for i in range(level_size):
+                center = f if step == 0 else found[level_start + i]
+                for corner in range(3):
+                    v = faces[center, corner]
+                    for k in range(around.indptr[v], around.indptr[v + 1]):
+                        g = around.indices[k]
+                        if seen[g] == f:
+                            continue
+                        seen[g] = f
+                        if end == len(found):
+                            found = doubled(found)
+                        found[end] = g
+                        end += 1
+            level_start, level_stop = level_stop, end
+        counts[f - start] = end - first
+    return counts, found[:end].copy()
