@@ -9,6 +9,7 @@ from skimage.measure import marching_cubes
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.data_gen.noise import displacements
+from cascadenorm.data_gen.volumes import surface_nets
 from cascadenorm.geometry.error_kind import correlation_length, error_kind
 from cascadenorm.geometry.voxel_lattice import lattice_of_grey_values, lattice_of_mask
 from cascadenorm.inspection import inspect
@@ -119,6 +120,14 @@ def test_inspect_and_denoise_say_what_they_find(tmp_path, capsys):
     assert cn.denoise_file(path, tmp_path / "same.ply", strength=0).error is None
     assert run(["inspect", str(path)]) == 0
     assert f"kind of error: {found}" in capsys.readouterr().out
+
+
+def test_a_segmentation_whose_voxels_are_lost_is_told_by_its_steps():
+    mesh = surface_nets(np.where(volume("egg", (1.0, 1.0, 1.0)) > 0, 1.0, 0.0))
+    assert lattice_of_mask(mesh) is None
+    found = inspect(mesh).error
+    assert (found.kind, found.sure, found.voxel) == ("segmentation", False, None)
+    assert str(found).startswith("perhaps steps of 0.") and str(found).endswith("edges of a binary segmentation")
 
 
 def test_exact_geometry_has_no_error():

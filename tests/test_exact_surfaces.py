@@ -6,9 +6,11 @@ from scipy.spatial.transform import Rotation
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.data_gen.cad_tessellation import cad_part
+from cascadenorm.data_gen.decimate import thinned
 from cascadenorm.data_gen.noise import displacements
 from cascadenorm.data_gen.surface import UnfitShapeError
-from cascadenorm.data_gen.volumes import marching_cubes
+from cascadenorm.data_gen.tessellated_part import Part
+from cascadenorm.data_gen.volumes import marching_cubes, surface_nets
 from cascadenorm.geometry.exact_surfaces import coplanar_neighbors, exact_vertices
 from cascadenorm.geometry.voxel_lattice import lattice_share
 from cascadenorm.mesh import Mesh
@@ -25,10 +27,29 @@ def cylinder(sides: int, height: float = 2.0) -> Mesh:
     return Mesh(vertices, np.concatenate([*strips, fan[:, ::-1], fan + sides]))
 
 
-def voxels(radius: float, *, turn: np.ndarray) -> Mesh:
+def ball_of_voxels(radius: float, *, stretch: float = 1.0) -> np.ndarray:
     nodes = np.stack(np.meshgrid(*[np.arange(30) - 14.7] * 3, indexing="ij"), axis=-1)
-    mesh = marching_cubes((np.linalg.norm(nodes, axis=-1) < radius).astype(float))
+    return np.linalg.norm(nodes * (1, 1, stretch), axis=-1) < radius
+
+
+def voxels(radius: float, *, turn: np.ndarray) -> Mesh:
+    mesh = marching_cubes(ball_of_voxels(radius).astype(float))
     return mesh.moved(mesh.vertices @ turn.T)
+
+
+def cubes(inside: np.ndarray) -> Mesh:
+    """The squares between voxels inside and outside, two triangles each."""
+    padded, corners = np.pad(inside, 1).astype(np.int8), []
+    for axis in range(3):
+        u, v = (np.eye(3)[(axis + k) % 3] for k in (1, 2))
+        for sign in (1, -1):
+            low = np.argwhere(np.diff(padded, axis=axis) == -sign) + np.eye(3)[axis]
+            square = np.stack([low, low + u, low + u + v, low + v], axis=1)
+            corners.append(square if sign > 0 else square[:, ::-1])
+    square = np.concatenate(corners)
+    vertices, which = np.unique(square.reshape(-1, 3), axis=0, return_inverse=True)
+    a, b, c, d = which.reshape(-1, 4).T
+    return Mesh(vertices, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -131,6 +152,42 @@ def test_a_segmentation_is_not_exact_though_its_steps_are_flat(seed):
     assert (coplanar_neighbors(mesh) > 0).mean() > 0.9
     assert lattice_share(mesh) > 0.99
     assert not exact_vertices(mesh).any()
+
+
+@pytest.mark.parametrize("kept", [1.0, 0.6])
+@pytest.mark.parametrize("stretch", [1.0, 2.5])
+def test_a_segmentation_is_not_exact_whatever_meshed_it(stretch, kept):
+    mesh = surface_nets(ball_of_voxels(11.0, stretch=stretch).astype(float))
+    mesh = mesh.moved(mesh.vertices * (1, 1, stretch))
+    if kept < 1:
+        mesh = thinned(mesh, faces=int(kept * len(mesh.faces)), evenness=1e-3)
+    assert (coplanar_neighbors(mesh) > 0).mean() > 0.4
+    assert lattice_share(mesh) < 0.95 or kept == 1
+    assert not exact_vertices(mesh).any()
+    assert not exact_vertices(cubes(ball_of_voxels(11.0, stretch=stretch))).any()
+
+
+def test_flat_sides_with_a_grid_are_exact_though_they_lie_on_a_lattice():
+    bracket = np.ones((12, 12, 12), bool)
+    bracket[4:, 4:] = False
+    assert lattice_share(cubes(bracket)) == 1
+    assert exact_vertices(cubes(bracket)).all()
+
+
+def test_a_plate_with_many_equal_holes_is_exact_though_its_edges_repeat():
+    part = Part(delaunay=True, rng=np.random.default_rng(0))
+    angle = 2 * np.pi * np.arange(6) / 6
+    hole = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    outline = np.array([[-3, -3], [41, -3], [41, 41], [-3, 41]], float)
+    loops = [outline, *(hole + np.array([4.0 * i, 4.0 * j]) for i in range(10) for j in range(10))]
+    lower, upper = ([part.ring(np.insert(loop, 2, z, axis=1)) for loop in loops] for z in (0.0, 1.0))
+    for number, (below, above) in enumerate(zip(lower, upper, strict=True)):
+        part.wall([below, above] if number == 0 else [above, below])
+    part.face(upper[0], upper[1:])
+    part.face(lower[0], lower[1:], up=False)
+    plate = part.mesh()
+    assert lattice_share(plate) > 0.9
+    assert exact_vertices(plate).all()
 
 
 def test_components_are_judged_one_by_one():

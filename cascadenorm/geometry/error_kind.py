@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from cascadenorm.geometry.segmentation_steps import is_segmentation
 from cascadenorm.geometry.voxel_lattice import Lattice, lattice_of_grey_values, lattice_of_mask
 from cascadenorm.mesh import Mesh, Vectors
 
@@ -64,10 +65,10 @@ class ErrorKind:
             return f"{unsure}error {edges} that is correlated over about {self.length:.2g} edges"
         if self.kind == "depth image":
             return f"{unsure}a depth image, with an error {edges}"
-        voxel = " × ".join(f"{side:.3g}" for side in self.voxel or ())
+        voxels = " with voxels of " + " × ".join(f"{side:.3g}" for side in self.voxel) if self.voxel else ""
         if self.kind == "segmentation":
-            return f"{unsure}steps {edges} of a binary segmentation with voxels of {voxel}"
-        return f"{unsure}error {edges} of a surface out of a grey volume with voxels of {voxel}"
+            return f"{unsure}steps {edges} of a binary segmentation{voxels}"
+        return f"{unsure}error {edges} of a surface out of a grey volume{voxels}"
 
 
 def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind:
@@ -92,6 +93,8 @@ def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind
         kind, sure = "segmentation", True
     elif (lattice := lattice_of_grey_values(mesh)) is not None:
         kind, sure = "volume", True
+    elif is_segmentation(mesh):  # whose voxels are not known, after surface nets or decimation
+        kind, sure = "segmentation", False
     elif openness > OPEN[0]:
         kind, sure = "depth image", openness > OPEN[1]
     else:

@@ -5,25 +5,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.chords import Chords, chords, error_shares
-from cascadenorm.geometry.voxel_lattice import lattice_share
+from cascadenorm.geometry.rounding import rounding
+from cascadenorm.geometry.segmentation_steps import is_segmentation
 from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 
-COPLANAR = 3e-6
-"""Height of a vertex over the plane of the triangle across an edge, in diagonals, up to which the two are one plane.
-
-Coordinates in single precision come within a tenth of it; measured ones hardly ever do.
-"""
-SMALL = 1e-3  # of the median edge length: the height is less than that too, where a far vertex makes the diagonal long
 FACES, AREA = 0.2, 0.5
 """Shares of the triangles, and of the area, of a component that have a coplanar neighbour, from which it is exact."""
 UNEVEN, UNEVEN_CURVED = 0.5, 0.35
 """Coefficients of variation of the edge lengths, above which flat and curved surfaces are as CAD kernels mesh them."""
 EVEN_AREA = 0.8
 """In place of AREA where triangles are even: those of a depth image with coarse disparities are coplanar, too."""
-LATTICE = 0.95
-"""Share of the edges that the most frequent vectors hold (see `lattice_share`), from which a mesh lies on a lattice."""
-STEPS = 0.1
-"""Share of the concave or of the convex among the edges that are not flat, whichever is less: steps have both."""
 ERROR, ERROR_FLAT = 0.55, 0.75
 """Share of error in the chords of a component (see `error_shares`), up to which it is exact; the second one where SOME
 of its triangles have a coplanar neighbour, which no noise leaves."""
@@ -36,8 +27,8 @@ def exact_vertices(mesh: Mesh, measured: Chords | None = None) -> NDArray[np.boo
     """Tell which vertices belong to components that were computed and carry no error.
 
     Noise, however small, leaves no two triangles coplanar; CAD kernels triangulate planar and ruled faces, so that most
-    triangles have a coplanar neighbour. Segmentations have too, but their vertices lie on a lattice, and so their edges
-    are few vectors repeated: such a mesh is not exact unless it has no steps, as a box with a grid on its sides.
+    triangles have a coplanar neighbour. Segmentations have too. They are told by three properties together (see
+    `is_segmentation`), of which a box with a grid on its sides, or a plate with many equal holes, lacks one.
 
     Where faces are curved twice no triangles are coplanar. There edges are chords of a smooth surface (see `chords`),
     and most bend the same way; noise bends them to and fro. A smooth error that is wider than many edges looks like
@@ -62,10 +53,10 @@ def exact_vertices(mesh: Mesh, measured: Chords | None = None) -> NDArray[np.boo
     measured = measured or chords(mesh)
     unevenness = _unevenness(mesh, part, count)
     flat = (faces >= FACES) & (covered >= AREA) & ((unevenness > UNEVEN) | (covered >= EVEN_AREA))
-    error = error_shares(mesh, measured, _rounding(mesh), part, count)
+    error = error_shares(mesh, measured, rounding(mesh), part, count)
     smooth = (error <= ERROR) & ((unevenness > UNEVEN_CURVED) | (_creased(mesh, measured, part, count) >= CREASED))
     computed = flat | smooth | ((error <= ERROR_FLAT) & (faces >= SOME))
-    if computed.any() and not (lattice_share(mesh) >= LATTICE and _has_steps(mesh)):
+    if computed.any() and not is_segmentation(mesh):
         exact[mesh.faces[computed[part]]] = True
     return exact
 
@@ -73,26 +64,10 @@ def exact_vertices(mesh: Mesh, measured: Chords | None = None) -> NDArray[np.boo
 def coplanar_neighbors(mesh: Mesh) -> NDArray[np.int8]:
     """Count the neighbours across its edges with which each face lies in one plane, (m,)."""
     out = np.empty(len(mesh.faces), np.int8)
-    limit = _rounding(mesh)
+    limit = rounding(mesh)
     across = mesh.topology.faces_across
     parallel_for(len(out), _coplanar_range, mesh.vertices, mesh.faces, mesh.normals, across, limit, out)
     return out
-
-
-def _rounding(mesh: Mesh) -> float:
-    """Largest height of a vertex over a plane that rounding explains."""
-    ends = mesh.vertices[mesh.topology.edges]
-    return min(COPLANAR * mesh.diagonal, SMALL * float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))))
-
-
-def _has_steps(mesh: Mesh) -> bool:
-    """Whether edges bend to either side, as those of stairs do."""
-    first, second = mesh.topology.face_pairs.T
-    across = mesh.centroids[second] - mesh.centroids[first]
-    bend = np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second])
-    size = _rounding(mesh)
-    concave, convex = (bend > size).sum(), (bend < -size).sum()
-    return bool(min(concave, convex) > STEPS * (concave + convex))
 
 
 def _creased(mesh: Mesh, measured: Chords, part: Ints32, count: int) -> Floats:
