@@ -44,6 +44,16 @@ def anisotropic_diffusion(
     """Diffuse the vertices with a tensor whose weight falls where, and across which, the normal turns.
 
     A boundary moves off the surface only (see `flowed`).
+
+    Formula
+    -------
+    x_t = div(a ∇x),   a = Σ_i g(κ_i) d_i d_iᵀ,   g(κ) = 1 / (1 + (κ l_e / threshold)²)
+    κ_i, d_i: principal curvatures and directions of the diffused normals, in each face
+
+    Limits
+    ------
+    An edge shrinks along itself where it is curved, and corners are rounded. Noise as strong as the features has
+    curvature beyond the threshold and stays.
     """
     time = step * mesh.mean_edge_length**2
     for _ in track(iterations):

@@ -34,7 +34,17 @@ def bilateral_normal(
     sweeps: Sweeps = 8,
     fit: Fit = "sweeps",
 ) -> Vectors:
-    """Average each face normal with those of near faces that point a similar way, then move the vertices to them."""
+    """Average each face normal with those of near faces that point a similar way, then move the vertices to them.
+
+    Formula
+    -------
+    n_f ← unit Σ_g A_g exp(-|c_g - c_f|²/2σ_s²) exp(-|n_g - n_f|²/2σ_r²) n_g,   g shares a vertex with f
+
+    Limits
+    ------
+    One σ_r serves the whole mesh: a narrow one leaves noise, a wide one rounds edges. Under heavy noise the normals
+    themselves no longer tell where an edge is.
+    """
     normals = bilateral_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations, center=center)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 

@@ -30,7 +30,18 @@ def bilateral_normal_global(
     sweeps: Sweeps = 10,
     fit: Fit = "sweeps",
 ) -> Vectors:
-    """Find normals that are bilateral means of each other and near the given ones, then move the vertices to them."""
+    """Find normals that are bilateral means of each other and near the given ones, then move the vertices to them.
+
+    Formula
+    -------
+    minimise (1 - λ) Σ_f A_f |(Ln)_f|² + λ Σ_f A_f |n_f - n*_f|²
+    (Ln)_f = n_f - Σ_g w_fg n_g / Σ_g w_fg,   w as in bilateral-normal, from the given normals n*
+
+    Limits
+    ------
+    The weights are those of the noisy normals throughout, so heavy noise is taken for edges. The cost is that of one
+    sparse system of the size of the faces.
+    """
     normals = global_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, fidelity=fidelity)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 

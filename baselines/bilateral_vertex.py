@@ -32,6 +32,16 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
 
     Neighbours are the vertices within 2 σ_c, joined by such ones, and the vertex itself. Unless given, σ_s is the
     standard deviation of their unsigned heights. A boundary has no special treatment.
+
+    Formula
+    -------
+    x_i ← x_i + n_i Σ_j W_c W_s h_j / Σ_j W_c W_s,   h_j = <n_i, x_j - x_i>
+    W_c = exp(-|x_j - x_i|²/2σ_c²),   W_s = exp(-h_j²/2σ_s²)
+
+    Limits
+    ------
+    It shrinks the mesh, as heights over a tangent plane have a mean on curved surfaces. Edges are kept less well than
+    by filters of normals. The noise of the vertex normals is that of the mesh.
     """
     count, edge = len(mesh.vertices), mesh.mean_edge_length
     graph, alone = mesh.topology.vertex_neighbors, each_alone(count)
@@ -51,6 +61,16 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
 
     Normals of the planes are those after each vertex was moved to the Gaussian mean of near centroids, of spread σ_f/2.
     Neighbours are the faces with a centroid within 2 σ_f of the vertex, joined to its own by such ones.
+
+    Formula
+    -------
+    x_i ← Σ_f A_f W_f W_g Π_f(x_i) / Σ_f A_f W_f W_g,   Π_f: projection on the plane of face f
+    W_f = exp(-|c_f - x_i|²/2σ_f²),   W_g = exp(-|Π_f(x_i) - x_i|²/2σ_g²)
+
+    Limits
+    ------
+    One pass removes light noise only, and wide spreads round edges. The result depends on the pre-smoothed normals, in
+    which thin features are lost.
     """
     count, edge = len(mesh.vertices), mesh.mean_edge_length
     topology, spread = mesh.topology, sigma_f * edge

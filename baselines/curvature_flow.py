@@ -22,6 +22,14 @@ def mean_curvature_flow(
 
     A sphere of radius r0 has r(t)² = r0² - 4λt. Explicit steps that are too long are cut as in `diffuse`. A boundary
     moves off the surface only (see `flowed`). Vertices outside the region, and those without a face, stay.
+
+    Formula
+    -------
+    x_t = λΔx = -2λHn;   implicit: (M + tS) x ← M x,   M masses, S stiffness of cotangents, both of the moving mesh
+
+    Limits
+    ------
+    It shrinks the mesh and rounds every edge. Thin necks pinch off.
     """
     edge = mesh.mean_edge_length
     for _ in track(iterations):

@@ -24,6 +24,14 @@ def fairing(
     The solution continues the surface around the region (order 1), and its tangents (2), and its curvature (3). Where
     the region reaches a boundary of the mesh, the surface is free there.
 
+    Formula
+    -------
+    Δ^p x = 0 inside the region,   x given outside,   p the order
+
+    Limits
+    ------
+    It does not denoise: all detail within the region is replaced. It suits dents, filled holes and blends.
+
     Raises
     ------
     ParameterError : no region is given, or a connected part of the mesh lies in it as a whole, so that nothing holds it

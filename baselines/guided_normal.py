@@ -57,7 +57,18 @@ def guided_normal(
     sweeps: Sweeps = 10,
     fit: Fit = "sweeps",
 ) -> Vectors:
-    """Average each face normal with those of near faces that have a similar guidance, and let the vertices follow."""
+    """Average each face normal with those of near faces that have a similar guidance, and let the vertices follow.
+
+    Formula
+    -------
+    n_f ← unit Σ_g A_g exp(-|c_g - c_f|²/2σ_s²) exp(-|γ_g - γ_f|²/2σ_r²) n_g
+    γ_f = mean normal of the patch near f with the least H = max |n_i - n_j| · max |φ| / (ε + Σ |φ|)
+
+    Limits
+    ------
+    Patches span about two rings: features narrower than that, and corners where many edges meet, blur or shift. On
+    organic shapes flat patches can turn into facets.
+    """
     if sigma_r is None:
         sigma_r = 0.45 if guidance == "patch" else 0.15
     if iterations is None:

@@ -46,6 +46,17 @@ def l0(
     """Make the surface piecewise flat: minimise the number of bent edges, the distance moved and unevenness.
 
     Only edges with exactly two faces take part; vertices of others are held by the distance alone.
+
+    Formula
+    -------
+    minimise |x - x*|² + α|R x|² + λ|D x|_0,   |·|_0 the number of edges with a difference
+    D: area-based operator across each edge, zero where its two faces are coplanar; R: evenness of its four vertices
+    solved with auxiliary differences δ: β|D x - δ|² + λ|δ|_0, in turn, while β grows
+
+    Limits
+    ------
+    Smooth curved surfaces become facets. The problem is not convex, so the result depends on the path of β. Heavy noise
+    folds faces over.
     """
     dihedral, edge = mean_dihedral(mesh), mesh.mean_edge_length
     price, alpha, beta = sparsity * edge**2 * dihedral, regularity * dihedral, FIRST_BETA

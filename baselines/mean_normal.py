@@ -27,7 +27,16 @@ WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002")
 def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit: Fit = "sweeps") -> Vectors:
-    """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges."""
+    """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges.
+
+    Formula
+    -------
+    n_f ← unit Σ_g A_g n_g,   g shares a vertex with f, or is f
+
+    Limits
+    ------
+    Every edge is rounded, the more the more passes are made.
+    """
     normals = bilateral_normals(mesh, sigma_s=np.inf, sigma_r=np.inf, iterations=iterations, center="count")
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
@@ -36,7 +45,17 @@ def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit:
 def unilateral_normal(
     mesh: Mesh, *, threshold: Threshold = 0.4, iterations: Passes = 10, sweeps: Sweeps = 10, fit: Fit = "sweeps"
 ) -> Vectors:
-    """Average each face normal with similar ones around it: n_f ← unit Σ_g max(<n_f, n_g> - T, 0)² n_g."""
+    """Average each face normal with similar ones around it: n_f ← unit Σ_g max(<n_f, n_g> - T, 0)² n_g.
+
+    Formula
+    -------
+    n_f ← unit Σ_g max(<n_f, n_g> - T, 0)² n_g,   g shares a vertex with f, or is f
+
+    Limits
+    ------
+    Edges whose angle has a cosine above T are rounded. Faces are not weighed by area, so uneven meshes are pulled
+    toward where faces are small.
+    """
     rings = mesh.topology.face_rings(1)
     normals = mesh.normals
     for _ in track(iterations):
@@ -54,7 +73,16 @@ def random_walk_normal(
     sweeps: Sweeps = 10,
     fit: Fit = "sweeps",
 ) -> Vectors:
-    """Average each face normal with those that a random walk from it visits; it likes to step to similar normals."""
+    """Average each face normal with those that a random walk from it visits; it likes to step to similar normals.
+
+    Formula
+    -------
+    n_f ← unit Σ_g P^k_fg n_g,   P_fg ∝ exp(-|n_g - n_f|²/2σ_r²) for g that share a vertex with f, and for f itself
+
+    Limits
+    ------
+    One σ_r serves the whole mesh, as in bilateral-normal. There are no weights of area or distance.
+    """
     rings = mesh.topology.face_rings(1)
     normals = mesh.normals
     for _ in track(iterations):

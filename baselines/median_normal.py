@@ -22,7 +22,17 @@ Median = Annotated[
 def median_normal(
     mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10, fit: Fit = "sweeps"
 ) -> Vectors:
-    """Replace each face normal by the weighted median of those around it, then move the vertices to them."""
+    """Replace each face normal by the weighted median of those around it, then move the vertices to them.
+
+    Formula
+    -------
+    vector: n_f ← argmin over n_g of Σ_h A_h |n_g - n_h|;   g, h share a vertex with f, or are f
+    angle:  n_f ← the n_g at half of the weight A when sorted by |n_g - n_f|
+
+    Limits
+    ------
+    The result is one of the noisy normals, so smooth surfaces keep a grain. It suits impulsive noise best.
+    """
     normals = mesh.normals
     for _ in track(iterations):
         normals = median_pass(mesh, normals, median=median)

@@ -39,6 +39,16 @@ def rolling_guidance_normal(
 
     The published filter averages by Gaussian weights, over a number of faces that grows as the square of the width;
     here each average is two implicit steps of diffusion, at a cost that hardly depends on the width.
+
+    Formula
+    -------
+    n ← (A + tL)⁻¹ A (A + tL)⁻¹ A n*,   L_fg = -(l/d) exp(-(width |g_f - g_g|/d)²/2σ²)
+    t = (√2 - 1)(width/π)²;   g: the result of the round before
+    l: length of the common edge, d: distance of the centroids across it
+
+    Limits
+    ------
+    Whatever is narrower than the width goes, features as well as noise. It finds the scale of features, not of noise.
     """
     if width == 0 or not mesh.mean_edge_length > 0:
         return mesh.vertices.copy()

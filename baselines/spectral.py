@@ -36,7 +36,17 @@ def spectral(
         Literal["auto", "exact", "approximate"], Parameter("auto approximates those of more than 200,000 vertices")
     ] = "auto",
 ) -> Vectors:
-    """Filter the vertices by their harmonics: keep the lowest ones, or strengthen a band of them."""
+    """Filter the vertices by their harmonics: keep the lowest ones, or strengthen a band of them.
+
+    Formula
+    -------
+    x ← Σ_i w_i <x, φ_i> φ_i + w_∞ (x - Σ_i <x, φ_i> φ_i),   S φ_i = λ_i M φ_i
+
+    Limits
+    ------
+    Edges ring and are rounded, as they need all frequencies. Detail beyond the last harmonic is lost under a low-pass,
+    whether noise or not.
+    """
     available = int((mesh.topology.vertex_faces.counts > 0).sum())
     count = min(DEFAULT_COUNT, available) if harmonics is None else harmonics
     check_count(count, available)

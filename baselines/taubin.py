@@ -27,6 +27,15 @@ def taubin(
     The eigenvectors of the Laplacian, with eigenvalues k from 0 to 2, are scaled by ((1 - λk)(1 - μk))^iterations,
     where 1/λ + 1/μ = k_PB; in the middle of the pass band they grow by 1 - λμ k_PB²/4 in each, which must not come to
     more than tenfold in all. Vertices outside the region, and those without a face, stay.
+
+    Formula
+    -------
+    x ← x - λLx, then x ← x - μLx;   L = 1 - D⁻¹W, the uniform Laplacian;   1/λ + 1/μ = k_PB
+    transfer: ((1 - λk)(1 - μk))^iterations of each eigenvector with eigenvalue k
+
+    Limits
+    ------
+    Edges and corners are rounded. A pass band suits one edge length: uneven meshes are smoothed unevenly.
     """
     mu = opposite_step(step, pass_band)
     with np.errstate(over="ignore"):

@@ -34,7 +34,18 @@ def tv_normal(
     sweeps: Sweeps = 10,
     fit: Fit = "sweeps",
 ) -> Vectors:
-    """Find normals that vary little, but may jump, near the given ones, then move the vertices to them."""
+    """Find normals that vary little, but may jump, near the given ones, then move the vertices to them.
+
+    Formula
+    -------
+    minimise Σ_e w_e l_e |n_1 - n_2| + α Σ_f A_f |n_f - n*_f|²,   w_e = exp(-|n*_1 - n*_2|⁴)
+    then normalise, and repeat from the result
+
+    Limits
+    ------
+    Smooth curved surfaces become patches of constant normals, the stairs of total variation. Contrast shrinks with each
+    minimisation.
+    """
     variation, normals = TotalVariation(mesh, fidelity=fidelity), mesh.normals
     for _ in track(iterations):
         normals = unit(variation.least(normals, rounds=rounds).values, otherwise=normals)

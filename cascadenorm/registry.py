@@ -9,6 +9,7 @@ what it means and which values it takes; checks, messages and tables are made fr
 
 import inspect
 import math
+import re
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -129,6 +130,16 @@ class Method:
     def summary(self) -> str:
         """First line of the function's docstring."""
         return (inspect.getdoc(self.function) or "").split("\n", 1)[0]
+
+    def section(self, title: str) -> str:
+        """Text below that title in the function's docstring, such as "Formula"; "" is all before the first title.
+
+        A method without the section gives empty text.
+        """
+        text = inspect.getdoc(self.function) or ""
+        before, *parts = re.split(r"^(\S.*)\n-+\n", text, flags=re.MULTILINE)
+        sections = {"": before, **dict(zip(parts[::2], parts[1::2], strict=True))}
+        return sections.get(title, "").strip()
 
     @property
     def given_by_name(self) -> list[Setting]:

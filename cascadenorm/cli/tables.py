@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping, Sequence
+from textwrap import indent
 from typing import TextIO
 
 from rich.console import Console
@@ -173,8 +174,11 @@ def print_methods(methods: Mapping[str, Method]) -> None:
 
 
 def print_method(method: Method) -> None:
-    """Print the parameters of one method."""
+    """Print what one method does and where it ends, and its parameters."""
     print(f"{method.name}: {method.summary}\nSource: {method.source}")
+    for title in ("Formula", "Limits"):
+        if text := method.section(title):
+            print(f"{title}:\n{indent(text, '  ')}")
     table = Table()
     for title in ("parameter", "default", "unit", "allowed", "meaning"):
         table.add_column(title)
