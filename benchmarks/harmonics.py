@@ -60,6 +60,8 @@ def page(rows: Sequence[str], count: int) -> str:
     """Return the table with what it says."""
     machine = f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
     lines = [
+        "# Eigenpairs of the Laplacian",
+        "",
         f"The {count} lowest eigenpairs of the cotangent Laplacian: processor seconds of all threads together, kernels "
         f"compiled before, and relative errors of the approximate eigenvalues; {machine}. "
         "`python benchmarks/harmonics.py` writes this page.",

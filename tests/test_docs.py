@@ -9,6 +9,7 @@ import sys
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 from shapes import icosphere
@@ -26,8 +27,9 @@ else:
     import tomli as tomllib
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "benchmarks").glob("*.md")])
-FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+FOLDERS = (ROOT, ROOT / "docs", ROOT / "docs" / "how-to", ROOT / "benchmarks")
+PAGES = sorted(page for folder in FOLDERS for page in folder.glob("*.md"))
+FENCE = re.compile(r"^( *)```.*?^\1```", re.MULTILINE | re.DOTALL)
 NOT_RUN = "<!-- not run: "
 """Stands, with the reason, in the line before a Python block that a test cannot run."""
 
@@ -69,7 +71,8 @@ def test_the_architecture_names_only_what_exists():
 def test_the_text_of_the_architecture_names_only_what_exists():
     text = FENCE.sub("", (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"))
     words = set(re.findall(r"[\w-]+", (ROOT / "pyproject.toml").read_text(encoding="utf-8")))
-    for path in (path for name in ("cascadenorm", "baselines", "data_gen") for path in (ROOT / name).rglob("*.py")):
+    folders = (ROOT / name for name in ("cascadenorm", "baselines", "data_gen", "docs"))
+    for path in (path for folder in folders for path in folder.rglob("*.py")):
         words |= {path.stem, *re.findall(r'(?<=")[\w-]+|\w+', path.read_text(encoding="utf-8"))}
     for name in re.findall(r"`([A-Za-z_][\w./-]*)(?:\(…?\.*\))?`", text):
         if "/" in name or name.endswith((".py", ".ts")):
@@ -81,8 +84,9 @@ def test_the_text_of_the_architecture_names_only_what_exists():
 
 def blocks(text: str, language: str) -> list[str]:
     """The fenced blocks of a language, but those that are marked as not run."""
-    found = re.findall(rf"^([^\n]*)\n```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    return [block for before, block in found if not before.startswith(NOT_RUN)]
+    fenced = rf"^([^\n]*)\n( *)```{language}\n(.*?)^\2```"
+    found = re.findall(fenced, text, re.MULTILINE | re.DOTALL)
+    return [dedent(block) for before, _, block in found if not before.strip().startswith(NOT_RUN)]
 
 
 def command_lines(text: str) -> list[list[str]]:

@@ -1,0 +1,71 @@
+"""The reference of the command line, made from the declarations of the commands."""
+
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+from typer.models import ArgumentInfo
+
+from cascadenorm.cli.commands import app
+
+INTRODUCTION = """\
+# Command line
+
+Every command with its arguments and options, as `cascadenorm COMMAND --help` prints them. Results go to stdout,
+messages to stderr. With `--json` a command prints one object; [its keys and the exit codes](../json.md) have a page of
+their own.
+"""
+
+
+def command_page() -> str:
+    """Return the page of all commands, as Markdown."""
+    return "\n".join([INTRODUCTION, *(part for command in app.registered_commands for part in _command(command))])
+
+
+def _command(command: Any) -> Iterator[str]:
+    function = command.callback
+    name = command.name or function.__name__
+    yield f"## `{name}`\n\n{(inspect.getdoc(function) or '').replace('<', '&lt;')}\n"
+    tables: dict[str, list[tuple[str, str, str]]] = {}
+    words = ["cascadenorm", name]
+    for parameter in inspect.signature(function).parameters.values():
+        kind, about = get_args(parameter.annotation)
+        shown = "" if parameter.default in (None, False, inspect.Parameter.empty) else f"`{parameter.default}`"
+        if isinstance(about, ArgumentInfo):
+            metavar = about.metavar or f"[{parameter.name.upper()}]"
+            words.append(metavar)
+            tables.setdefault("argument", []).append((f"`{metavar}`", about.help, shown))
+        else:
+            panel = "control" if about.rich_help_panel == "Controls" else "option"
+            tables.setdefault(panel, []).append((_spelled(parameter.name, kind, about), about.help, shown))
+    yield f"```text\n{' '.join(words)}{' [OPTIONS]' if {'option', 'control'} & set(tables) else ''}\n```\n"
+    for title, rows in tables.items():
+        yield table((title, "meaning", "default"), rows)
+
+
+def _spelled(name: str, kind: Any, about: Any) -> str:
+    """How an option is written, with the value that it takes."""
+    declared = [about.default, *(about.param_decls or ())]  # typer takes the first name for a default
+    named = [text for text in declared if isinstance(text, str) and text.startswith("-")]
+    named = named or [f"--{name.replace('_', '-')}"]
+    if bool in (kind, *get_args(kind)):
+        both = f" / --no-{named[0][2:]}" if type(None) in get_args(kind) else ""
+        return f"`{', '.join(named)}{both}`"
+    return f"`{', '.join(named)} {about.metavar or _value(kind)}`"
+
+
+def _value(kind: Any) -> str:
+    kinds = {int: "NUMBER", float: "NUMBER", Path: "FILE"}
+    return next((word for one, word in kinds.items() if one in (kind, *get_args(kind))), "TEXT")
+
+
+def table(titles: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """Return a table of Markdown; bars in cells are escaped."""
+    lines = [titles, tuple("---" for _ in titles), *(tuple(cell.replace("|", r"\|") for cell in row) for row in rows)]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def names() -> list[str]:
+    """The commands of the program."""
+    return [command.name or command.callback.__name__ for command in app.registered_commands]

@@ -1,0 +1,36 @@
+"""Docstrings of this package as reStructuredText.
+
+Sections are underlined as in numpydoc. An entry of a section is `name : what it is`, continued by indented lines; types
+are in the signature.
+"""
+
+import re
+from itertools import pairwise
+from typing import Any
+
+
+def with_definitions(lines: list[str]) -> list[str]:
+    """Return the lines of a docstring with a heading for each section and a definition for each entry."""
+    out: list[str] = []
+    title = ""
+    for line, after in pairwise([*lines, ""]):
+        if line and after and set(after) == {"-"}:
+            title = line
+            out += ["", f".. rubric:: {title}", ""]
+        elif line and set(line) == {"-"}:
+            continue
+        elif title and (entry := re.fullmatch(r"(\S[^:]*?) : (.*)", line)):
+            out += [f"``{entry[1]}``", f"    {entry[2]}"]
+        elif title and line.startswith(" ") and out[-1].startswith(" "):
+            out.append(f"    {line.strip()}")
+        else:
+            out.append(line.strip() if title == "Returns" else line)
+    return [*out, ""]
+
+
+def setup(app: Any) -> dict[str, bool]:
+    def process(app: Any, what: str, name: str, item: Any, options: Any, lines: list[str]) -> None:
+        lines[:] = with_definitions(lines)
+
+    app.connect("autodoc-process-docstring", process)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

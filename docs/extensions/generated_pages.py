@@ -1,0 +1,32 @@
+"""Pages that the build writes: methods, commands, model cards."""
+
+from pathlib import Path
+from typing import Any
+
+from card_pages import card_page
+from command_pages import command_page
+from method_pages import write_pages
+
+FOLDER = Path(__file__).parents[1] / "generated"
+
+
+def write(app: Any) -> None:
+    """Write the pages into docs/generated."""
+    FOLDER.mkdir(exist_ok=True)
+    for name, page in (("command-line.md", command_page()), ("model-cards.md", card_page())):
+        (FOLDER / name).write_text(page, encoding="utf-8")
+    write_pages(FOLDER / "methods")
+
+
+def redirect(app: Any, error: Exception | None) -> None:
+    """Let the folder of the site open at the first page, which lies in a folder of its own."""
+    page = (
+        f'<meta http-equiv="refresh" content="0; url={app.config.root_doc}.html"><title>{app.config.project}</title>\n'
+    )
+    (Path(app.outdir) / "index.html").write_text(page, encoding="utf-8")
+
+
+def setup(app: Any) -> dict[str, bool]:
+    app.connect("builder-inited", write, priority=100)  # before sources are read
+    app.connect("build-finished", redirect)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,168 @@
+"""A page for each method: formula, source, limits and parameters from the registry, and pictures of what it does."""
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from command_pages import table
+
+import cascadenorm as cn
+from cascadenorm.data_gen import fields, organic
+from cascadenorm.data_gen.noise import displacements
+from cascadenorm.data_gen.surface import extent_of
+from cascadenorm.data_gen.tessellation import tessellate
+from cascadenorm.data_gen.views import view
+from cascadenorm.mesh import Mesh
+from cascadenorm.registry import Method, Setting
+from cascadenorm.render import rasterized, render, side_by_side, stacked, webp
+
+SIZE, SMALL = 320, 150
+"""Width and height of a picture on a method's page and on the list of methods, in pixels."""
+GROUPS = {
+    "Learned": ("auto", "cascade"),
+    "Filters of face normals": (
+        "mean-normal", "median-normal", "unilateral-normal", "random-walk-normal", "bilateral-normal",
+        "bilateral-normal-global", "guided-normal", "rolling-guidance-normal",
+    ),
+    "Sparsity": ("l0", "tv-normal"),
+    "Bilateral filters of the vertices": ("bilateral", "non-iterative-bilateral"),
+    "Diffusion, flows and spectra of the vertices": (
+        "laplacian", "taubin", "mean-curvature-flow", "anisotropic-diffusion", "prescribed-mean-curvature", "spectral",
+        "fairing",
+    ),
+}  # fmt: skip
+"""The methods in the order of the pages."""
+INDEX = """\
+# All methods
+
+All methods share one interface: `cascadenorm denoise scan.ply --method NAME`, or `cn.denoise(mesh, method="NAME")`.
+Each page has the formula, the source, the limits and the parameters of one method, and shows what it does to three
+shapes at its default settings. [How to choose](../../choosing.md) compares them, and [the theory](../theory/index.rst)
+explains them in order.
+"""
+
+
+class Example(NamedTuple):
+    """A shape with noise, and without."""
+
+    noisy: Mesh
+    clean: Mesh
+
+
+@cache
+def examples() -> dict[str, Example]:
+    """The shapes that every method is seen on: a cube and a statue with Gaussian noise, and the scan of a camera."""
+    edges, skin, sheet = (np.random.default_rng(seed) for seed in (1, 4, 2))
+    box, bust, head = fields.box([0.7, 0.7, 0.7]), organic.bust(0.03, skin), organic.bust(0.03, sheet)
+    cube = tessellate(box, extent_of(box, rng=edges), faces=5000, sharp=True, tessellation="even", rng=edges)
+    statue = tessellate(bust, extent_of(bust, rng=skin), faces=8000, sharp=False, tessellation="even", rng=skin)
+    scan = view(head, extent_of(head, rng=sheet), faces=8000, rng=sheet)
+    return {
+        "cube": _disturbed(cube, "gaussian", 0.25, edges),
+        "statue": _disturbed(statue, "gaussian", 0.2, skin),
+        "scan": _disturbed(scan, "sensor", 0.3, sheet),
+    }
+
+
+def _disturbed(clean: Mesh, kind: str, level: float, rng: np.random.Generator) -> Example:
+    moves = displacements(clean, kind, level=level, rng=rng)  # type: ignore[arg-type]
+    return Example(clean.moved(clean.vertices + moves), clean)
+
+
+def write_pages(folder: Path) -> None:
+    """Write the list of methods, the page of each, and the pictures."""
+    folder.mkdir(parents=True, exist_ok=True)
+    known = cn.methods()
+    parts = [INDEX]
+    for title, names in GROUPS.items():
+        rows = []
+        for name in names:
+            results = {shape: _denoised(known[name], example) for shape, example in examples().items()}
+            (folder / f"{name}.webp").write_bytes(_picture(results, SIZE))
+            (folder / f"{name}-small.webp").write_bytes(_small(results))
+            (folder / f"{name}.md").write_text(method_page(known[name], results), encoding="utf-8")
+            rows.append((f"[{name}]({name}.md)", known[name].summary, f"![]({name}-small.webp)"))
+        parts += [f"## {title}\n", table(("method", "what it does", "cube and statue"), rows)]
+    every = "\n".join(name for names in GROUPS.values() for name in names)
+    parts.append(f"```{{toctree}}\n:hidden:\n\n{every}\n```\n")
+    (folder / "index.md").write_text("\n".join(parts), encoding="utf-8")
+
+
+def _denoised(method: Method, example: Example) -> Mesh:
+    """Apply a method at its defaults; one that needs a region replaces a disk of the surface."""
+    noisy = example.noisy
+    if method.name != "fairing":
+        return cn.denoise(noisy, method=method.name)
+    top = noisy.vertices[np.argmax(noisy.vertices @ [0.4, 0.5, 0.8])]
+    near = np.linalg.norm(noisy.vertices - top, axis=1) < 0.25 * noisy.diagonal
+    return cn.denoise(noisy, method=method.name, mask=near)
+
+
+def _picture(results: Mapping[str, Mesh], size: int) -> bytes:
+    """The noisy shapes above what became of them."""
+    rows = [[example.noisy for example in examples().values()], list(results.values())]
+    drawn = [[render(mesh, size=(size, size), transparent=True) for mesh in row] for row in rows]
+    return webp(rasterized(stacked([side_by_side(row) for row in drawn]), transparent=True))
+
+
+def _small(results: Mapping[str, Mesh]) -> bytes:
+    drawn = [render(results[shape], size=(SMALL, SMALL), transparent=True) for shape in ("cube", "statue")]
+    return webp(rasterized(side_by_side(drawn), transparent=True))
+
+
+def method_page(method: Method, results: Mapping[str, Mesh]) -> str:
+    """Return the page of a method, as Markdown."""
+    _, *more = method.section("").split("\n", 1)
+    errors = [
+        (title, *(f"{cn.compare(mesh, examples()[shape].clean).normal_error_deg:.1f}°" for shape, mesh in row.items()))
+        for title, row in (("noisy", {shape: one.noisy for shape, one in examples().items()}), (method.name, results))
+    ]
+    return "\n".join(
+        [
+            f"# {method.name}\n\n{method.summary}\n\n**Source:** {method.source}\n",
+            f":::{{image}} {method.name}.webp\n:alt: A cube, a statue and a scan: noisy above, {method.name} below\n"
+            ":class: dark-light\n:::\n",
+            "Above the noisy meshes, below the results at default settings. Mean angle between the normals of the\n"
+            "faces and the true ones:\n",
+            table(("", *results), errors),
+            f"## Formula\n\n```text\n{method.section('Formula')}\n```\n",
+            *(text.strip() + "\n" for text in more),
+            f"## Limits\n\n{method.section('Limits')}\n",
+            f"## Parameters\n\n{_parameters(method)}",
+            f"## Use\n\n{_use(method)}",
+        ]
+    )
+
+
+def _parameters(method: Method) -> str:
+    rows = [
+        (f"`{one.name}`", one.about.help, f"`{one.default}`", one.about.unit, allowed(one))
+        for one in method.given_by_name
+    ]
+    if not rows:
+        return "It has none.\n"
+    return table(("parameter", "meaning", "default", "unit", "allowed"), rows) + (
+        "\nStrength, masks, creases, boundaries and limits are [controls](../../controls.md), which every method has.\n"
+    )
+
+
+def allowed(setting: Setting) -> str:
+    """Return the values that a parameter takes, in words."""
+    return ", ".join(f"`{choice}`" for choice in setting.choices) or setting.about.allowed
+
+
+def _use(method: Method) -> str:
+    if method.name == "fairing":
+        return (
+            "```bash\ncascadenorm denoise scan.ply --method fairing --mask dent.npy\n```\n\n"
+            '```python\ncn.denoise(mesh, method="fairing", mask=dent)  # (n,) bool, the vertices to replace\n```\n'
+        )
+    example = next((one for one in method.given_by_name if isinstance(one.default, int | float)), None)
+    option = f" --set {example.name}={example.default}" if example else ""
+    keyword = f", {example.name}={example.default}" if example else ""
+    return (
+        f"```bash\ncascadenorm denoise scan.ply --method {method.name}{option}\n```\n\n"
+        f'```python\ncn.denoise(mesh, method="{method.name}"{keyword})\n```\n'
+    )

@@ -1,0 +1,162 @@
+"""What the documentation site is made of: pages from the registry, the command line and the weights; tasks that run."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import grid, icosphere, noisy
+from test_docs import blocks, help_of
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.interop import save_mesh
+from cascadenorm.registry import Parameter, Setting
+
+DOCS = Path(__file__).parents[1] / "docs"
+sys.path.insert(0, str(DOCS / "extensions"))
+import card_pages  # noqa: E402
+import command_pages  # noqa: E402
+import docstrings  # noqa: E402
+import method_pages  # noqa: E402
+
+
+def test_every_method_has_a_page_with_formula_and_limits():
+    names = [name for group in method_pages.GROUPS.values() for name in group]
+    assert sorted(names) == sorted(name for name in cn.methods() if name != "still")
+    for name in names:
+        method = cn.methods()[name]
+        formula, limits = method.section("Formula"), method.section("Limits")
+        assert "←" in formula or "=" in formula or "minimise" in formula, name
+        assert limits.endswith("."), name
+        assert not set(limits) & set("←Σ"), name
+
+
+def test_the_page_of_a_method_has_what_the_registry_says():
+    shown = {shape: one.noisy for shape, one in method_pages.examples().items()}
+    page = method_pages.method_page(cn.methods()["taubin"], shown)
+    assert page.startswith("# taubin\n\nAlternate steps λ > 0 and μ < 0")
+    assert "**Source:** Taubin 1995" in page
+    assert "1/λ + 1/μ = k_PB" in page.split("## Formula")[1].split("```")[1]
+    assert "| `pass_band` | eigenvalue k_PB that the filter leaves alone | `0.1` |  | above 0, below 2 |" in page
+    noisy_row, result_row = re.findall(r"^\| (?:noisy|taubin) \|.*$", page, re.MULTILINE)
+    assert noisy_row.split("|")[2:] == result_row.split("|")[2:]  # the meshes that were given are the noisy ones
+
+
+def test_the_examples_of_the_pages_are_noisy():
+    for name, (rough, clean) in method_pages.examples().items():
+        assert np.array_equal(rough.faces, clean.faces), name
+        assert cn.compare(rough, clean).normal_error_deg > 15, name
+
+
+def test_allowed_values_are_choices_or_a_range():
+    about = Parameter("of it", minimum=0, below=2)
+    assert method_pages.allowed(Setting("a", float, 1.0, about)) == "at least 0, below 2"
+    assert method_pages.allowed(cn.methods()["l0"].settings["operator"]) == "`area`, `cotan`"
+
+
+def test_sections_of_a_docstring():
+    method = cn.methods()["fairing"]
+    assert method.section("Formula") == "Δ^p x = 0 inside the region,   x given outside,   p the order"
+    assert method.section("Raises").startswith("ParameterError : no region is given")
+    assert method.section("").startswith(method.summary)
+    assert method.section("Nothing") == ""
+
+
+def test_the_page_of_commands_has_every_command_and_option():
+    page = command_pages.command_page()
+    sections = dict(zip(command_pages.names(), page.split("\n## ")[1:], strict=True))
+    for name, section in sections.items():
+        assert section.startswith(f"`{name}`\n")
+        listed = spelled("\n".join(re.findall(r"^\| `(-.*?)` \|", section, re.MULTILINE)))
+        known = spelled("\n".join(re.findall(r"^│ [* ]*((?:--?[a-z][\w-]*[ ,]*)+)", help_of(name), re.MULTILINE)))
+        assert listed == known - {"--help"}, name
+
+
+def spelled(text: str) -> set[str]:
+    """The options in a text."""
+    return set(re.findall(r"(?<![\w-])--?[a-z][\w-]*", text))
+
+
+def test_the_page_of_model_cards_has_every_setting():
+    page = card_pages.card_page()
+    for name in ("auto", "cascade"):
+        card = cn.Denoiser.shipped(name).card
+        section = page.split(f"## `{name}`")[1].split("\n## ")[0]
+        assert f"{card['faces_trained_on']:,}" in section
+        assert f"| `seed` | `{card['config']['seed']}` |" in section
+        assert f"| `fit.hidden` | `{card['config']['fit']['hidden']}` |" in section
+        assert card["config"]["data"]["families"][0] in section
+
+
+def test_the_python_reference_has_every_public_name():
+    page = (DOCS / "api.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^   (\w+)$", page, re.MULTILINE)) == sorted(cn.__all__)
+
+
+def test_every_page_is_in_a_table_of_contents():
+    def listed(page):
+        trees = re.findall(r"```{toctree}\n(?::.*\n)*\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+        return {(page.parent / f"{name}.md").resolve() for tree in trees for name in tree.split()}
+
+    known = {page for index in DOCS.rglob("*.md") if "generated" not in index.parts for page in listed(index)}
+    for page in sorted(
+        [*DOCS.glob("*.md"), *(DOCS / "how-to").glob("*.md"), *(DOCS.parent / "benchmarks").glob("*.md")]
+    ):
+        assert page in known or page.name == "index.md", (
+            f"name {page.name} in the table of docs/reference.md or another"
+        )
+
+
+def test_entries_of_docstrings_become_definitions():
+    given = [
+        "Do it.",
+        "",
+        "Parameters",
+        "----------",
+        "a, b : two",
+        "    numbers",
+        "",
+        "Returns",
+        "-------",
+        "One",
+        "  more",
+    ]
+    made = docstrings.with_definitions(given)
+    assert made[:2] == ["Do it.", ""]
+    assert made[3:8] == [".. rubric:: Parameters", "", "``a, b``", "    two", "    numbers"]
+    assert made[-5:] == [".. rubric:: Returns", "", "One", "more", ""]
+
+
+TASKS = sorted([*(DOCS / "how-to").glob("*.md"), DOCS / "start.md", DOCS / "choosing.md"])
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    """A folder with the files that the pages name, all small."""
+    monkeypatch.chdir(tmp_path)
+    ball = noisy(icosphere(3), 0.1)
+    for name in ("part.stl", "part.ply", "statue.ply", "scan.ply", "scan.obj", "scan.glb", "organ.stl", "model.stl"):
+        save_mesh(tmp_path / name, ball)
+    for name in ("open.ply", "depth.ply", "terrain.ply"):
+        save_mesh(tmp_path / name, noisy(grid(12, 12), 0.1))
+    for name, shift in (("left.ply", 0.0), ("right.ply", 3.0)):
+        save_mesh(tmp_path / name, ball.moved(ball.vertices + np.array([shift, 0, 0])))
+    (tmp_path / "mask.txt").write_text("0.5\n" * len(ball.vertices))
+    (tmp_path / "scans").mkdir()
+    save_mesh(tmp_path / "scans" / "a.ply", ball)
+    for folder in ("my_pairs/bolt", "held_out/flange"):
+        (tmp_path / folder).mkdir(parents=True)
+        save_mesh(tmp_path / folder / "noisy.ply", ball)
+        save_mesh(tmp_path / folder / "clean.ply", icosphere(3))
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", TASKS, ids=lambda page: page.stem)
+def test_commands_of_tasks_run(page, workplace, capsys):
+    for line in "\n".join(blocks(page.read_text(encoding="utf-8"), "bash")).splitlines():
+        words = shlex.split(line, comments=True)
+        if words[:1] == ["cascadenorm"]:
+            assert run(words[1:]) == 0, f"{line}: {capsys.readouterr().err}"
