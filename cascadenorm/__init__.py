@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     )
     from cascadenorm.evaluation.harness import evaluate
     from cascadenorm.evaluation.metrics import Measures
+    from cascadenorm.frontends.progress_bars import progress_bar
     from cascadenorm.geometry.farthest_points import farthest_points
     from cascadenorm.geometry.fast_harmonics import fast_harmonics
     from cascadenorm.geometry.geodesics import geodesic_distances
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from cascadenorm.models import Denoiser, train
     from cascadenorm.regions import denoise_region_files, denoise_regions
     from cascadenorm.reports import report
+    from cascadenorm.reports.notebook import view
     from cascadenorm.spectra import Spectrum, spectrum
 
 __version__ = "0.1.0"
@@ -74,12 +76,14 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "inspect": "inspection",
     "manifold_harmonics": "geometry.harmonics",
     "methods": "api",
+    "progress_bar": "frontends.progress_bars",
     "read": "io",
     "read_config": "learned.config",
     "report": "reports",
     "shape_dna": "geometry.harmonics",
     "spectrum": "spectra",
     "train": "models",
+    "view": "reports.notebook",
     "write": "io",
 }
 
@@ -116,12 +120,14 @@ __all__ = [
     "inspect",
     "manifold_harmonics",
     "methods",
+    "progress_bar",
     "read",
     "read_config",
     "report",
     "shape_dna",
     "spectrum",
     "train",
+    "view",
     "write",
 ]
 

@@ -52,17 +52,19 @@ class Field(NamedTuple):
 
     Parameters
     ----------
-    name : one of QUANTITIES
+    name : one of QUANTITIES, or that of `own`
     values : by the name of the mesh (m,) or (n,); NaN where there is none
+    own : what the values are, where that is none of QUANTITIES
     """
 
     name: str
     values: Mapping[str, Values]
+    own: Quantity | None = None
 
     @property
     def quantity(self) -> Quantity:
         """What the values are."""
-        return QUANTITIES[self.name]
+        return self.own or QUANTITIES[self.name]
 
     @property
     def limits(self) -> tuple[float, float]:

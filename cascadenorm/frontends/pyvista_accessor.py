@@ -8,8 +8,8 @@ import pyvista
 
 from cascadenorm.api import DEFAULT_METHOD, compare
 from cascadenorm.controls.settings import takes_controls
-from cascadenorm.errors import MissingDependencyError
 from cascadenorm.evaluation.metrics import Measures
+from cascadenorm.frontends.progress_bars import progress_bar
 from cascadenorm.frontends.vtk_data import denoised
 from cascadenorm.inspection import Inspection, inspect
 from cascadenorm.progress import Listener
@@ -71,14 +71,10 @@ def _bar(shown: bool, listener: Listener | None) -> Iterator[Listener | None]:
     if not shown:
         yield listener
         return
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        raise MissingDependencyError("progress_bar=True", package="tqdm", extra="pyvista") from None
-    with tqdm(total=1.0, desc="Denoising", bar_format="{l_bar}{bar}[{elapsed}<{remaining}]") as bar:
+    with progress_bar() as bar:
 
         def show(fraction: float) -> None:
-            bar.update(fraction - bar.n)
+            bar(fraction)
             if listener is not None:
                 listener(fraction)
 

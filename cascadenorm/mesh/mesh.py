@@ -1,6 +1,7 @@
 """A triangle mesh as two contiguous arrays, checked once where it enters."""
 
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,11 @@ class Mesh:
     def __reduce__(self) -> tuple[type["Mesh"], tuple[Vectors, NDArray[np.int32]]]:
         """Pickle, and copy, what it is made of, without what was derived from it."""
         return Mesh, (self.vertices, self.faces)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows of the mesh: its size, and a picture where Pillow is installed."""
+        drawing = import_module("cascadenorm.reports.notebook")  # by its name, as it imports this module
+        return str(drawing.described(self))
 
     @property
     def corners(self) -> NDArray[np.float64]:

@@ -29,15 +29,54 @@ def page(
     picture, caption : a WebP file, and what it shows
     scene : of the viewer
     """
-    data = json.dumps(scene, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     viewer = f'<div id="viewer">{image(picture, caption)}</div>'
-    scripts = f'<script type="application/json" id="scene">{data}</script>\n<script>{_file("viewer.js")}</script>'
-    return _html(title, summary, sections, before=viewer, after=scripts)
+    return _html(title, summary, sections, before=viewer, after=_scripts(scene))
 
 
 def plain_page(title: str, summary: Iterable[str], sections: Iterable[tuple[str, str]]) -> str:
     """Return a page without a viewer; parameters are those of `page`."""
     return _html(title, summary, sections)
+
+
+def frame_page(scene: Mapping[str, Any], picture: bytes, caption: str, *, color: str) -> str:
+    """Return a page with the viewer alone, for a frame in another page.
+
+    Parameters
+    ----------
+    scene : of the viewer
+    picture, caption : a WebP file, and what it shows
+    color : the quantity that is seen first; "" for none
+    """
+    first = "history.replaceState = () => {};"  # a frame has no address of its own
+    if color:
+        first += f" location.hash = {json.dumps(f'color={color}')};"
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+{_head(caption)}
+</head>
+<body class="frame">
+<main><div id="viewer">{image(picture, caption)}</div></main>
+<script>{first}</script>
+{_scripts(scene)}
+</body>
+</html>
+"""
+
+
+def _scripts(scene: Mapping[str, Any]) -> str:
+    data = json.dumps(scene, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return f'<script type="application/json" id="scene">{data}</script>\n<script>{_file("viewer.js")}</script>'
+
+
+def _head(title: str) -> str:
+    return f"""<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta http-equiv="Content-Security-Policy" content="{POLICY}">
+<title>{escape(title)}</title>
+<link rel="icon" href="data:,">
+<style>{_file("report.css")}</style>"""
 
 
 def _file(name: str) -> str:
@@ -52,13 +91,7 @@ def _html(
     return f"""<!doctype html>
 <html lang="en">
 <head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}">
-<title>{escape(title)}</title>
-<link rel="icon" href="data:,">
-<style>{_file("report.css")}</style>
+{_head(title)}
 </head>
 <body>
 <header class="top"><h1>{escape(title)}</h1>{paragraphs}</header>

@@ -21,8 +21,8 @@ FEWEST = 30
 """Levels along a mean edge below which FINE_LEVELS are used: a part far away makes the bounding box large."""
 
 
-def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
-    """Pack meshes, what is known of their faces and vertices, and places to look at.
+def scene(shown: Sequence[Given], places: Sequence[Place], *, own: Field | None = None) -> dict[str, Any]:
+    """Pack meshes, what is known of their faces and vertices, values of the caller's own, and places to look at.
 
     Positions are whole numbers from 0 to LEVELS, or FINE_LEVELS, in each direction of the bounding box of all meshes;
     a mesh with the faces of an earlier one is that one and the displacements of its vertices.
@@ -58,7 +58,7 @@ def scene(shown: Sequence[Given], places: Sequence[Place]) -> dict[str, Any]:
         )
     camera = Camera.looking_at(meshes[shown[-1].key])
     with np.errstate(over="ignore"):  # what is too large for a number is no value
-        quantities = fields(meshes, unit)
+        quantities = [*fields(meshes, unit), *([own] if own else [])]
     return {
         "format": FORMAT,
         "lower": (lower * unit).tolist(),

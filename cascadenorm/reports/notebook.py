@@ -1,0 +1,172 @@
+"""Meshes in a notebook: the viewer of reports in a cell, and a still picture where scripts do not run."""
+
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from functools import cache
+from html import escape
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.errors import MissingDependencyError, ParameterError
+from cascadenorm.evaluation.fields import QUANTITIES, Field, Quantity
+from cascadenorm.mesh import Mesh, MeshError, scaled_alike
+from cascadenorm.render import Camera, HeatMap, Image, png, rasterized, render, side_by_side, webp
+from cascadenorm.render.pillow import require_pillow
+from cascadenorm.reports.given import Given, given
+from cascadenorm.reports.page import frame_page
+from cascadenorm.reports.scene import scene
+
+if TYPE_CHECKING:
+    from anywidget import AnyWidget
+
+OWN = "values"
+"""Name of the values that a caller gives."""
+PICTURE, SMALL = 420, 280
+"""Size of each still picture of a view, and of that of a mesh, in pixels."""
+MOST_FACES = 300_000
+"""Faces up to which a mesh is drawn whenever a cell shows it."""
+
+
+class Shown(NamedTuple):
+    """What a view shows.
+
+    Parameters
+    ----------
+    meshes : with their names
+    color : the quantity that is seen first; "" for none
+    own : values that the caller gives, by the name of the mesh that they lie on
+    """
+
+    meshes: list[Given]
+    color: str
+    own: Field | None
+
+
+def view(
+    mesh: Any, other: Any = None, *, truth: Any = None, values: str | ArrayLike | None = None, height: int = 520
+) -> "AnyWidget":
+    """Show a mesh in the cell of a notebook, beside what was made of it, to be turned around.
+
+    It is the viewer of reports: split screen, side by side, heat maps, numbers of the face that is clicked. Where
+    scripts do not run, the cell holds a still picture.
+
+    Parameters
+    ----------
+    mesh, other, truth : of any kind that `denoise` takes: before, after, and the true one; all but the first may be
+        left out
+    values : what is seen as colours at first: "angle", "displacement", "normal-displacement" (with `other`),
+        "normal-error", "distance" (with `truth`), "noise" or "curvature"; or an array of numbers of your own, one for
+        each vertex or each face, NaN where there is none. It lies on each of the meshes that has as many
+    height : of the cell, in pixels
+
+    Returns
+    -------
+    A widget, for JupyterLab, VS Code, Colab and others
+
+    Raises
+    ------
+    ReadError, MeshError : a mesh that cannot be read, or no mesh
+    ParameterError : values that do not exist or need another mesh, or are as many as neither vertices nor faces
+    MissingDependencyError : anywidget or Pillow is not installed
+    """
+    widget = _widget()
+    require_pillow()
+    keys = ("mesh",) if other is None and truth is None else ("before", "after", "truth")
+    sources = [source for source in zip(keys, (mesh, other, truth), strict=False) if source[1] is not None]
+    meshes = [given(key, source) for key, source in sources]
+    shown = Shown(meshes, *_values(meshes, values))
+    packed = scene(shown.meshes, (), own=shown.own)
+    if shown.color and all(field["name"] != shown.color for field in packed["fields"]):
+        against = "other" if QUANTITIES[shown.color].against == "input" else "truth"
+        raise ParameterError(f"{shown.color} compares a mesh with another one", hint=f"give `{against}` as well")
+    picture = _picture(shown)
+    names = ", ".join(one.label.lower() for one in shown.meshes)
+    page = frame_page(packed, webp(picture), f"Meshes: {names}", color=shown.color)
+    return widget(page=page, picture=png(picture), height=height)
+
+
+def described(mesh: Mesh) -> str:
+    """Return HTML that says what a mesh is, with a picture where Pillow is installed and the mesh is not too large."""
+    words = (
+        f"{len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces, mean edge length {mesh.mean_edge_length:.4g}, "
+        f"bounding box {' × '.join(f'{side:.4g}' for side in np.ptp(mesh.vertices, axis=0))}"
+    )
+    caption = f"<figcaption>{escape(words)}</figcaption>"
+    if len(mesh.faces) > MOST_FACES:
+        return f"<figure>{caption}</figure>"
+    try:
+        require_pillow()
+        (drawn,) = scaled_alike(mesh)
+        data = b64encode(png(render(drawn, size=(SMALL, SMALL), transparent=True))).decode("ascii")
+    except (MissingDependencyError, MeshError):
+        return f"<figure>{caption}</figure>"
+    return f'<figure><img src="data:image/png;base64,{data}" alt="The mesh" width="{SMALL}">{caption}</figure>'
+
+
+def _values(meshes: Sequence[Given], values: str | ArrayLike | None) -> tuple[str, Field | None]:
+    """The quantity that is seen first, and the values that are the caller's own."""
+    if values is None:
+        return "", None
+    if isinstance(values, str):
+        if values not in QUANTITIES:
+            raise ParameterError(f"is {values!r}; it must be one of {', '.join(QUANTITIES)}", parameter="values")
+        return values, None
+    numbers = np.asarray(values, np.float64)
+    counts = {one.key: (len(one.mesh.vertices), len(one.mesh.faces)) for one in meshes}
+    for number, at in enumerate(("vertex", "face")):
+        there = [key for key, count in counts.items() if numbers.shape == (count[number],)]
+        if there:
+            signed = bool(np.nanmin(numbers, initial=0.0) < 0)
+            quantity = Quantity("Values", "", at, signed)  # type: ignore[arg-type]
+            return OWN, Field(OWN, dict.fromkeys(there, numbers), quantity)
+    sizes = ", ".join(f"{vertices:,} vertices and {faces:,} faces" for vertices, faces in counts.values())
+    raise ParameterError(f"have shape {numbers.shape}; the mesh has {sizes}", parameter="values")
+
+
+def _picture(shown: Shown) -> Image:
+    """All meshes side by side, from where the last is seen well, with the caller's own values as colours."""
+    meshes = scaled_alike(*(one.mesh for one in shown.meshes))
+    camera = Camera.looking_at(meshes[-1])
+    own: Mapping[str, NDArray[np.float64]] = shown.own.values if shown.own else {}
+    maps = [
+        HeatMap(own[one.key], shown.own.quantity.at, shown.own.limits, shown.own.quantity.signed)
+        if shown.own and one.key in own
+        else None
+        for one in shown.meshes
+    ]
+    pictures = [
+        render(mesh, view=camera, size=(PICTURE, PICTURE), values=heat) for mesh, heat in zip(meshes, maps, strict=True)
+    ]
+    return rasterized(side_by_side(pictures, [one.label for one in shown.meshes]))
+
+
+@cache
+def _widget() -> "type[AnyWidget]":
+    """The class of the widget, made when it is first needed.
+
+    Raises
+    ------
+    MissingDependencyError : anywidget is not installed
+    """
+    try:
+        import anywidget
+        import traitlets
+    except ImportError:
+        raise MissingDependencyError("view", package="anywidget", extra="notebook") from None
+
+    class View(anywidget.AnyWidget):  # type: ignore[misc]
+        """The cell: a page in a frame, and the picture for where there are no scripts."""
+
+        _esm = files("cascadenorm.reports").joinpath("notebook.js").read_text(encoding="utf-8")
+        page = traitlets.Unicode().tag(sync=True)
+        height = traitlets.Int(520).tag(sync=True)
+        picture = traitlets.Bytes()
+
+        def _repr_mimebundle_(self, **settings: Any) -> Any:
+            data, about = super()._repr_mimebundle_(**settings)
+            return {**data, "image/png": b64encode(self.picture).decode("ascii")}, about
+
+    return View
