@@ -5,15 +5,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shapes import cube, grid, icosphere, noisy
 
+import cascadenorm as cn
 from cascadenorm.data_gen.cad_tessellation import cad_part
 from cascadenorm.data_gen.decimate import thinned
 from cascadenorm.data_gen.noise import displacements
 from cascadenorm.data_gen.surface import UnfitShapeError
 from cascadenorm.data_gen.tessellated_part import Part
 from cascadenorm.data_gen.volumes import marching_cubes, surface_nets
+from cascadenorm.geometry.error_kind import error_kind
 from cascadenorm.geometry.exact_surfaces import coplanar_neighbors, exact_vertices
+from cascadenorm.geometry.segmentation_steps import has_voxel_faces
 from cascadenorm.geometry.voxel_lattice import lattice_share
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, angles_between
 
 
 def cylinder(sides: int, height: float = 2.0) -> Mesh:
@@ -167,11 +170,28 @@ def test_a_segmentation_is_not_exact_whatever_meshed_it(stretch, kept):
     assert not exact_vertices(cubes(ball_of_voxels(11.0, stretch=stretch))).any()
 
 
+@pytest.mark.parametrize("stretch", [1.0, 2.5])
+def test_faces_of_voxels_are_told_and_denoised(stretch):
+    mesh = cubes(ball_of_voxels(11.0, stretch=stretch))
+    middle = np.full(3, 14.7 + 0.5)  # of a mesh that is padded by a voxel and lies between their centres
+    turn = Rotation.random(random_state=1).as_matrix()
+    mesh = mesh.moved((mesh.vertices - middle) * (1, 1, stretch) @ turn.T)
+    assert has_voxel_faces(mesh)
+    denoised = cn.denoise(mesh.vertices, mesh.faces)
+    assert error_kind(mesh, denoised).kind == "segmentation"
+    true = mesh.centroids / np.linalg.norm(mesh.centroids, axis=1)[:, None]
+    before, after = (np.degrees(angles_between(m.normals, true).mean()) for m in (mesh, mesh.moved(denoised)))
+    assert before > 30 and after < 0.3 * before
+
+
 def test_flat_sides_with_a_grid_are_exact_though_they_lie_on_a_lattice():
     bracket = np.ones((12, 12, 12), bool)
     bracket[4:, 4:] = False
     assert lattice_share(cubes(bracket)) == 1
     assert exact_vertices(cubes(bracket)).all()
+    assert not has_voxel_faces(cubes(bracket))
+    assert not has_voxel_faces(grid(30, 30))
+    assert not has_voxel_faces(icosphere(3))
 
 
 def test_a_plate_with_many_equal_holes_is_exact_though_its_edges_repeat():

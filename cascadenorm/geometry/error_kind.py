@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cascadenorm.geometry.segmentation_steps import is_segmentation
+from cascadenorm.geometry.segmentation_steps import has_voxel_faces, is_segmentation
 from cascadenorm.geometry.voxel_lattice import Lattice, lattice_of_grey_values, lattice_of_mask
 from cascadenorm.mesh import Mesh, Vectors
 
@@ -94,7 +94,7 @@ def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind
     elif (lattice := lattice_of_grey_values(mesh)) is not None:
         kind, sure = "volume", True
     elif is_segmentation(mesh):  # whose voxels are not known, after surface nets or decimation
-        kind, sure = "segmentation", False
+        kind, sure = "segmentation", has_voxel_faces(mesh)
     elif openness > OPEN[0]:
         kind, sure = "depth image", openness > OPEN[1]
     else:

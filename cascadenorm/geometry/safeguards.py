@@ -5,6 +5,7 @@ import numpy as np
 from cascadenorm.geometry.chords import chords, local_noise
 from cascadenorm.geometry.exact_surfaces import exact_vertices
 from cascadenorm.geometry.foldovers import without_flips
+from cascadenorm.geometry.segmentation_steps import has_voxel_faces
 from cascadenorm.mesh import Floats, Mesh, Vectors
 
 NOISES = 30.0
@@ -45,7 +46,7 @@ def displacement_bounds(mesh: Mesh) -> Floats:
 
     0 on exact components and for vertices without a face, else the least of NOISES times the noise estimated around the
     vertex (see `local_noise`) and HEIGHTS times the height of its tallest face. On components with fewer than FEWEST
-    edges between two faces there is no estimate, and the height alone counts.
+    edges between two faces, and on the faces of voxels, there is no estimate, and the height alone counts.
     """
     tallest = np.zeros(len(mesh.vertices))
     np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))
@@ -53,5 +54,7 @@ def displacement_bounds(mesh: Mesh) -> Floats:
     noise = local_noise(mesh, measured.residuals)
     untold = np.bincount(part[mesh.topology.face_pairs[:, 0]], minlength=int(part.max()) + 1) < FEWEST
     noise[mesh.faces[untold[part]]] = np.inf
+    if has_voxel_faces(mesh):  # along their edges the normals of both ends agree
+        noise[:] = np.inf
     bounds = np.minimum(NOISES * noise, HEIGHTS * tallest)
     return np.where(exact_vertices(mesh, measured), 0.0, bounds)

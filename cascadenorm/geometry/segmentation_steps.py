@@ -15,11 +15,45 @@ STEPS = 0.2
 """Share of the bends that cancel within two rings, from which a mesh has steps: a step has an edge of either sign."""
 IN_PLANES = 0.03
 """Share of the vertices whose faces all lie in one plane, as on the treads of steps; CAD kernels make none."""
+ALL_STEPS = 0.65
+"""The share of bends from which the vertices do not matter, which a decimation may have removed from the planes."""
+ALONG_AXES = 0.98
+"""Share of the area whose normals lie along three perpendicular directions, from which faces are those of voxels."""
 
 
 def is_segmentation(mesh: Mesh) -> bool:
-    """Whether the edges are few vectors repeated, bend to and fro, and vertices lie inside of planes."""
-    return lattice_share(mesh) >= LATTICE and _share_in_planes(mesh) >= IN_PLANES and _share_of_steps(mesh) >= STEPS
+    """Whether the edges are few vectors repeated and bend to and fro, and vertices lie inside of planes."""
+    if lattice_share(mesh) < LATTICE:
+        return False
+    steps = _share_of_steps(mesh)
+    return steps >= ALL_STEPS or (steps >= STEPS and _share_in_planes(mesh) >= IN_PLANES)
+
+
+def has_voxel_faces(mesh: Mesh) -> bool:
+    """Whether a mesh consists of the faces of the voxels of a segmentation (cuberille; Herman, Liu 1979)."""
+    if not mesh.area > 0:
+        return False
+    first = mesh.normals[np.argmax(mesh.areas)]
+    across = np.abs(mesh.normals @ first) < 1e-3
+    if not (across & (mesh.areas > 0)).any():
+        return False
+    second = mesh.normals[np.argmax(mesh.areas * across)]
+    axes = np.stack([first, second, np.cross(first, second)])
+    along = np.abs(mesh.normals @ axes.T).max(axis=1) > 1 - 1e-4
+    return bool(mesh.areas[along].sum() >= ALONG_AXES * mesh.area) and is_segmentation(mesh)
+
+
+def without_voxel_faces(mesh: Mesh) -> Mesh:
+    """Move each vertex of a mesh of voxel faces to the mean of the centroids around it; any other stays as it is.
+
+    The normals of voxel faces have three directions, whatever the shape; after one average they tell where it leads.
+    """
+    if not has_voxel_faces(mesh):
+        return mesh
+    around = mesh.topology.vertex_faces
+    sums = scatter_add(mesh.faces.ravel(), np.repeat(mesh.centroids, 3, axis=0), len(mesh.vertices))
+    used = mesh.topology.used_vertices[:, None]
+    return mesh.moved(np.where(used, sums / np.maximum(around.counts, 1)[:, None], mesh.vertices))
 
 
 def _share_in_planes(mesh: Mesh) -> float:

@@ -15,6 +15,7 @@ from safetensors.numpy import save
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.geometry.safeguards import safeguarded
+from cascadenorm.geometry.segmentation_steps import without_voxel_faces
 from cascadenorm.learned.descriptors import (
     CUTOFF,
     ITERATED_PASSES,
@@ -163,8 +164,9 @@ def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device
     Detail about as small as the edges is partly lost. Segmentations with thick slices, and noise that folds faces over,
     stay hard. It learned from generated shapes: an error of a kind that none of them has may be left.
     """
-    vertices = without_drift(mesh, _loaded(model, "auto").vertices(mesh, sweeps=sweeps, engine=_engine(device)))
-    return safeguarded(mesh, vertices)
+    start = without_voxel_faces(mesh)
+    vertices = _loaded(model, "auto").vertices(start, sweeps=sweeps, engine=_engine(device))
+    return safeguarded(mesh, without_drift(mesh, vertices))
 
 
 @method("cascade", source="Wang, Liu, Tong 2016")
