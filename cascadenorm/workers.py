@@ -43,7 +43,7 @@ def side_by_side(count: int) -> Iterator[Map]:
     if count == 1:
         yield map
         return
-    with ProcessPoolExecutor(count, get_context("spawn"), initializer=_end_with_parent) as pool:
+    with ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
         try:
             yield partial(_submitted, pool)
         except BrokenProcessPool:
@@ -75,7 +75,7 @@ def interrupts_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """End this process when its parent is killed, rather than wait for work for ever."""
     parent = parent_process()
     assert parent is not None

@@ -55,8 +55,10 @@ MAY_IMPORT = {
                 "interop", "inspection", "evaluation", "render", "api", "denoised_files", "reports"},
     "frontends": {*METHODS, "interop", "controls", "api", "regions", "inspection", "evaluation.metrics", "frontends"},
     "frontends.blender": {*METHODS, "io.normals", "controls", "api", "inspection", "frontends"},
+    "studio": {*METHODS, "workers", "io", "interop", "controls", "api", "denoised_files", "reports", "studio"},
     "cli": {*METHODS, "workers", "learned", "data_gen", "io", "interop", "controls", "api", "denoised_files",
             "filled_files", "batch", "models", "regions", "evaluation", "spectra", "inspection", "render", "reports",
+            "studio",
             "cli"},
 }  # fmt: skip
 """What a module may import; the longest name that fits it decides. A room's own `__init__` is part of it."""

@@ -1,16 +1,15 @@
 """The viewer of reports in a real browser, and that its bundle is what its sources give."""
 
-import io
 import re
 import shlex
 import shutil
 import subprocess
 import time
-from base64 import b64decode
 from pathlib import Path
 
 import numpy as np
 import pytest
+from browsers import Browser, needs_browser, webdriver
 from PIL import Image
 from shapes import grid, icosphere, noisy
 
@@ -19,22 +18,9 @@ from cascadenorm.cli import run
 from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
-webdriver = pytest.importorskip("selenium.webdriver")
-
 ROOT = Path(__file__).parents[1]
 VIEWER = ROOT / "viewer"
-CHROMIUM, DRIVER, NPM = (shutil.which(name) for name in ("chromium", "chromedriver", "npm"))
-OPTIONS = (
-    "--headless=new",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--no-sandbox",
-    "--disable-dev-shm-usage",
-    "--disable-background-networking",
-    "--hide-scrollbars",
-    "--force-device-scale-factor=1",
-)
-needs_browser = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="chromium and chromedriver are not installed")
+NPM = shutil.which("npm")
 
 CLEAN = icosphere(3)
 ROUGH = noisy(CLEAN, 0.2)
@@ -46,11 +32,12 @@ FACE_ON = "view=0,0,1,0,0,0,3.2"
 
 
 @pytest.mark.skipif(NPM is None or not (VIEWER / "node_modules").is_dir(), reason="npm ci has not been run in viewer/")
-def test_the_bundle_is_what_its_sources_give(tmp_path):
+def test_the_bundles_are_what_their_sources_give(tmp_path):
     subprocess.run(["npm", "run", "--silent", "check"], cwd=VIEWER, check=True)
-    subprocess.run(["node", "build.mjs", str(tmp_path / "viewer.js")], cwd=VIEWER, check=True)
-    bundle = (ROOT / "cascadenorm" / "reports" / "viewer.js").read_bytes()
-    assert bundle == (tmp_path / "viewer.js").read_bytes(), "run `npm ci && npm run build` in viewer/"
+    subprocess.run(["node", "build.mjs", str(tmp_path)], cwd=VIEWER, check=True)
+    for name in ("reports/viewer.js", "studio/studio.js"):
+        bundle = (ROOT / "cascadenorm" / name).read_bytes()
+        assert bundle == (tmp_path / name).read_bytes(), "run `npm ci && npm run build` in viewer/"
 
 
 def test_the_bundle_is_small_names_its_licences_and_does_not_end_its_element():
@@ -64,27 +51,8 @@ def test_the_bundle_is_small_names_its_licences_and_does_not_end_its_element():
 # in a browser
 
 
-class Browser:
+class ReportBrowser(Browser):
     """A browser on a report."""
-
-    def __init__(self, *, webgl: bool = True) -> None:
-        options = webdriver.ChromeOptions()
-        options.binary_location = CHROMIUM
-        for option in (*OPTIONS, *(() if webgl else ("--disable-3d-apis",))):
-            options.add_argument(option)
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-        self.driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-        self.driver.set_script_timeout(120)
-        self.sized(1200, 800)
-
-    def sized(self, width: int, height: int, *, dark: bool = False) -> None:
-        self.driver.execute_cdp_cmd(
-            "Emulation.setDeviceMetricsOverride",
-            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
-        )
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        motion = {"name": "prefers-reduced-motion", "value": "reduce"}
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme, motion]})
 
     def open(self, report: Path, view: str = FACE_ON) -> float:
         """Open a report, wait until its meshes can be turned, and return how many seconds that took."""
@@ -96,34 +64,6 @@ class Browser:
             time.sleep(0.02)
         self.settle()
         return time.perf_counter() - start
-
-    def js(self, code: str, *arguments):
-        return self.driver.execute_script(code, *arguments)
-
-    def settle(self) -> None:
-        """Wait until what was asked for has been drawn."""
-        self.driver.execute_async_script(
-            "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 60)));"
-        )
-
-    def one(self, selector: str):
-        return self.driver.find_element("css selector", selector)
-
-    def canvas(self) -> np.ndarray:
-        """The pixels of the canvas with what lies over it, (height, width, 3)."""
-        return self.pixels(".stage")
-
-    def pixels(self, selector: str) -> np.ndarray:
-        box = self.js(
-            "const e = document.querySelector(arguments[0]); e.scrollIntoView({block: 'center'});"
-            "const b = e.getBoundingClientRect(); return [b.x + scrollX, b.y + scrollY, b.width, b.height]",
-            selector,
-        )
-        self.settle()
-        clip = dict(zip(("x", "y", "width", "height"), box, strict=True), scale=1)
-        shot = {"format": "png", "clip": clip, "captureBeyondViewport": True}
-        data = b64decode(self.driver.execute_cdp_cmd("Page.captureScreenshot", shot)["data"])
-        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
 
     def click(self, x: int, y: int) -> dict[str, str]:
         """Click a point of the canvas; what is said of the face there."""
@@ -151,7 +91,7 @@ class Browser:
 
 @pytest.fixture(scope="module")
 def browser():
-    opened = Browser()
+    opened = ReportBrowser()
     yield opened
     opened.driver.quit()
 
@@ -416,7 +356,7 @@ def test_controls_have_names(browser, report):
 
 @needs_browser
 def test_without_webgl_picture_and_text_stay(report):
-    browser = Browser(webgl=False)
+    browser = ReportBrowser(webgl=False)
     try:
         browser.open(report)
         assert browser.js("return document.getElementById('viewer').dataset.state") == "still"

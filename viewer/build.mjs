@@ -1,4 +1,5 @@
-// Bundle the viewer into one file, with the licences of what is in it. `node build.mjs FILE` writes to another place.
+// Bundle the viewer into one file, with the licences of what is in it, and the studio around it into another, which finds
+// the viewer as `cascadenormViewer`. `node build.mjs FOLDER` writes to another place.
 
 import { build } from "esbuild";
 import { readFileSync } from "node:fs";
@@ -12,15 +13,22 @@ const licences = ["three", "three-mesh-bvh"].map((name) => {
   return `${name} ${version}\n\n${text}`;
 });
 
-await build({
+const out = process.argv[2] ?? join(here, "..", "cascadenorm");
+const options = {
   absWorkingDir: here,
-  entryPoints: ["src/main.ts"],
-  outfile: process.argv[2] ?? join(here, "..", "cascadenorm", "reports", "viewer.js"),
   bundle: true,
   minify: true,
   format: "iife",
   target: "es2022",
   charset: "ascii",
   legalComments: "none",
+};
+
+await build({
+  ...options,
+  entryPoints: ["src/main.ts"],
+  outfile: join(out, "reports", "viewer.js"),
+  globalName: "cascadenormViewer",
   banner: { js: `/*!\nThis file contains:\n\n${licences.join("\n\n")}\n*/` },
 });
+await build({ ...options, entryPoints: ["src/studio/main.ts"], outfile: join(out, "studio", "studio.js") });

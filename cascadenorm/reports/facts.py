@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import cascadenorm
 from cascadenorm.controls import CONTROLS
@@ -86,7 +86,24 @@ def version_rows(done: Report | None) -> Rows:
     return rows
 
 
-def command_line(done: Report) -> str:
+class Recipe(Protocol):
+    """What makes a file, as in `Report`."""
+
+    @property
+    def source(self) -> str: ...
+    @property
+    def output(self) -> str: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def parameters(self) -> dict[str, Any]: ...
+    @property
+    def strength(self) -> float: ...
+    @property
+    def controls(self) -> dict[str, Any]: ...
+
+
+def command_line(done: Recipe) -> str:
     """Return the command that makes the same file again."""
     words = ["cascadenorm", "denoise", done.source, "-o", done.output, "--method", done.method]
     parameters = {name: value for name, value in done.parameters.items() if name != "model"}
@@ -102,7 +119,7 @@ def command_line(done: Report) -> str:
     return shlex.join(words)
 
 
-def python_call(done: Report) -> str:
+def python_call(done: Recipe) -> str:
     """Return the call that makes the same file again."""
     controls = {"strength": done.strength, **done.controls}
     settings: dict[str, Any] = {name: v for name, v in controls.items() if v != CONTROLS[name].default}

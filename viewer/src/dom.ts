@@ -11,6 +11,7 @@ export function make<K extends keyof HTMLElementTagNameMap>(
   for (const [name, value] of Object.entries(attributes)) {
     if (typeof value === "function") element.addEventListener(name, value);
     else if (typeof value === "boolean") element.toggleAttribute(name, value);
+    else if (name === "style") element.style.cssText = String(value); // an attribute would need "unsafe-inline"
     else element.setAttribute(name, String(value));
   }
   element.append(...children);

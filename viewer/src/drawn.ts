@@ -45,19 +45,36 @@ export class Drawn {
 
   paint(field: Field | null, vertexColors: boolean): void {
     const values = field?.values.get(this.surface.name);
-    if (field && values && !this.values.has(field.name)) {
-      this.values.set(field.name, texture(values.map((value) => (Number.isNaN(value) ? NOTHING : value)), 1));
-    }
+    if (field && values && !this.values.has(field.name)) this.values.set(field.name, texture(known(values), 1));
     this.uniforms.values.value = field && values ? this.values.get(field.name) : null;
     this.uniforms.hasValues.value = Boolean(values);
     this.uniforms.atFaces.value = field?.at === "face";
     this.uniforms.hasColors.value = vertexColors && this.surface.colors !== null;
   }
 
+  // Take over values of a field that have changed.
+  repaint(field: Field): void {
+    const stored = this.values.get(field.name);
+    if (!stored) return;
+    (stored.image.data as Float32Array).set(known(field.values.get(this.surface.name)!));
+    stored.needsUpdate = true;
+  }
+
+  dispose(): void {
+    const { positions, colors } = this.uniforms;
+    for (const held of [positions.value, colors.value, this.normals, ...this.values.values()]) held?.dispose();
+    this.object.geometry.dispose();
+    this.object.material.dispose();
+  }
+
   needsNormals(): void {
     this.normals ??= texture(spread(vertexNormals(this.surface)), 4);
     this.uniforms.normals.value = this.normals;
   }
+}
+
+function known(values: Float32Array): Float32Array {
+  return values.map((value) => (Number.isNaN(value) ? NOTHING : value));
 }
 
 function spread(rows: Float32Array): Float32Array {

@@ -27,10 +27,11 @@ export class Panel {
     private readonly model: Model,
     private readonly stage: Stage,
     private readonly change: (change: Partial<State>) => void,
+    linked: boolean,
   ) {
     this.histogram = new Histogram((range) => change({ range }));
     if (model.surfaces.length > 1) this.element.append(this.compared());
-    this.element.append(this.painted(), this.lit(), this.picked(), this.links(), keys());
+    this.element.append(this.painted(), this.lit(), this.picked(), this.links(linked), keys());
   }
 
   private get state(): State {
@@ -157,7 +158,7 @@ export class Panel {
     );
   }
 
-  private links(): HTMLElement {
+  private links(linked: boolean): HTMLElement {
     const said = make("p", { class: "note", role: "status" });
     const copy = async (text: string) => {
       try {
@@ -177,11 +178,13 @@ export class Panel {
       const there = target.map((value, axis) => Number((value * size + center[axis]).toPrecision(9)));
       return renderCommand(files(), { from, target: there, distance: distance * size }, this.state, reference);
     };
-    const buttons = [
-      make("button", { type: "button", click: () => this.stage.look(this.stage.home()) }, "Whole mesh"),
-      make("button", { type: "button", click: () => void copy(location.href) }, "Copy link to this view"),
-      make("button", { type: "button", click: () => void copy(command()) }, "Copy as command line"),
-    ];
+    const buttons = [make("button", { type: "button", click: () => this.stage.look(this.stage.home()) }, "Whole mesh")];
+    if (linked) {
+      buttons.push(
+        make("button", { type: "button", click: () => void copy(location.href) }, "Copy link to this view"),
+        make("button", { type: "button", click: () => void copy(command()) }, "Copy as command line"),
+      );
+    }
     return make("section", {}, make("div", { class: "buttons" }, ...buttons), said);
   }
 

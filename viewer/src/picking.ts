@@ -28,8 +28,45 @@ export class Picker {
     return new THREE.Triangle(corner(0), corner(1), corner(2));
   }
 
-  face(ray: THREE.Ray): number | null {
-    return this.tree.raycastFirst(ray, THREE.DoubleSide)?.faceIndex ?? null;
+  hit(ray: THREE.Ray): { face: number; point: THREE.Vector3 } | null {
+    const found = this.tree.raycastFirst(ray, THREE.DoubleSide);
+    return found ? { face: found.faceIndex!, point: found.point } : null;
+  }
+
+  // The vertices within a sphere that are connected with a face there: what a brush on that face reaches, and not the other
+  // side of a thin wall.
+  around(face: number, point: THREE.Vector3, radius: number): number[] {
+    const { triangles, positions } = this.surface;
+    const sphere = new THREE.Sphere(point, radius);
+    const faces: number[] = [];
+    this.tree.shapecast({
+      intersectsBounds: (box) => sphere.intersectsBox(box),
+      intersectsTriangle: (triangle, index) => {
+        if (triangle.intersectsSphere(sphere)) faces.push(index);
+        return false;
+      },
+    });
+    const facesOf = new Map<number, number[]>();
+    const inside = (vertex: number) => new THREE.Vector3().fromArray(positions, 3 * vertex).distanceTo(point) <= radius;
+    for (const index of faces) {
+      for (const vertex of triangles.subarray(3 * index, 3 * index + 3)) {
+        if (!facesOf.has(vertex)) facesOf.set(vertex, []);
+        facesOf.get(vertex)!.push(index);
+      }
+    }
+    const [seen, reached, waiting] = [new Set([face]), new Set<number>(), [face]];
+    while (waiting.length) {
+      const index = waiting.pop()!;
+      for (const vertex of triangles.subarray(3 * index, 3 * index + 3)) {
+        if (reached.has(vertex) || !inside(vertex)) continue;
+        reached.add(vertex);
+        for (const next of facesOf.get(vertex) ?? []) {
+          if (!seen.has(next)) waiting.push(next);
+          seen.add(next);
+        }
+      }
+    }
+    return [...reached];
   }
 
   near(point: THREE.Vector3): { normal: THREE.Vector3; spacing: number } {

@@ -18,6 +18,12 @@ export interface Pane {
   to: number;
 }
 
+export interface Picked {
+  name: string; // of the surface
+  face: number;
+  point: THREE.Vector3;
+}
+
 export class Stage {
   readonly camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   readonly controls: OrbitControls;
@@ -26,7 +32,7 @@ export class Stage {
   onFrame: () => void = () => {};
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
-  private readonly drawn: Map<string, Drawn>;
+  private drawn = new Map<string, Drawn>();
   private readonly pickers = new Map<string, Picker>();
   private readonly maps: Record<"signed" | "unsigned", THREE.DataTexture>;
   private readonly shared: Record<string, THREE.IUniform>;
@@ -34,7 +40,7 @@ export class Stage {
   private flight = 0;
 
   constructor(
-    private readonly model: Model,
+    private model: Model,
     public state: State,
   ) {
     this.renderer = new THREE.WebGLRenderer({ antialias: true, powerPreference: "high-performance" });
@@ -51,12 +57,25 @@ export class Stage {
       angle: { value: 0 },
       accent: { value: new THREE.Vector3(1, 0.5, 0) },
     };
-    this.drawn = new Map(model.surfaces.map((surface) => [surface.name, new Drawn(surface, this.shared)]));
-    for (const drawn of this.drawn.values()) this.scene.add(drawn.object);
+    this.hold(model);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.moved());
     this.look(state.view);
+  }
+
+  // Show other meshes, from where the camera is or as a whole.
+  show(model: Model, samePlace: boolean): void {
+    const { from, target, distance } = this.view();
+    const { size, center } = this.model;
+    this.hold(model);
+    const there = target.map((value, axis) => (value * size + center[axis] - model.center[axis]) / model.size);
+    this.look(samePlace ? { from, target: there, distance: (distance * size) / model.size } : this.home());
+  }
+
+  repaint(field: Field): void {
+    for (const drawn of this.drawn.values()) drawn.repaint(field);
+    this.draw();
   }
 
   get field(): Field | null {
@@ -92,6 +111,7 @@ export class Stage {
   }
 
   home(): View {
+    this.fit();
     const aspect = this.panes()[0].width / Math.max(this.canvas.clientHeight, 1) || 1;
     const slope = Math.tan((FIELD_OF_VIEW / 2) * (Math.PI / 180));
     const { from, target, reach } = this.model.view;
@@ -151,16 +171,16 @@ export class Stage {
     return picker;
   }
 
-  // The surface and the face under a point of the canvas, in CSS pixels.
-  pick(x: number, y: number): { name: string; face: number } | null {
+  // The surface, its face and the place in the frame under a point of the canvas, in CSS pixels.
+  pick(x: number, y: number): Picked | null {
     const pane = this.panes().find(({ from, to }) => x >= from && x < to);
     if (!pane) return null;
     this.shape(pane);
     const at = new THREE.Vector2(((x - pane.x) / pane.width) * 2 - 1, 1 - (y / this.canvas.clientHeight) * 2);
     const caster = new THREE.Raycaster();
     caster.setFromCamera(at, this.camera);
-    const face = this.picker(pane.name).face(caster.ray);
-    return face === null ? null : { name: pane.name, face };
+    const hit = this.picker(pane.name).hit(caster.ray);
+    return hit && { name: pane.name, ...hit };
   }
 
   mark(picked: { name: string; face: number } | null): void {
@@ -203,20 +223,25 @@ export class Stage {
     });
   }
 
+  private hold(model: Model): void {
+    for (const drawn of this.drawn.values()) {
+      this.scene.remove(drawn.object);
+      drawn.dispose();
+    }
+    this.pickers.clear();
+    this.model = model;
+    this.drawn = new Map(model.surfaces.map((surface) => [surface.name, new Drawn(surface, this.shared)]));
+    for (const drawn of this.drawn.values()) this.scene.add(drawn.object);
+  }
+
   private moved(): void {
     this.draw();
     this.onMove();
   }
 
   private drawNow(): void {
-    const width = this.canvas.parentElement!.clientWidth;
-    const height = this.canvas.parentElement!.clientHeight;
-    if (!width || !height) return;
-    const ratio = Math.min(devicePixelRatio, 2);
-    if (this.canvas.clientWidth !== width || this.canvas.clientHeight !== height || this.renderer.getPixelRatio() !== ratio) {
-      this.renderer.setPixelRatio(ratio);
-      this.renderer.setSize(width, height);
-    }
+    if (!this.fit()) return;
+    const height = this.canvas.clientHeight;
     this.adjust();
     this.renderer.setScissorTest(true);
     for (const pane of this.panes()) {
@@ -226,6 +251,19 @@ export class Stage {
       this.renderer.setScissor(pane.from, 0, Math.max(pane.to - pane.from, 0), height);
       if (pane.to - pane.from >= 1) this.renderer.render(this.scene, this.camera);
     }
+  }
+
+  // Make the canvas as large as the element that holds it; false where that has no size.
+  private fit(): boolean {
+    const width = this.canvas.parentElement?.clientWidth;
+    const height = this.canvas.parentElement?.clientHeight;
+    if (!width || !height) return false;
+    const ratio = Math.min(devicePixelRatio, 2);
+    if (this.canvas.clientWidth !== width || this.canvas.clientHeight !== height || this.renderer.getPixelRatio() !== ratio) {
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height);
+    }
+    return true;
   }
 
   // Take over the state.

@@ -5,6 +5,6 @@ starts at once.
 """
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.commands import denoising, drawing, measuring, training  # noqa: F401 - they add themselves
+from cascadenorm.cli.commands import browsing, denoising, drawing, measuring, training  # noqa: F401 - they add themselves
 
 __all__ = ["app"]

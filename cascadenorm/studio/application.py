@@ -1,0 +1,231 @@
+"""What the page of the studio asks for, and what it is answered."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from cascadenorm.errors import CascadenormError, ParameterError
+from cascadenorm.io.files import is_mesh_name
+from cascadenorm.studio.saving import plain_name
+from cascadenorm.studio.session import RequestFailed, Session
+from cascadenorm.studio.settings import form, spelled
+from cascadenorm.studio.uploads import TooLarge, Uploads
+
+MOST_LETTERS = 1 << 20
+"""Bytes of a request in JSON."""
+MOST_TICKET = 100
+"""Letters of the name that a page gives to its request."""
+PULSE = 1.0
+"""Seconds after which a page without news is asked whether it is still there."""
+
+ASSETS = {
+    "/": ("cascadenorm.studio", "studio.html", "text/html"),
+    "/studio.css": ("cascadenorm.studio", "studio.css", "text/css"),
+    "/studio.js": ("cascadenorm.studio", "studio.js", "text/javascript"),
+    "/viewer.css": ("cascadenorm.reports", "report.css", "text/css"),
+    "/viewer.js": ("cascadenorm.reports", "viewer.js", "text/javascript"),
+}
+"""Files of the page: what they are asked for as, their package and name, and their type."""
+
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+class Application:
+    """The requests of the page.
+
+    Parameters
+    ----------
+    session : what the pages share
+    uploads : where dropped files go
+    """
+
+    def __init__(self, session: Session, uploads: Uploads) -> None:
+        self._session, self._uploads = session, uploads
+        self._drops = 0
+
+    def routes(self) -> list[Route]:
+        """Return what is answered."""
+        asked: dict[str, tuple[str, Handler]] = {
+            "/api/form": ("GET", self.form),
+            "/api/events": ("GET", self.events),
+            "/api/scene/{number:int}": ("GET", self.scene),
+            "/api/drop": ("POST", self.drop),
+            "/api/drop/{drop:int}": ("POST", self.take),
+            "/api/open": ("POST", self.open),
+            "/api/paint": ("POST", self.paint),
+            "/api/denoise": ("POST", self.denoise),
+            "/api/cancel": ("POST", self.cancel),
+            "/api/recipe": ("POST", self.recipe),
+            "/api/save": ("POST", self.save),
+            "/api/download": ("POST", self.download),
+        }
+        routes = [Route(path, _answering(handler), methods=[method]) for path, (method, handler) in asked.items()]
+        return [*routes, *(Route(path, _asset(*asset), methods=["GET"]) for path, asset in ASSETS.items())]
+
+    async def form(self, _: Request) -> Response:
+        """Methods and controls."""
+        return JSONResponse(form())
+
+    async def events(self, request: Request) -> Response:
+        """What happens, as it happens, until the page is closed."""
+
+        async def lines() -> AsyncIterator[str]:
+            async with self._session.page() as events:
+                while not await request.is_disconnected():
+                    try:
+                        yield f"data: {json.dumps(await asyncio.wait_for(events.get(), PULSE))}\n\n"
+                    except asyncio.TimeoutError:
+                        yield ":\n\n"
+
+        return StreamingResponse(lines(), media_type="text/event-stream")
+
+    async def scene(self, request: Request) -> Response:
+        """A scene that an event has named."""
+        scene = self._session.scenes.get(request.path_params["number"])
+        if scene is None:
+            raise HTTPException(404)
+        return Response(scene, media_type="application/json")
+
+    async def drop(self, _: Request) -> Response:
+        """A number for files that are dropped together."""
+        self._drops += 1
+        return JSONResponse({"drop": self._drops})
+
+    async def take(self, request: Request) -> Response:
+        """One of the dropped files."""
+        length = request.headers.get("content-length", "0")
+        await self._uploads.take(
+            self._known_drop(request.path_params["drop"]),
+            request.query_params.get("name"),
+            request.stream(),
+            announced=int(length) if length.isdecimal() else 0,
+        )
+        return JSONResponse({})
+
+    async def open(self, request: Request) -> Response:
+        """Open one of the files of a drop, the first that is a mesh by its name."""
+        given = await _json(request)
+        drop, names = self._known_drop(given.get("drop")), given.get("names")
+        if not isinstance(names, list) or not names:
+            raise ParameterError("the request names no file")
+        paths = [self._uploads.path(drop, name) for name in names]
+        path = next((path for path in paths if is_mesh_name(path)), paths[0])
+        await self._session.open(path, path.name, saves=False)
+        return JSONResponse({})
+
+    async def paint(self, request: Request) -> Response:
+        """Take a code for each vertex that is shown."""
+        shown = 0 if self._session.opened is None else self._session.opened["painted"]
+        await self._session.paint(await _body(request, shown))
+        return JSONResponse({})
+
+    async def denoise(self, request: Request) -> Response:
+        """Begin to denoise; events say what becomes of it."""
+        given = await _json(request)
+        self._session.denoise(_of(given), str(given.get("ticket", ""))[:MOST_TICKET])
+        return JSONResponse({})
+
+    async def cancel(self, _: Request) -> Response:
+        """End denoising."""
+        self._session.cancel()
+        return JSONResponse({})
+
+    async def recipe(self, request: Request) -> Response:
+        """The command line and the Python call for a result."""
+        given = await _json(request)
+        target = self._target(given.get("name"))
+        return JSONResponse(await self._session.ask("recipe", settings=_of(given), target=str(target)))
+
+    async def save(self, request: Request) -> Response:
+        """Save a result beside the file that was opened."""
+        if self._session.opened is not None and not self._session.opened.get("saves"):
+            raise ParameterError("a dropped file is in no folder: download the result")
+        given = await _json(request)
+        target, force = self._target(given.get("name")), given.get("force") is True
+        return JSONResponse(await self._session.ask("save", settings=_of(given), target=str(target), force=force))
+
+    async def download(self, request: Request) -> Response:
+        """A result as a file for the browser to keep."""
+        given = await _json(request)
+        name = plain_name(given.get("name"))
+        done = await self._session.ask("download", settings=_of(given), name=name)
+        about = {key: done[key] for key in ("name", "left_out", "command", "python")}
+        return Response(
+            done["content"],
+            media_type="application/octet-stream",
+            headers={"x-about": quote(json.dumps(about))},
+        )
+
+    def _known_drop(self, drop: Any) -> int:
+        if not isinstance(drop, int) or not 0 < drop <= self._drops:
+            raise ParameterError("nothing was dropped: drop a file")
+        return drop
+
+    def _target(self, name: Any) -> Path:
+        """Return a path beside the open file, as the user gave that; a bare name where it was dropped."""
+        if self._session.file is None:
+            raise ParameterError("no mesh is open: open one")
+        _, shown = self._session.file
+        return Path(shown).with_name(plain_name(name))
+
+
+def _asset(package: str, name: str, kind: str) -> Handler:
+    content = files(package).joinpath(name).read_bytes()
+
+    async def handler(_: Request) -> Response:
+        return Response(content, media_type=kind)
+
+    return handler
+
+
+def _answering(handler: Handler) -> Handler:
+    """Answer errors as JSON."""
+
+    async def answering(request: Request) -> Response:
+        try:
+            return await handler(request)
+        except RequestFailed as error:
+            return JSONResponse(error.content, 400)
+        except TooLarge as error:
+            return JSONResponse({"error": error.message(spelled)}, 413)
+        except CascadenormError as error:
+            return JSONResponse({"error": error.message(spelled)}, 400)
+
+    return answering
+
+
+async def _body(request: Request, most: int) -> bytes:
+    parts, size = [], 0
+    async for part in request.stream():
+        size += len(part)
+        if size > most:
+            raise TooLarge(f"the request has more than {most} bytes")
+        parts.append(part)
+    return b"".join(parts)
+
+
+async def _json(request: Request) -> dict[str, Any]:
+    text = await _body(request, MOST_LETTERS)
+    try:
+        given = json.loads(text)
+    except (ValueError, RecursionError):
+        given = None
+    if not isinstance(given, dict):
+        raise ParameterError("the request is no object of JSON")
+    return given
+
+
+def _of(given: dict[str, Any]) -> dict[str, Any]:
+    settings = given.get("settings")
+    if not isinstance(settings, dict):
+        raise ParameterError("the request has no settings")
+    return settings

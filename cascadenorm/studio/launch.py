@@ -1,0 +1,33 @@
+"""Starting the studio."""
+
+from os import PathLike
+
+from cascadenorm.errors import MissingDependencyError
+
+MOST_MEGABYTES = 1000
+"""Size of the largest file that is opened unless another is given."""
+
+
+def studio(
+    file: str | PathLike[str] | None = None, *, port: int = 0, browser: bool = True, max_size: float = MOST_MEGABYTES
+) -> None:
+    """Serve the studio until its last page is closed, or Ctrl-C.
+
+    Parameters
+    ----------
+    file : mesh file to open; None lets the user drop one
+    port : on the loopback interface; 0 takes one that is free
+    browser : open the page in the user's browser; its address is printed in any case
+    max_size : of a file, in megabytes
+
+    Raises
+    ------
+    ReadError : the file does not exist or is too large; what is wrong within it is told on the page
+    OutputError : the port is taken
+    MissingDependencyError : starlette or uvicorn is not installed
+    """
+    try:
+        from cascadenorm.studio import server
+    except ModuleNotFoundError as error:
+        raise MissingDependencyError("the studio", package=error.name or "uvicorn", extra="studio") from None
+    server.serve(file, port=port, browser=browser, most=int(max_size * 1e6))

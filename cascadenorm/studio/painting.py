@@ -1,0 +1,62 @@
+"""What is painted on a mesh: weights of the displacement, and vertices that stay; one byte a vertex."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cascadenorm.controls.settings import Controls
+from cascadenorm.errors import ParameterError
+from cascadenorm.mesh import Mesh
+from cascadenorm.reports.display import Display
+
+FREE, PINNED = 0, 255
+"""Codes of vertices without paint, which move, and of those that stay. Codes 1 … 101 are weights of 0 … 100 %."""
+
+
+def over_painted(codes: bytes, mesh: Mesh, shown: Display) -> NDArray[np.uint8]:
+    """Return (n,) codes over a mesh from those of the vertices that are shown.
+
+    Raises
+    ------
+    ParameterError : not one code for each vertex that is shown, or a code without meaning
+    """
+    given = np.frombuffer(codes, np.uint8)
+    if len(given) != len(shown.kept_vertices):
+        raise ParameterError(
+            f"{len(given)} vertices are painted, and {len(shown.kept_vertices)} are shown: open it again"
+        )
+    if ((given > 101) & (given != PINNED)).any():
+        raise ParameterError("a code of the paint has no meaning")
+    if len(given) == len(mesh.vertices):
+        return given.copy()
+    nearest = cKDTree(mesh.vertices[shown.kept_vertices]).query(mesh.vertices)[1]
+    return np.asarray(given[nearest], np.uint8)
+
+
+def weights(paint: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return (n,) weights of the displacement, from 0 to 1."""
+    return np.where((paint == FREE) | (paint == PINNED), 1.0, (paint.astype(float) - 1) / 100)
+
+
+def has_paint(paint: NDArray[np.uint8]) -> dict[str, bool]:
+    """Tell for each control that is painted whether it is."""
+    return {"mask": bool(((paint != FREE) & (paint != PINNED)).any()), "fixed": bool((paint == PINNED).any())}
+
+
+def with_paint(controls: Controls, paint: NDArray[np.uint8]) -> Controls:
+    """Return controls in which mask and fixed are arrays over the mesh, with what is painted.
+
+    Parameters
+    ----------
+    controls : mask and fixed as arrays, or None; weights are multiplied, and vertices of both stay
+    """
+    found = controls.copy()
+    pinned = paint == PINNED
+    if has_paint(paint)["mask"]:
+        given = 1.0 if controls["mask"] is None else np.asarray(controls["mask"], np.float64)
+        found["mask"] = given * weights(paint)
+    if controls["fixed"] is not None:
+        given_fixed = np.asarray(controls["fixed"])
+        pinned = pinned | (given_fixed if given_fixed.dtype == bool else np.isin(np.arange(len(paint)), given_fixed))
+    found["fixed"] = pinned if pinned.any() else None
+    return found

@@ -1,0 +1,114 @@
+"""Results written as files, with all that the source holds, and how the command line and Python make them again."""
+
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple, cast
+from zipfile import ZIP_DEFLATED, ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm import io
+from cascadenorm.controls.apply import in_words
+from cascadenorm.controls.settings import Controls
+from cascadenorm.denoised_files import Opened, written_file
+from cascadenorm.errors import OutputError
+from cascadenorm.io.atomic import check_output, write_together
+from cascadenorm.io.files import check_target
+from cascadenorm.progress import Listener
+from cascadenorm.reports.facts import command_line, python_call
+from cascadenorm.studio.painting import has_paint
+from cascadenorm.studio.settings import Chosen
+from cascadenorm.studio.workbench import Workbench
+
+MOST_BYTES = 200
+"""Of a file name."""
+
+
+class Recipe(NamedTuple):
+    """What makes a file: names, settings; arrays by the files that hold them."""
+
+    source: str
+    output: str
+    method: str
+    parameters: dict[str, Any]
+    strength: float
+    controls: dict[str, Any]
+
+
+def plain_name(name: object) -> str:
+    """Return the name of a file in a folder that is known; raises OutputError for anything else, such as a path."""
+    bad = not isinstance(name, str) or name.startswith(".") or not name.strip() or len(name.encode()) > MOST_BYTES
+    if bad or any(letter in '/\\\\:*?"<>|' or ord(letter) < 32 for letter in str(name)):
+        raise OutputError(f"{name!r} is no plain file name", hint="give one without folders, such as part_denoised.ply")
+    return str(name)
+
+
+def save(
+    bench: Workbench, settings: dict[str, Any], target: Path, listener: Listener, *, force: bool
+) -> dict[str, Any]:
+    """Write the result, and what is painted beside it.
+
+    Returns
+    -------
+    file : the path; left_out : what its format cannot hold, in words; command, python : what makes it again
+
+    Raises
+    ------
+    OutputError : a file exists and force is not given, or it cannot be written
+    """
+    asked, result = bench.asked(settings), bench.result(settings, listener)
+    painted = _painted(bench, asked, target)
+    format = io.output_format(target, bench.file.format)
+    for path in (target, *(path for path, _ in painted.values())):
+        check_output(path, force=force)
+    check_target(bench.file, target, format=format, force=force)
+    opened = Opened(bench.path, target, format, bench.file, bench.mesh, asked.controls)
+    done = written_file(
+        opened, result.vertices, asked.method, asked.parameters, asked.controls, seconds=result.seconds, force=force
+    )
+    write_together([(path, [_npy(values)]) for path, values in painted.values()], force=force)
+    return {"file": str(target), "left_out": list(done.report.left_out), **recipe(bench, settings, target)}
+
+
+def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:
+    """Return what `save` does for a file of that name, and its bytes; those of a ZIP file if others belong to it."""
+    with TemporaryDirectory() as folder:
+        done = save(bench, settings, Path(folder) / name, listener, force=False)
+        files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+        if len(files) == 1:
+            content = files[0].read_bytes()
+        else:
+            name, stream = f"{Path(name).stem}.zip", BytesIO()
+            with ZipFile(stream, "w", ZIP_DEFLATED) as archive:
+                for path in files:
+                    archive.write(path, path.relative_to(folder))
+            content = stream.getvalue()
+    return {**done, **recipe(bench, settings, Path(done["file"]).relative_to(folder)), "name": name, "content": content}
+
+
+def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str, str]:
+    """Return the command and the Python call that make the file; what is painted lies beside it in files."""
+    asked = bench.asked(settings)
+    files = {name: str(path) for name, (path, _) in _painted(bench, asked, target).items()}
+    named = {**asked.controls, **{name: asked.given.get(name) for name in ("mask", "fixed", "only")}, **files}
+    controls = in_words(cast(Controls, named))
+    made = Recipe(bench.name, str(target), asked.method.name, asked.parameters, asked.controls["strength"], controls)
+    return {"command": command_line(made), "python": python_call(made)}
+
+
+def _painted(bench: Workbench, asked: Chosen, target: Path) -> dict[str, tuple[Path, NDArray[Any]]]:
+    """Return the controls that hold paint, each as a path and an array over the vertices of the file."""
+    welds = bench.file.welds
+    arrays = {name: asked.controls[name] for name, drawn in has_paint(bench.paint).items() if drawn}  # type: ignore[literal-required]
+    return {
+        name: (target.with_name(f"{target.stem}_{name}.npy"), np.asarray(array)[welds])
+        for name, array in arrays.items()
+    }
+
+
+def _npy(values: NDArray[Any]) -> bytes:
+    stream = BytesIO()
+    np.save(stream, values, allow_pickle=False)
+    return stream.getvalue()

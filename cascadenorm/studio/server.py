@@ -1,0 +1,100 @@
+"""The server of the studio, on the loopback interface."""
+
+import asyncio
+import secrets
+import socket
+import webbrowser
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from os import PathLike, fspath
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+
+from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.studio.application import Application
+from cascadenorm.studio.guard import Guard
+from cascadenorm.studio.session import Session
+from cascadenorm.studio.uploads import Uploads, check_size
+
+HOST = "127.0.0.1"
+SETTINGS: dict[str, Any] = {
+    "log_level": "error",
+    "access_log": False,
+    "ws": "none",
+    "http": "h11",
+    "loop": "asyncio",
+    "server_header": False,
+    "timeout_graceful_shutdown": 1,
+}
+GRACE = 3.0
+"""Seconds that a page may take to load again before the studio ends."""
+
+
+def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: int) -> None:
+    """Serve until the last page is closed; the parameters are those of `studio`, and `most` is in bytes."""
+    if file is not None:
+        _check_file(Path(file), most)
+    listening = _listening(port)
+    token, session = secrets.token_urlsafe(32), Session()
+    with TemporaryDirectory(prefix="cascadenorm-studio-") as folder, listening:
+
+        @asynccontextmanager
+        async def working(_: Starlette) -> AsyncIterator[None]:
+            session.start()
+            tasks = [asyncio.create_task(_end_without_pages(session, server))]
+            if file is not None:
+                tasks.append(asyncio.create_task(session.open_given(Path(file).absolute(), fspath(file))))
+            try:
+                yield
+            finally:
+                for task in tasks:
+                    task.cancel()
+                session.close()
+
+        routes = Application(session, Uploads(Path(folder), most=most)).routes()
+        port = listening.getsockname()[1]
+        guarded = Guard(Starlette(routes=routes, lifespan=working), port=port, token=token)
+        server = uvicorn.Server(uvicorn.Config(guarded, **SETTINGS))
+        address = f"http://{HOST}:{port}/#token={token}"
+        print(f"The studio is at {address}\nClose its page, or press Ctrl-C, to end it.", flush=True)
+        if browser:
+            webbrowser.open(address)
+        server.run(sockets=[listening])
+
+
+async def _end_without_pages(session: Session, server: uvicorn.Server) -> None:
+    """End the server when no page has been open for a while, after there was one."""
+    while not session.has_pages:
+        await asyncio.sleep(0.2)
+    gone = 0.0
+    while gone < GRACE:
+        await asyncio.sleep(0.2)
+        gone = 0.0 if session.has_pages else gone + 0.2
+    server.should_exit = True
+
+
+def _check_file(path: Path, most: int) -> None:
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise ReadError(f"{path} cannot be read: {error.strerror or error}") from None
+    if path.is_dir():
+        raise ReadError(f"{path} is a folder", hint="give the name of a mesh file in it")
+    check_size(str(path), size, most, most)
+
+
+def _listening(port: int) -> socket.socket:
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((HOST, port))
+        listening.listen()  # a browser that is faster than the server waits
+    except (OSError, OverflowError) as error:
+        listening.close()
+        why = getattr(error, "strerror", None) or error
+        raise OutputError(f"port {port} cannot be used: {why}", hint="choose another, or none") from None
+    return listening

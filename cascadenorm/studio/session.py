@@ -1,0 +1,238 @@
+"""What the pages of one studio share: the open mesh, the work that goes on, and who is told of it."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from itertools import count
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from cascadenorm.errors import WorkerError
+from cascadenorm.studio.worker import Reply, Request, Worker
+
+PATIENCE = 3.0
+"""Seconds after which work that was cancelled and does not end is ended with its process."""
+
+Event = dict[str, Any]
+"""Told to the pages, as JSON: `type` is one of "opened", "unopened", "progress", "shown", "cancelled", "failed"."""
+
+
+class RequestFailed(Exception):
+    """What the worker could not do: `content` has the message as "error", and maybe a remedy."""
+
+    def __init__(self, content: dict[str, Any]) -> None:
+        super().__init__(content["error"])
+        self.content = content
+
+
+class Session:
+    """The worker and its mesh; to be used in the event loop in which it is started."""
+
+    def __init__(self) -> None:
+        self._numbers = count(1)
+        self._waiting: dict[int, tuple[Request, asyncio.Future[Any], float]] = {}
+        self._pages: set[asyncio.Queue[Event]] = set()
+        self._file: tuple[Path, str] | None = None
+        self._paint: bytes | None = None
+        self.opened: Event | None = None
+        self.scenes: dict[int, bytes] = {}
+        self._worker: Worker | None = None
+
+    def start(self) -> None:
+        """Start the worker, which takes a second, before it is needed."""
+        self._worker = self._started()
+
+    # work
+
+    async def open(self, path: Path, name: str, *, saves: bool) -> None:
+        """Open a mesh file in the place of the one before; raises RequestFailed, and that one stays then.
+
+        Parameters
+        ----------
+        name : in messages and commands
+        saves : whether results are saved beside it
+        """
+        self.cancel()
+        about = await self._ask("open", path=str(path), name=name)
+        self._file, self._paint, self.scenes = (path, name), None, {}
+        self.opened = {"type": "opened", **about, "saves": saves, "scene": self._keep(about["scene"])}
+        self._tell(self.opened)
+
+    async def open_given(self, path: Path, name: str) -> None:
+        """Open the file that the studio is started with, and tell the pages what comes of it."""
+        try:
+            await self.open(path, name, saves=True)
+        except RequestFailed as error:
+            self.opened = {"type": "unopened", **error.content}
+            self._tell(self.opened)
+
+    def denoise(self, settings: dict[str, Any], ticket: str) -> None:
+        """Begin to denoise in the place of what is being denoised; events name it by the ticket of the page."""
+        self._cancel_before(self._send("denoise", settings=settings, ticket=ticket))
+
+    def cancel(self) -> None:
+        """End denoising."""
+        self._cancel_before(next(self._numbers))
+
+    async def paint(self, codes: bytes) -> None:
+        """Take what is painted."""
+        await self._ask("paint", codes=codes)
+        self._paint = codes
+
+    async def ask(self, kind: str, **arguments: Any) -> Any:
+        """Save, download or word a result; raises RequestFailed."""
+        return await self._ask(kind, **arguments)
+
+    @property
+    def file(self) -> tuple[Path, str] | None:
+        """The path of the open file, and its name in messages."""
+        return self._file
+
+    def close(self) -> None:
+        """End the worker."""
+        if self._worker is not None:
+            self._worker.stop()
+
+    # pages
+
+    @property
+    def has_pages(self) -> bool:
+        """Whether a page is open."""
+        return bool(self._pages)
+
+    @asynccontextmanager
+    async def page(self) -> AsyncIterator[asyncio.Queue[Event]]:
+        """Tell a page what happens, and first which file is open, for the block."""
+        events: asyncio.Queue[Event] = asyncio.Queue()
+        if self.opened is not None:
+            events.put_nowait(self.opened)
+        self._pages.add(events)
+        try:
+            yield events
+        finally:
+            self._pages.discard(events)
+
+    def _tell(self, event: Event) -> None:
+        for page in self._pages:
+            page.put_nowait(event)
+
+    # the worker
+
+    def _started(self) -> Worker:
+        loop = asyncio.get_running_loop()
+
+        def heard(reply: Reply) -> None:
+            loop.call_soon_threadsafe(self._heard, reply)
+
+        def ended(code: int | None) -> None:
+            loop.call_soon_threadsafe(self._ended, code)
+
+        return Worker(heard, ended)
+
+    def _send(self, kind: str, **arguments: Any) -> int:
+        worker = self._ready()
+        request = Request(next(self._numbers), kind, arguments)
+        future = asyncio.get_running_loop().create_future()
+        future.add_done_callback(lambda done: done.cancelled() or done.exception())  # nobody may wait for it
+        self._waiting[request.number] = (request, future, monotonic())
+        worker.send(request)
+        return request.number
+
+    def _ready(self) -> Worker:
+        """Return the worker; where there is none one is started, and opens the file that is open."""
+        if self._worker is None:
+            self._worker = self._started()
+            if self._file is not None:
+                path, name = self._file
+                self._send("open", path=str(path), name=name)
+                if self._paint is not None:
+                    self._send("paint", codes=self._paint)
+        return self._worker
+
+    async def _ask(self, kind: str, **arguments: Any) -> Any:
+        number = self._send(kind, **arguments)
+        return await self._waiting[number][1]
+
+    def _cancel_before(self, number: int) -> None:
+        if self._worker is not None:
+            self._worker.cancel_before(number)
+        outdated = [one for one, (request, *_) in self._waiting.items() if request.kind == "denoise" and one < number]
+        if outdated:
+            asyncio.get_running_loop().call_later(PATIENCE, self._end_what_hangs, outdated)
+
+    def _end_what_hangs(self, numbers: list[int]) -> None:
+        """End the worker where it is still at work that was cancelled; another one does what was asked for since."""
+        if self._worker is None or not self._waiting.keys() & set(numbers):
+            return
+        self._worker.stop()
+        self._worker = None
+        waiting, self._waiting = self._waiting, {}
+        for number, (request, future, since) in waiting.items():
+            if number in numbers:
+                future.cancel()
+                self._tell({"type": "cancelled", "ticket": request.arguments["ticket"]})
+            else:
+                self._ready().send(request)
+                self._waiting[number] = (request, future, since)
+
+    def _heard(self, reply: Reply) -> None:
+        if reply.number not in self._waiting:
+            return
+        request, future, since = self._waiting[reply.number]
+        if reply.kind in ("done", "failed", "cancelled"):
+            del self._waiting[reply.number]
+        elif reply.kind == "preview" or reply.content == 0.0:  # the time left is counted from here
+            self._waiting[reply.number] = (request, future, since := monotonic())
+        if future.done():  # nobody waits any more
+            pass
+        elif reply.kind == "failed":
+            future.set_exception(RequestFailed(reply.content))
+        elif reply.kind == "done":
+            future.set_result(reply.content)
+        if request.kind == "denoise":
+            self._tell(self._event(request, reply, since))
+
+    def _event(self, request: Request, reply: Reply, since: float) -> Event:
+        """Say what became of denoising, or how far it is."""
+        event: Event = {"ticket": request.arguments["ticket"]}
+        match reply.kind:
+            case "progress":
+                passed, fraction = monotonic() - since, reply.content
+                left = passed * (1 - fraction) / fraction if fraction > 0.02 else None
+                return {"type": "progress", **event, "fraction": fraction, "left": left}
+            case "preview":
+                return {"type": "shown", **event, "coarse": True, "scene": self._keep(reply.content)}
+            case "done":
+                about = {**reply.content, "scene": self._keep(reply.content["scene"])}
+                return {"type": "shown", **event, "coarse": False, **about}
+            case "failed":
+                return {"type": "failed", **event, **reply.content}
+        return {"type": "cancelled", **event}
+
+    def _ended(self, code: int | None) -> None:
+        """Fail what the worker was asked for; the next request starts another one, which opens the same file."""
+        waiting, self._waiting, self._worker = self._waiting, {}, None
+        for request, future, _ in waiting.values():
+            content = {"error": _why(code)}
+            if not future.done():
+                future.set_exception(RequestFailed(content))
+            if request.kind == "denoise":
+                self._tell({"type": "failed", "ticket": request.arguments["ticket"], **content})
+
+    def _keep(self, scene: bytes) -> int:
+        """Keep a scene until two newer ones are there, besides the first; return its number."""
+        number = next(self._numbers)
+        self.scenes[number] = scene
+        for old in sorted(self.scenes)[1:-2]:
+            del self.scenes[old]
+        return number
+
+
+def _why(code: int | None) -> str:
+    about = f"by signal {-code}" if code is not None and code < 0 else f"with code {code}"
+    error = WorkerError(
+        f"the process that denoises ended {about}; the next request starts another one",
+        hint="where memory is short, take a smaller mesh or fewer threads",
+    )
+    return error.message()

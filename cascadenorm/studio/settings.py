@@ -1,0 +1,120 @@
+"""The form of the studio, made from the declarations of methods and controls, and the settings that come back."""
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cascadenorm.api import DEFAULT_METHOD, methods
+from cascadenorm.controls import CONTROLS
+from cascadenorm.controls.selection import FILES
+from cascadenorm.controls.settings import Controls, checked
+from cascadenorm.errors import ParameterError
+from cascadenorm.registry import Method, Setting, find
+
+MOST_LETTERS = 10_000
+"""Of a text."""
+
+
+class Chosen(NamedTuple):
+    """A method with its parameters, and the controls over it; `given` are those that were named."""
+
+    method: Method
+    parameters: dict[str, Any]
+    controls: Controls
+    given: dict[str, Any]
+
+
+def form() -> dict[str, Any]:
+    """Return what the form is made of: every method with its parameters, and the controls, in their order."""
+    offered = [control for control in CONTROLS.values() if not control.about.hidden]
+    return {
+        "default": DEFAULT_METHOD,
+        "methods": [
+            {
+                "name": method.name,
+                "summary": method.summary,
+                "source": method.source,
+                "settings": [_input(setting) for setting in method.given_by_name if _fits(setting)],
+            }
+            for method in methods().values()
+        ],
+        "controls": [{**_input(control), "example": _text(control.about.example)} for control in offered],
+    }
+
+
+def chosen(given: Mapping[str, Any]) -> Chosen:
+    """Read the settings of a request.
+
+    Parameters
+    ----------
+    given : method, a name; parameters and controls by name, as numbers or text
+
+    Raises
+    ------
+    ParameterError : an unknown name, a value out of range, or one that names a file
+    """
+    method = find(str(given.get("method", DEFAULT_METHOD)))
+    parameters, controls = (_plain(given.get(kind, {})) for kind in ("parameters", "controls"))
+    for name, value in {**parameters, **controls}.items():
+        setting = method.settings.get(name) if name in parameters else CONTROLS.get(name)
+        if setting is not None and (not _fits(setting) or _names_a_file(setting, value)):
+            raise ParameterError("is a file, and the studio reads none but the mesh", parameter=name)
+    if "progress" in controls:
+        raise ParameterError("is not for the studio", parameter="progress")
+    return Chosen(method, method.checked(parameters), checked(controls), controls)
+
+
+def spelled(name: str, value: object = None) -> str:
+    """Return what the form calls a setting, for messages."""
+    label = _label(name)
+    return f"“{label}”" if value is None else f"“{label}”: {value}"
+
+
+def _input(setting: Setting) -> dict[str, Any]:
+    """Describe a setting: the browser makes an input of it."""
+    about = setting.about
+    number = setting.kinds in ((int,), (float,))
+    return {
+        "name": setting.name,
+        "label": _label(setting.name),
+        "help": about.help,
+        "unit": about.unit,
+        "allowed": about.allowed,
+        "kind": "choice" if setting.choices else "number" if number else "text",
+        "whole": setting.kinds == (int,),
+        "choices": [str(choice) for choice in setting.choices] + (["none"] if setting.optional else []),
+        "default": "none" if setting.default is None and setting.choices else _text(setting.default),
+        "minimum": about.minimum if about.minimum is not None else about.above,
+        "maximum": about.maximum,
+        "example": "",
+    }
+
+
+def _fits(setting: Setting) -> bool:
+    """Whether text or a number can stand for a setting; not for weights, which are a file."""
+    return bool(setting.choices) or any(kind in (int, float, str) for kind in setting.kinds)
+
+
+def _names_a_file(setting: Setting, value: Any) -> bool:
+    takes = any(kind is Path or getattr(kind, "__origin__", kind) is PathLike for kind in setting.kinds)
+    return takes and isinstance(value, str) and value.strip().lower().endswith(FILES)
+
+
+def _plain(given: Any) -> dict[str, Any]:
+    """Return names with numbers and texts."""
+    if not isinstance(given, dict):
+        raise ParameterError(f"settings are given by name, not as a {type(given).__name__}")
+    for name, value in given.items():
+        known = isinstance(value, str | int | float | None) and not isinstance(value, bool)
+        if not known or len(str(value)) > MOST_LETTERS:
+            raise ParameterError("must be a number or a short text", parameter=str(name))
+    return given
+
+
+def _label(name: str) -> str:
+    return name.replace("_", " ").capitalize()
+
+
+def _text(value: Any) -> str:
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,158 @@
+"""The mesh that the studio works on, what is painted on it, and what was made of it; it lives in the worker process."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm import io
+from cascadenorm.controls.apply import controlled
+from cascadenorm.controls.selection import selected
+from cascadenorm.controls.settings import Controls
+from cascadenorm.errors import CascadenormError, MeshError
+from cascadenorm.interop import mesh_of_file
+from cascadenorm.io.files import beside
+from cascadenorm.mesh import limit_threads
+from cascadenorm.progress import Listener
+from cascadenorm.reports.display import display
+from cascadenorm.reports.given import Given
+from cascadenorm.studio.packed_scenes import packed_scene
+from cascadenorm.studio.painting import over_painted, with_paint
+from cascadenorm.studio.previews import Coarse, coarse
+from cascadenorm.studio.settings import Chosen, chosen
+
+KEPT = 8
+"""Results that are kept, so that what was there before shows at once when it is asked for again."""
+
+
+def suggested_name(file: io.MeshFile, name: Path) -> str:
+    """Return a name for the result; a format that is only read gives way to PLY."""
+    named = beside(Path(name.name), "denoised")
+    try:
+        io.output_format(named, file.format)
+    except CascadenormError:
+        return named.with_suffix(".ply").name
+    return named.name
+
+
+class Result(NamedTuple):
+    """New vertices, (n, 3), and how long the method took."""
+
+    vertices: NDArray[Any]
+    seconds: float
+
+
+class Workbench:
+    """One mesh file, opened.
+
+    Parameters
+    ----------
+    path : of the file
+    name : what it is called in messages and commands: the path as the user gave it, or the name of a dropped file
+
+    Raises
+    ------
+    ReadError, MeshError : no mesh; vertices that are not finite and faces without vertices are isolated
+    """
+
+    def __init__(self, path: Path, name: str) -> None:
+        self.path, self.name, self.notice = path, name, ""
+        try:
+            self.file = io.read(path)
+        except io.ReadError as error:
+            raise error.within(name) from error.__cause__
+        try:
+            self.mesh = mesh_of_file(self.file, name)
+        except MeshError as error:
+            if error.remedy is None:
+                raise
+            self.file = self.file.isolating()
+            self.mesh, self.notice = mesh_of_file(self.file, name), error.problem
+        self.shown = display(self.mesh)
+        self.coarse = coarse(self.mesh)
+        self.paint = np.zeros(len(self.mesh.vertices), np.uint8)
+        self._results: dict[str, Result] = {}
+
+    def about(self) -> dict[str, Any]:
+        """Return what the page says of the file, and the scene that shows it."""
+        return {
+            "name": Path(self.name).name,
+            "suggested": suggested_name(self.file, Path(self.name)),
+            "vertices": len(self.mesh.vertices),
+            "faces": len(self.mesh.faces),
+            "painted": len(self.shown.kept_vertices),
+            "notice": self.notice,
+            "scene": packed_scene([self.before]),
+        }
+
+    @property
+    def before(self) -> Given:
+        """The mesh as it is in the file."""
+        return Given("before", self.name, self.file)
+
+    def take_paint(self, codes: bytes) -> None:
+        """Take what was painted on the vertices that are shown; the others are as the nearest of these."""
+        self.paint = over_painted(codes, self.mesh, self.shown)
+
+    def denoise(
+        self, settings: dict[str, Any], listener: Listener, preview: Callable[[bytes], object]
+    ) -> dict[str, Any]:
+        """Denoise the mesh, a coarse one first if it is large.
+
+        Parameters
+        ----------
+        listener : called with the fraction done, of the coarse mesh and then of the whole one; what it raises ends it
+        preview : called with a scene of the coarse mesh
+        """
+        asked = self.asked(settings)
+        if self.coarse is not None and self._key(settings) not in self._results:
+            preview(self._preview(self.coarse, asked, listener))
+        result = self.result(settings, listener)
+        listener(1.0)
+        after = self.file.with_vertices(result.vertices)
+        moved = int((result.vertices != self.mesh.vertices).any(axis=1).sum())
+        scene = packed_scene([self.before, Given("after", "denoised", after)])
+        return {"seconds": result.seconds, "moved": moved, "scene": scene}
+
+    def asked(self, settings: dict[str, Any]) -> Chosen:
+        """Return the settings with the controls as arrays over the mesh, those that are painted among them."""
+        asked = chosen(settings)
+        controls = asked.controls.copy()
+        if self.notice:
+            controls["on_bad"] = "isolate"
+        return asked._replace(controls=with_paint(selected(controls, self.file), self.paint))
+
+    def result(self, settings: dict[str, Any], listener: Listener) -> Result:
+        """Return the denoised vertices, which may be known already."""
+        key = self._key(settings)
+        known = self._results.pop(key, None)
+        if known is None:
+            asked = self.asked(settings)
+            start = perf_counter()
+            vertices = self._controlled(asked, listener)
+            known = Result(vertices, perf_counter() - start)
+        self._results[key] = known
+        if len(self._results) > KEPT:
+            del self._results[next(iter(self._results))]
+        return known
+
+    def _controlled(self, asked: Chosen, listener: Listener) -> NDArray[Any]:
+        controls: Controls = {**asked.controls, "progress": listener}
+        dtype = self.file.positions.dtype
+        with limit_threads(controls["threads"]):
+            return controlled(asked.method, self.mesh, asked.parameters, controls, dtype=dtype)
+
+    def _preview(self, coarse: Coarse, asked: Chosen, listener: Listener) -> bytes:
+        controls: Controls = {**coarse.controls(asked.controls, self.mesh), "progress": listener}
+        with limit_threads(controls["threads"]):
+            vertices = controlled(asked.method, coarse.mesh, asked.parameters, controls)
+        before, after = (io.from_arrays(v, coarse.mesh.faces) for v in (coarse.mesh.vertices, vertices))
+        meshes = [Given("before", self.name, before), Given("after", "denoised", after)]
+        return packed_scene(meshes, faces=len(self.mesh.faces))
+
+    def _key(self, settings: dict[str, Any]) -> str:
+        return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())

@@ -1,0 +1,75 @@
+"""A real browser, driven by the tests of pages."""
+
+import io
+import shutil
+from base64 import b64decode
+
+import numpy as np
+import pytest
+from PIL import Image
+
+webdriver = pytest.importorskip("selenium.webdriver")
+
+CHROMIUM, DRIVER = (shutil.which(name) for name in ("chromium", "chromedriver"))
+OPTIONS = (
+    "--headless=new",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--hide-scrollbars",
+    "--force-device-scale-factor=1",
+)
+needs_browser = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="chromium and chromedriver are not installed")
+
+
+class Browser:
+    """A browser on a page."""
+
+    def __init__(self, *, webgl: bool = True) -> None:
+        options = webdriver.ChromeOptions()
+        options.binary_location = CHROMIUM
+        for option in (*OPTIONS, *(() if webgl else ("--disable-3d-apis",))):
+            options.add_argument(option)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+        self.driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+        self.driver.set_script_timeout(120)
+        self.sized(1200, 800)
+
+    def sized(self, width: int, height: int, *, dark: bool = False) -> None:
+        self.driver.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride",
+            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
+        )
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        motion = {"name": "prefers-reduced-motion", "value": "reduce"}
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme, motion]})
+
+    def js(self, code: str, *arguments):
+        return self.driver.execute_script(code, *arguments)
+
+    def settle(self) -> None:
+        """Wait until what was asked for has been drawn."""
+        self.driver.execute_async_script(
+            "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 60)));"
+        )
+
+    def one(self, selector: str):
+        return self.driver.find_element("css selector", selector)
+
+    def canvas(self) -> np.ndarray:
+        """The pixels of the canvas with what lies over it, (height, width, 3)."""
+        return self.pixels(".stage")
+
+    def pixels(self, selector: str) -> np.ndarray:
+        box = self.js(
+            "const e = document.querySelector(arguments[0]); e.scrollIntoView({block: 'center'});"
+            "const b = e.getBoundingClientRect(); return [b.x + scrollX, b.y + scrollY, b.width, b.height]",
+            selector,
+        )
+        self.settle()
+        clip = dict(zip(("x", "y", "width", "height"), box, strict=True), scale=1)
+        shot = {"format": "png", "clip": clip, "captureBeyondViewport": True}
+        data = b64decode(self.driver.execute_cdp_cmd("Page.captureScreenshot", shot)["data"])
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)

@@ -1,0 +1,166 @@
+// Requests to the server, each with the token, and what the server tells.
+
+import type { PackedScene } from "../format";
+
+export interface Input {
+  name: string;
+  label: string;
+  help: string;
+  unit: string;
+  allowed: string;
+  kind: "choice" | "number" | "text";
+  whole: boolean;
+  choices: string[];
+  default: string;
+  minimum: number | null;
+  maximum: number | null;
+  example: string;
+}
+
+export interface Method {
+  name: string;
+  summary: string;
+  source: string;
+  settings: Input[];
+}
+
+export interface Form {
+  default: string;
+  methods: Method[];
+  controls: Input[];
+}
+
+export interface Settings {
+  method: string;
+  parameters: Record<string, string>;
+  controls: Record<string, string>;
+}
+
+export interface Opened {
+  type: "opened";
+  name: string;
+  suggested: string;
+  saves: boolean; // beside the file; a dropped one has no folder
+  vertices: number;
+  faces: number;
+  painted: number; // vertices that are shown, and painted
+  notice: string;
+  scene: number;
+}
+
+export type Told =
+  | Opened
+  | { type: "unopened"; error: string }
+  | { type: "progress"; ticket: string; fraction: number; left: number | null }
+  | { type: "shown"; ticket: string; scene: number; coarse: boolean; seconds?: number; moved?: number }
+  | { type: "cancelled"; ticket: string }
+  | { type: "failed"; ticket: string; error: string };
+
+export interface Recipe {
+  command: string;
+  python: string;
+}
+
+export interface Saved extends Recipe {
+  file: string;
+  left_out: string[];
+}
+
+export class Refused extends Error {
+  constructor(
+    message: string,
+    readonly remedy: unknown,
+  ) {
+    super(message);
+  }
+
+  // A file is there, which may be replaced.
+  get exists(): boolean {
+    return Array.isArray(this.remedy) && this.remedy[0] === "force";
+  }
+}
+
+const KEY = "cascadenorm-token";
+
+// The token comes in the address, which is never sent, and stays with this tab when the page is loaded again.
+export function token(): string | null {
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (given) {
+    sessionStorage.setItem(KEY, given);
+    history.replaceState(null, "", location.pathname);
+  }
+  return sessionStorage.getItem(KEY);
+}
+
+export class Api {
+  constructor(private readonly secret: string) {}
+
+  form(): Promise<Form> {
+    return this.json("GET", "form");
+  }
+
+  scene(number: number): Promise<PackedScene> {
+    return this.json("GET", `scene/${number}`);
+  }
+
+  denoise(settings: Settings, ticket: string): Promise<unknown> {
+    return this.json("POST", "denoise", { settings, ticket });
+  }
+
+  cancel(): Promise<unknown> {
+    return this.json("POST", "cancel", {});
+  }
+
+  recipe(settings: Settings, name: string): Promise<Recipe> {
+    return this.json("POST", "recipe", { settings, name });
+  }
+
+  save(settings: Settings, name: string, force: boolean): Promise<Saved> {
+    return this.json("POST", "save", { settings, name, force });
+  }
+
+  async download(settings: Settings, name: string): Promise<{ name: string; left_out: string[]; content: Blob }> {
+    const answer = await this.asked("POST", "download", JSON.stringify({ settings, name }));
+    return { ...JSON.parse(decodeURIComponent(answer.headers.get("x-about")!)), content: await answer.blob() };
+  }
+
+  paint(codes: Uint8Array<ArrayBuffer>): Promise<unknown> {
+    return this.asked("POST", "paint", codes);
+  }
+
+  // Open one of the files; the others may belong to it.
+  async drop(files: File[]): Promise<void> {
+    const { drop } = await this.json<{ drop: number }>("POST", "drop", {});
+    for (const file of files) await this.asked("POST", `drop/${drop}?name=${encodeURIComponent(file.name)}`, file);
+    await this.json("POST", "open", { drop, names: files.map(({ name }) => name) });
+  }
+
+  // Tell what happens, until the server ends.
+  async listen(tell: (told: Told) => void): Promise<void> {
+    const reader = (await this.asked("GET", "events")).body!.pipeThrough(new TextDecoderStream()).getReader();
+    let text = "";
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done) return;
+      const parts = (text + value).split("\n\n");
+      text = parts.pop()!;
+      for (const part of parts) if (part.startsWith("data: ")) tell(JSON.parse(part.slice(6)) as Told);
+    }
+  }
+
+  private async json<T>(method: string, path: string, content?: object): Promise<T> {
+    return (await this.asked(method, path, content && JSON.stringify(content))).json() as Promise<T>;
+  }
+
+  private async asked(method: string, path: string, body?: BodyInit): Promise<Response> {
+    let answer: Response;
+    try {
+      answer = await fetch(`/api/${path}`, { method, body, headers: { authorization: `Bearer ${this.secret}` } });
+    } catch {
+      throw new Refused("The studio has ended: start it again.", null);
+    }
+    if (answer.ok) return answer;
+    const told = (await answer.json().catch(() => ({}))) as { error?: string; remedy?: unknown };
+    throw new Refused(told.error ?? `The studio answered ${answer.status}.`, told.remedy);
+  }
+}

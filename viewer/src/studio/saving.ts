@@ -1,0 +1,91 @@
+// The dialog that saves a result, and the two ways to make it again that can be copied.
+
+import { make } from "../dom";
+import { Api, Opened, Refused, Settings } from "./api";
+
+export class Saving {
+  readonly dialog = make("dialog", { class: "saving", "aria-labelledby": "saving-title" });
+  private readonly name = make("input", { type: "text", id: "saving-name", spellcheck: "false", autocomplete: "off" });
+  private readonly beside = make("button", { type: "submit" }, "Save");
+  private readonly said = make("p", { class: "note", role: "status" });
+  private replaces = ""; // the name of a file that may be replaced, when it is asked for again
+  private settings: Settings | null = null;
+
+  constructor(
+    private readonly api: Api,
+    private readonly saved: () => void,
+  ) {
+    const download = make("button", { type: "button", click: () => void this.download() }, "Download");
+    const close = make("button", { type: "button", click: () => this.dialog.close() }, "Close");
+    this.name.addEventListener("input", () => this.ask(""));
+    this.dialog.append(
+      make(
+        "form",
+        { submit: (event: Event) => (event.preventDefault(), void (this.beside.hidden ? this.download() : this.save())) },
+        make("h2", { id: "saving-title" }, "Save the result"),
+        make("label", { for: "saving-name" }, "File name; its extension selects the format"),
+        this.name,
+        make("div", { class: "buttons" }, this.beside, download, close),
+        this.said,
+      ),
+    );
+  }
+
+  open({ suggested, saves }: Opened): void {
+    this.name.value = suggested;
+    this.beside.hidden = !saves;
+  }
+
+  show(settings: Settings): void {
+    this.settings = settings;
+    this.ask("");
+    this.said.replaceChildren();
+    this.dialog.showModal();
+    this.name.setSelectionRange(0, this.name.value.lastIndexOf("."));
+  }
+
+  // A name for what the recipe makes.
+  get target(): string {
+    return this.name.value;
+  }
+
+  private ask(replaces: string): void {
+    this.replaces = replaces;
+    this.beside.textContent = replaces ? "Replace the file" : "Save beside the input";
+  }
+
+  private async save(): Promise<void> {
+    const name = this.name.value;
+    this.said.textContent = "Saving…";
+    try {
+      const { file, left_out } = await this.api.save(this.settings!, name, this.replaces === name);
+      this.done(`Saved as ${file}.`, left_out);
+      this.ask("");
+    } catch (error) {
+      this.said.textContent = (error as Error).message;
+      if (error instanceof Refused && error.exists) {
+        this.said.textContent = `${name} exists already: choose another name, or replace it.`;
+        this.ask(name);
+      }
+    }
+  }
+
+  private async download(): Promise<void> {
+    this.said.textContent = "Preparing the file…";
+    try {
+      const { name, left_out, content } = await this.api.download(this.settings!, this.name.value);
+      const href = URL.createObjectURL(content);
+      make("a", { href, download: name }).click();
+      setTimeout(() => URL.revokeObjectURL(href), 60_000);
+      this.done(`Downloaded as ${name}.`, left_out);
+    } catch (error) {
+      this.said.textContent = (error as Error).message;
+    }
+  }
+
+  private done(text: string, leftOut: string[]): void {
+    const lost = leftOut.length ? ` The format cannot hold: ${leftOut.join("; ")}.` : " All attributes of the input are kept.";
+    this.said.textContent = text + lost;
+    this.saved();
+  }
+}

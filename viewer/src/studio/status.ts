@@ -1,0 +1,71 @@
+// What goes on: progress with the time left, and what came of it.
+
+import { make } from "../dom";
+
+export class Status {
+  readonly element = make("div", { class: "status" });
+  private readonly bar = make("progress", { max: 1, value: 0, "aria-label": "Denoising" });
+  private readonly said = make("p", { class: "said", role: "status" });
+  private readonly failed = make("p", { class: "failed", role: "alert" });
+  private readonly noted = make("p", { class: "noted" });
+  private readonly text = make("pre", {}, make("code"));
+  private readonly work: HTMLElement;
+  private what = "";
+
+  constructor(cancel: () => void) {
+    this.work = make("div", { class: "row" }, this.bar, make("button", { type: "button", click: cancel }, "Cancel"));
+    this.element.append(this.work, this.said, this.failed, this.noted, this.text);
+    this.work.hidden = this.failed.hidden = this.noted.hidden = this.text.hidden = true;
+  }
+
+  begin(): void {
+    this.what = "Denoising";
+    this.say("Denoising…");
+    this.bar.value = 0;
+    this.work.hidden = false;
+  }
+
+  // A coarse mesh is shown, and the whole one is on its way.
+  coarse(): void {
+    this.what = "This is a coarse preview. Denoising the whole mesh";
+    this.said.textContent = `${this.what}…`;
+    this.bar.value = 0;
+  }
+
+  progress(fraction: number, left: number | null): void {
+    this.bar.value = fraction;
+    this.said.textContent = left === null ? `${this.what}…` : `${this.what}: about ${duration(left)} left.`;
+  }
+
+  done(seconds: number, moved: number): void {
+    this.say(`Denoised in ${duration(seconds)}; ${moved.toLocaleString("en")} vertices moved.`);
+  }
+
+  say(text: string): void {
+    this.said.textContent = text;
+    this.work.hidden = this.failed.hidden = this.text.hidden = true;
+  }
+
+  fail(text: string): void {
+    this.say("");
+    this.failed.hidden = false;
+    this.failed.textContent = text;
+  }
+
+  // What holds for the open file.
+  notice(text: string): void {
+    this.noted.hidden = text === "";
+    this.noted.textContent = text;
+  }
+
+  copied(text: string, code: string): void {
+    this.say(text);
+    this.text.hidden = false;
+    this.text.firstElementChild!.textContent = code;
+  }
+}
+
+function duration(seconds: number): string {
+  if (seconds < 10) return `${seconds.toFixed(1)} s`;
+  return seconds < 100 ? `${Math.round(seconds)} s` : `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+}
