@@ -18,6 +18,7 @@ from cascadenorm.registry import Parameter, Setting
 DOCS = Path(__file__).parents[1] / "docs"
 sys.path.insert(0, str(DOCS / "extensions"))
 import card_pages  # noqa: E402
+import check_site  # noqa: E402
 import command_pages  # noqa: E402
 import docstrings  # noqa: E402
 import method_pages  # noqa: E402
@@ -96,6 +97,22 @@ def test_the_python_reference_has_every_public_name():
     assert sorted(re.findall(r"^   (\w+)$", page, re.MULTILINE)) == sorted(cn.__all__)
 
 
+def test_links_of_a_site_are_checked(tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "a.html").write_text('<h2 id="x">X</h2><a href="sub/b.html#y">b</a><a href="https://example.org">e</a>')
+    (tmp_path / "sub" / "b.html").write_text('<p id="y"><a href="../a.html#x">a</a><img src="../p.png"></p>')
+    (tmp_path / "p.png").write_bytes(b"")
+    assert check_site.faults(tmp_path) == []
+    check_site.read.cache_clear()
+    (tmp_path / "a.html").write_text('<a href="sub/c.html">c</a><a href="http://e.org">e</a><script src="//cdn/x.js">')
+    assert check_site.faults(tmp_path) == [
+        "a.html: loads //cdn/x.js, which is elsewhere",
+        "a.html: links to sub/c.html, which does not exist",
+        "a.html: links to http://e.org; write https://",
+        "sub/b.html: links to ../a.html#x, but there is no such heading",
+    ]
+
+
 def test_every_page_is_in_a_table_of_contents():
     def listed(page):
         trees = re.findall(r"```{toctree}\n(?::.*\n)*\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
@@ -108,6 +125,12 @@ def test_every_page_is_in_a_table_of_contents():
         assert page in known or page.name == "index.md", (
             f"name {page.name} in the table of docs/reference.md or another"
         )
+
+
+def test_stars_and_underscores_of_docstrings_stand_for_themselves():
+    assert (
+        docstrings.plain("all of **/*.ply in `a_*`, |x_i|, model_") == r"all of \*\*/\*.ply in `a_*`, \|x_i\|, model\_"
+    )
 
 
 def test_entries_of_docstrings_become_definitions():

@@ -13,7 +13,7 @@ def with_definitions(lines: list[str]) -> list[str]:
     """Return the lines of a docstring with a heading for each section and a definition for each entry."""
     out: list[str] = []
     title = ""
-    for line, after in pairwise([*lines, ""]):
+    for line, after in pairwise([*map(plain, lines), ""]):
         if line and after and set(after) == {"-"}:
             title = line
             out += ["", f".. rubric:: {title}", ""]
@@ -26,6 +26,12 @@ def with_definitions(lines: list[str]) -> list[str]:
         else:
             out.append(line.strip() if title == "Returns" else line)
     return [*out, ""]
+
+
+def plain(line: str) -> str:
+    """Return a line in which stars, bars and underscores stand for themselves; code in backticks stays as it is."""
+    parts = re.split(r"(`+[^`]+`+)", line)
+    return "".join(re.sub(r"([*|]|_\b)", r"\\\1", part) if i % 2 == 0 else part for i, part in enumerate(parts))
 
 
 def setup(app: Any) -> dict[str, bool]:

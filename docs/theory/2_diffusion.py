@@ -68,7 +68,8 @@ left.legend()
 # al. 1999).
 #
 # With cotangent weights the Laplacian of the surface itself is the mean curvature, :math:`\Delta x = -2 H n`, and the
-# flow has a formula for a sphere: :math:`r(t)^2 = r_0^2 - 4 \lambda t`. The implementation follows it.
+# flow has a formula for a sphere: :math:`r(t)^2 = r_0^2 - 4 \lambda t`. The implementation follows it; implicit steps
+# are of first order in time, so long ones lag behind.
 sphere = fields.sphere(radius=0.8)
 ball = tessellate(sphere, extent_of(sphere, rng=rng), faces=3000, sharp=False, tessellation="even", rng=rng)
 step, count = 1.0, 12  # squared mean edge lengths

@@ -39,8 +39,9 @@ def show(meshes, titles):
 
 
 # %%
-# The two terms along the minima for many weights: the *L-curve*. On it nothing can be made smoother without going
-# farther from the data. Its corner is a popular choice of the weight when the noise is unknown.
+# The two terms along the minima for many weights, the *L-curve*: on it nothing can be made smoother without going
+# farther from the data. A corner of the curve is a popular choice of the weight where the noise is unknown. This one
+# has none: the weight with the least error, which only the truth knows, is not to be seen in it.
 laplacian = cotangent_laplacian(noisy)
 smoothness, distance = [], []
 weights = 10.0 ** np.linspace(-2, 2, 17)

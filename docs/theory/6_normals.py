@@ -52,7 +52,8 @@ for axis, (count, normals) in zip(axes, filtered.items(), strict=True):
 #
 # .. math:: x_i \leftarrow x_i + \frac{1}{N_i} \sum_{f \ni i} \langle n_f,\, c_f - x_i \rangle\, n_f .
 #
-# Few sweeps leave noise of the positions, many follow every error of the normals.
+# Few sweeps leave the noise of the positions. After some twenty nothing more is gained: further ones follow the
+# errors of the filtered normals.
 sweeps = (0, 1, 2, 4, 8, 16, 32, 64)
 angle, off = [], []
 for count in sweeps:

@@ -53,8 +53,8 @@ show(results)
 
 
 # %%
-# The angles across all edges, sorted. The true part has a few large ones and zero elsewhere. Squares leave many small
-# bends, the absolute value fewer, the count almost none, and the large ones survive.
+# The angles across all edges, sorted. The true part has large ones at its edges, small ones around the hole, and zero
+# elsewhere. Squares leave many small bends, the absolute value fewer, the count fewest, and the large ones survive.
 def bends(mesh):
     first, second = mesh.topology.face_pairs.T
     cosines = np.einsum("ij,ij->i", mesh.normals[first], mesh.normals[second])
