@@ -124,7 +124,7 @@ class Application:
 
     async def paint(self, request: Request) -> Response:
         """Take a code for each vertex that is shown."""
-        shown = 0 if self._session.opened is None else self._session.opened["painted"]
+        shown = (self._session.opened or {}).get("painted", 0)
         await self._session.paint(await _body(request, shown))
         return JSONResponse({})
 
@@ -147,10 +147,10 @@ class Application:
 
     async def save(self, request: Request) -> Response:
         """Save a result beside the file that was opened."""
-        if self._session.opened is not None and not self._session.opened.get("saves"):
-            raise ParameterError("a dropped file is in no folder: download the result")
         given = await _json(request)
         target, force = self._target(given.get("name")), given.get("force") is True
+        if not (self._session.opened or {}).get("saves"):
+            raise ParameterError("a dropped file is in no folder", hint="download the result")
         return JSONResponse(await self._session.ask("save", settings=_of(given), target=str(target), force=force))
 
     async def download(self, request: Request) -> Response:

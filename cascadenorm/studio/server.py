@@ -22,7 +22,7 @@ from cascadenorm.studio.uploads import Uploads, check_size
 
 HOST = "127.0.0.1"
 SETTINGS: dict[str, Any] = {
-    "log_level": "error",
+    "log_level": "critical",
     "access_log": False,
     "ws": "none",
     "http": "h11",

@@ -76,7 +76,8 @@ class Session:
         self._cancel_before(next(self._numbers))
 
     async def paint(self, codes: bytes) -> None:
-        """Take what is painted."""
+        """Take what is painted; denoising without it ends."""
+        self.cancel()
         await self._ask("paint", codes=codes)
         self._paint = codes
 

@@ -95,7 +95,7 @@ export class Histogram {
     this.ticks.replaceChildren(...marks);
     const what = field.at === "face" ? "faces" : "vertices";
     this.caption.textContent = [
-      field.unit === "°" ? "" : `In ${field.unit}. `,
+      field.unit === "°" || field.unit === "" ? "" : `In ${field.unit}. `,
       last > 0 ? `${series[last].label} filled, ${series[0].label.toLowerCase()} outlined. ` : "",
       `Drag to highlight ${what}.`,
     ].join("");

@@ -183,6 +183,13 @@ export class Stage {
     return hit && { name: pane.name, ...hit };
   }
 
+  // How long a length on the screen, in CSS pixels, is in the frame where a point is.
+  lengthAt(point: THREE.Vector3, pixels: number): number {
+    const slope = Math.tan((FIELD_OF_VIEW / 2) * (Math.PI / 180));
+    const depth = point.clone().applyMatrix4(this.camera.matrixWorldInverse).z;
+    return (pixels * 2 * slope * -depth) / Math.max(this.canvas.clientHeight, 1);
+  }
+
   mark(picked: { name: string; face: number } | null): void {
     for (const [name, drawn] of this.drawn) {
       const alike = picked && drawn.surface.triangles === this.drawn.get(picked.name)!.surface.triangles;

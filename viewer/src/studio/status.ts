@@ -10,11 +10,13 @@ export class Status {
   private readonly noted = make("p", { class: "noted" });
   private readonly text = make("pre", {}, make("code"));
   private readonly work: HTMLElement;
+  private readonly again: HTMLButtonElement;
   private what = "";
 
-  constructor(cancel: () => void) {
+  constructor(cancel: () => void, again: () => void) {
     this.work = make("div", { class: "row" }, this.bar, make("button", { type: "button", click: cancel }, "Cancel"));
-    this.element.append(this.work, this.said, this.failed, this.noted, this.text);
+    this.again = make("button", { type: "button", hidden: true, click: again }, "Denoise");
+    this.element.append(this.work, this.said, this.failed, this.again, this.noted, this.text);
     this.work.hidden = this.failed.hidden = this.noted.hidden = this.text.hidden = true;
   }
 
@@ -41,9 +43,14 @@ export class Status {
     this.say(`Denoised in ${duration(seconds)}; ${moved.toLocaleString("en")} vertices moved.`);
   }
 
+  cancelled(): void {
+    this.say("Cancelled: what is shown was made with other settings.");
+    this.again.hidden = false;
+  }
+
   say(text: string): void {
     this.said.textContent = text;
-    this.work.hidden = this.failed.hidden = this.text.hidden = true;
+    this.again.hidden = this.work.hidden = this.failed.hidden = this.text.hidden = true;
   }
 
   fail(text: string): void {

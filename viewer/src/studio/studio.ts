@@ -3,13 +3,20 @@
 import { make } from "../dom";
 import type { PackedScene } from "../format";
 import { Api, Form, Opened, Settings, Told } from "./api";
+import { Brush } from "./brush";
 import { Dropping } from "./dropping";
-import { SettingsForm } from "./form";
+import { SettingsForm, Values } from "./form";
+import { History } from "./history";
 import { Saving } from "./saving";
 import { Status } from "./status";
 import { modelOf, Viewer } from "./viewer";
 
 const PAUSE = 150; // milliseconds without a change, after which an answer is asked for
+
+interface Choices {
+  values: Values;
+  codes: Uint8Array<ArrayBuffer>; // of the paint
+}
 
 export class Studio {
   private readonly title = make("h1", {}, "cascadenorm studio");
@@ -21,10 +28,15 @@ export class Studio {
   private readonly dropping: Dropping;
   private readonly save = make("button", { type: "button", disabled: true, click: () => this.saving.show(this.shown!) }, "Save…");
   private readonly copies: HTMLButtonElement[];
+  private readonly back = make("button", { type: "button", disabled: true, title: "Ctrl+Z", click: () => this.go(true) }, "Undo");
+  private readonly forth = make("button", { type: "button", disabled: true, title: "Ctrl+Shift+Z", click: () => this.go(false) }, "Redo");
+  private readonly brush = new Brush(() => (this.remember(), this.changing()));
+  private readonly history = new History<Choices>();
   private viewer: Viewer | null = null;
   private opened: Opened | null = null;
   private shown: Settings | null = null; // what made the mesh that is shown
   private asked: { ticket: string; settings: Settings } | null = null;
+  private sent: Uint8Array | null = null; // the paint that the server has
   private timer = 0;
   private turn = 0; // of the scenes: one that comes late is not shown
   private unsaved = false;
@@ -34,8 +46,15 @@ export class Studio {
     private readonly api: Api,
     form: Form,
   ) {
-    this.status = new Status(() => void this.attempt(() => api.cancel()));
-    this.form = new SettingsForm(form, () => this.changing(), () => {});
+    this.status = new Status(
+      () => void this.attempt(() => api.cancel()),
+      () => this.ask(),
+    );
+    this.form = new SettingsForm(
+      form,
+      () => this.changing(),
+      () => this.remember(),
+    );
     this.saving = new Saving(api, () => (this.unsaved = false));
     this.dropping = new Dropping((files) => this.attempt(() => api.drop(files), "Opening the mesh…"));
     this.copies = [
@@ -47,7 +66,7 @@ export class Studio {
         "header",
         { class: "bar" },
         make("div", {}, this.title, this.counts),
-        make("div", { class: "buttons" }, this.dropping.button, this.save),
+        make("div", { class: "buttons" }, this.back, this.forth, this.dropping.button, this.save),
       ),
       make(
         "main",
@@ -56,6 +75,7 @@ export class Studio {
           "section",
           { class: "side", "aria-label": "Denoise" },
           this.form.element,
+          this.brush.element,
           this.status.element,
           make("div", { class: "buttons" }, ...this.copies),
         ),
@@ -64,6 +84,8 @@ export class Studio {
       this.saving.dialog,
     );
     addEventListener("beforeunload", (event) => this.unsaved && event.preventDefault());
+    addEventListener("keydown", (event) => this.key(event));
+    this.brush.element.hidden = true;
     root.dataset.state = "empty";
   }
 
@@ -73,8 +95,8 @@ export class Studio {
     else if (told.ticket !== this.asked?.ticket) return;
     else if (told.type === "progress") this.status.progress(told.fraction, told.left);
     else if (told.type === "shown") void this.attempt(() => this.answer(told));
-    else if (told.type === "failed") this.status.fail(told.error);
-    else this.status.say("Cancelled.");
+    else if (told.type === "failed") this.failed(told.error);
+    else this.status.cancelled();
   }
 
   end(): void {
@@ -84,7 +106,7 @@ export class Studio {
   }
 
   private async open(opened: Opened): Promise<void> {
-    this.asked = this.shown = null;
+    this.asked = this.shown = this.sent = null;
     this.root.dataset.state = "opening";
     this.status.say("Opening the mesh…");
     this.opened = opened;
@@ -93,6 +115,9 @@ export class Studio {
     this.counts.textContent = `${opened.faces.toLocaleString("en")} faces, ${opened.vertices.toLocaleString("en")} vertices`;
     this.status.notice(opened.notice && `${opened.notice}; these stay as they are.`);
     this.saving.open(opened);
+    this.brush.open(opened.painted);
+    this.brush.element.hidden = false;
+    this.history.begin(this.choices);
     this.offer();
     await this.draw(opened.scene, false);
     this.ask();
@@ -103,13 +128,45 @@ export class Studio {
     if (this.opened) this.timer = window.setTimeout(() => this.ask(), PAUSE);
   }
 
+  private get choices(): Choices {
+    return { values: structuredClone(this.form.values), codes: this.brush.codes };
+  }
+
+  private remember(): void {
+    if (this.opened) this.history.push(this.choices);
+    this.offer();
+  }
+
+  // Go back to the choices before, or forth again.
+  private go(back: boolean): void {
+    if (!(back ? this.history.canUndo : this.history.canRedo)) return;
+    const { values, codes } = back ? this.history.undo() : this.history.redo();
+    this.form.show(values);
+    this.brush.show(codes);
+    this.offer();
+    this.changing();
+  }
+
+  private key(event: KeyboardEvent): void {
+    const typing = event.target instanceof HTMLInputElement && /text|number/.test(event.target.type);
+    if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || typing || this.saving.dialog.open) return;
+    event.preventDefault();
+    this.go(!event.shiftKey);
+  }
+
   private ask(): void {
     void this.attempt(async () => {
-      const { settings } = this.form;
+      const asked = { ticket: crypto.randomUUID(), settings: structuredClone(this.form.settings) };
+      const { codes } = this.brush;
+      this.asked = asked;
+      this.shown = null; // what is saved is what is shown
+      this.offer();
       this.root.dataset.state = "working";
       this.status.begin();
-      this.asked = { ticket: crypto.randomUUID(), settings: structuredClone(settings) };
-      await this.api.denoise(settings, this.asked.ticket);
+      const painted = this.sent ? codes !== this.sent : codes.some((code) => code !== 0);
+      if (painted) await this.api.paint(codes);
+      if (painted) this.sent = codes;
+      if (this.asked === asked) await this.api.denoise(asked.settings, asked.ticket);
     });
   }
 
@@ -126,19 +183,29 @@ export class Studio {
     this.status.done(told.seconds!, told.moved!);
     this.offer();
     this.root.dataset.state = "shown";
+    this.root.dataset.answers = String(Number(this.root.dataset.answers ?? 0) + 1);
+  }
+
+  private failed(error: string): void {
+    this.status.fail(error);
+    this.root.dataset.state = "failed";
   }
 
   private async draw(scene: number, samePlace: boolean): Promise<void> {
     const turn = ++this.turn;
     const model = await modelOf((await this.api.scene(scene)) as PackedScene);
     if (turn !== this.turn) return;
+    this.brush.paintOn(model);
     if (this.viewer) this.viewer.show(model, samePlace);
     else this.viewer = new Viewer(this.viewerRoot, model, false);
+    this.brush.use(this.viewer);
     this.dropping.zone.hidden = true;
   }
 
   private offer(): void {
     for (const button of [this.save, ...this.copies]) button.disabled = this.shown === null;
+    this.back.disabled = !this.opened || !this.history.canUndo;
+    this.forth.disabled = !this.opened || !this.history.canRedo;
   }
 
   private async copy(kind: "command" | "python"): Promise<void> {

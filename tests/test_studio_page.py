@@ -1,0 +1,324 @@
+"""The studio's page in a real browser, from a dropped mesh to a saved file."""
+
+import re
+import shlex
+import time
+from base64 import b64encode
+from io import BytesIO
+
+import numpy as np
+import pytest
+from browsers import Browser, needs_browser, webdriver
+from selenium.webdriver.common.keys import Keys
+from shapes import icosphere, noisy
+from studios import Studio
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.interop import save_mesh
+
+ROUGH = noisy(icosphere(3), 0.2)
+DROP = """
+const data = new DataTransfer();
+for (const [name, text] of arguments[0]) {
+  data.items.add(new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], name));
+}
+document.body.dispatchEvent(new DragEvent('drop', {dataTransfer: data, bubbles: true, cancelable: true}));
+"""
+
+
+class Page(Browser):
+    """A browser on the page of a studio."""
+
+    def at(self, studio):
+        self.driver.get("about:blank")
+        self.driver.get(studio.address)
+        return self
+
+    def wait(self, state="shown", *, more=False):
+        """Wait until the page is in a state and has drawn it; with `more`, with another answer than the last."""
+        end = time.monotonic() + 60
+        found = (
+            "const {state, answers} = document.getElementById('studio').dataset; return [state, Number(answers ?? 0)]"
+        )
+        while (told := self.js(found))[0] != state or (more and told[1] <= self.answers):
+            assert time.monotonic() < end, (told, self.answers, self.one(".side").text)
+            time.sleep(0.02)
+        self.answers = told[1]
+        self.settle()
+
+    def begun(self):
+        """Wait until the answer to a change is shown."""
+        self.wait(more=True)
+
+    def drop(self, *files):
+        self.js(DROP, [[file.name, b64encode(file.read_bytes()).decode()] for file in files])
+
+    def fill(self, selector, value):
+        """Change a field as a user does who leaves it then."""
+        self.js(
+            "const e = document.querySelector(arguments[0]); e.value = arguments[1];"
+            "for (const kind of ['input', 'change']) e.dispatchEvent(new Event(kind, {bubbles: true}))",
+            selector,
+            value,
+        )
+
+    def press_button(self, text):
+        buttons = self.driver.find_elements("css selector", "button")
+        next(button for button in buttons if button.text == text and button.is_displayed()).click()
+        self.settle()
+
+    def said(self, selector, pattern):
+        """Wait until a text is there."""
+        end = time.monotonic() + 30
+        text = "return document.querySelector(arguments[0]).innerText"
+        while not (found := re.search(pattern, self.js(text, selector))):
+            assert time.monotonic() < end, self.one("#studio").text
+            time.sleep(0.02)
+        return found[0]
+
+
+@pytest.fixture(scope="module")
+def page():
+    opened = Page()
+    yield opened
+    opened.driver.quit()
+
+
+@pytest.fixture
+def studio(tmp_path):
+    """A studio without a file."""
+    started = Studio(folder=tmp_path)
+    yield started
+    started.close()
+
+
+@pytest.fixture
+def named(tmp_path):
+    """A studio on a file."""
+    save_mesh(tmp_path / "rough.ply", ROUGH)
+    started = Studio("rough.ply", folder=tmp_path)
+    yield started
+    started.close()
+
+
+@needs_browser
+def test_from_a_dropped_mesh_to_a_downloaded_file(page, studio, tmp_path):
+    save_mesh(tmp_path / "rough.ply", ROUGH)
+    page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
+    page.driver.get_log("browser"), page.driver.get_log("performance")
+    page.at(studio).wait("empty")
+    page.drop(tmp_path / "rough.ply")
+    page.wait()
+    assert page.one("h1").text == "rough.ply" and "1,280 faces" in page.one(".counts").text
+    by_default = page.canvas()
+
+    # the answer to another method is shown on the right, and the input on the left stays
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    page.fill(".strength input[type=range]", "0.5")
+    page.begun()
+    picture = page.canvas()
+    differs = (np.abs(picture - by_default) > 4).any(axis=2)
+    middle = picture.shape[1] // 2
+    assert not differs[45:, : middle - 20].any() and differs[:, middle + 20 :].mean() > 0.05
+
+    # what is downloaded is what the library writes
+    page.press_button("Save…")
+    page.fill("#saving-name", "smooth.obj")
+    page.press_button("Download")
+    page.said(".saving [role=status]", "Downloaded as smooth.obj")
+    while not (tmp_path / "smooth.obj").exists():
+        time.sleep(0.05)
+    cn.denoise_file(tmp_path / "rough.ply", tmp_path / "same.obj", method="laplacian", strength=0.5)
+    assert (tmp_path / "smooth.obj").read_bytes() == (tmp_path / "same.obj").read_bytes()
+
+    # nothing went wrong, and nobody else was asked
+    assert [entry for entry in page.driver.get_log("browser") if entry["level"] != "INFO"] == []
+    asked = re.findall(r'"Network.requestWillBeSent".*?"url":"([^"]*)"', str(page.driver.get_log("performance")))
+    assert asked and {url.split("/")[2] for url in asked if url.startswith("http")} == {studio.host}
+    assert {url.partition(":")[0] for url in asked} <= {"http", "about", "data", "blob"}
+
+
+@needs_browser
+def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, tmp_path):
+    page.at(named).wait()
+    page.press_button("Save…")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", r"Saved as rough_denoised.ply\. All attributes")
+    saved = (tmp_path / "rough_denoised.ply").read_bytes()
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "exists already")
+    (tmp_path / "rough_denoised.ply").write_bytes(b"")
+    page.press_button("Replace the file")
+    page.said(".saving [role=status]", "Saved as")
+    assert (tmp_path / "rough_denoised.ply").read_bytes() == saved
+    cn.denoise_file(tmp_path / "rough.ply", tmp_path / "same.ply")
+    assert (tmp_path / "same.ply").read_bytes() == saved
+    page.press_button("Close")
+
+    page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
+    page.press_button("Copy as command line")
+    command = shlex.split(page.said(".status code", "cascadenorm.*"))
+    assert command == ["cascadenorm", "denoise", "rough.ply", "-o", "rough_denoised.ply", "--method", "auto"]
+    page.press_button("Copy as Python")
+    page.said(".status code", r"cn\.denoise_file\('rough.ply', 'rough_denoised.ply', method='auto'\)")
+
+
+@needs_browser
+def test_what_is_wrong_is_said_and_what_is_open_stays(page, named, tmp_path):
+    page.at(named).wait()
+    (tmp_path / "letter.ply").write_text("dear reader", encoding="utf-8")
+    page.drop(tmp_path / "letter.ply")
+    page.said(".failed", "letter.ply")
+    assert page.one("h1").text == "rough.ply"
+    page.fill(".strength input[type=number]", "-3")
+    page.said(".failed", "“Strength” is -3; it must be at least 0")
+    page.fill(".strength input[type=number]", "0.7")
+    page.begun()
+    assert not page.one(".failed").is_displayed()
+
+
+def drag(page, start, *steps):
+    """Press at a place of the canvas, in pixels from its middle, and drag along steps."""
+    action = webdriver.ActionChains(page.driver, duration=60)
+    action.move_to_element_with_offset(page.one("canvas"), *start).click_and_hold()
+    for step in steps:
+        action.move_by_offset(*step)
+    action.release().perform()
+    page.settle()
+
+
+def under_the_brush(radius, height):
+    """Distances of the vertices from what lies in the middle of the canvas, over the radius of the brush there."""
+    lower, upper = ROUGH.vertices.min(axis=0), ROUGH.vertices.max(axis=0)
+    middle, size = (lower + upper) / 2, (upper - lower).max()
+    for corners in ROUGH.corners:
+        if corners[:, 2].min() > 0:  # in front
+            weights = np.linalg.solve(np.vstack([corners[:, :2].T, np.ones(3)]), [*middle[:2], 1])
+            if weights.min() >= 0:
+                hit = weights @ corners
+    depth = 3.2 * size + middle[2] - hit[2]
+    return np.linalg.norm(ROUGH.vertices - hit, axis=1) / (radius * 2 * np.tan(np.radians(15)) * depth / height)
+
+
+@needs_browser
+def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, tmp_path, monkeypatch):
+    page.at(named).wait()
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    page.js("location.hash = 'mode=one&left=before&view=0,0,1,0,0,0,3.2'")
+    page.settle()
+    plain = page.canvas()
+    height = page.one("canvas").rect["height"]
+
+    def take(tool):
+        page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
+
+    def saved():
+        """The files that are saved, and which vertices are where they were."""
+        page.press_button("Save…")
+        page.fill("#saving-name", "out.ply")
+        page.js("document.querySelector('.saving button[type=submit]').click()")
+        page.said(".saving [role=status]", "Saved as")
+        page.press_button("Close")
+        files = {path.name: path.read_bytes() for path in tmp_path.glob("out*")}
+        moved = cn.read(tmp_path / "out.ply").mesh.vertices != cn.read(tmp_path / "rough.ply").mesh.vertices
+        for path in tmp_path.glob("out*"):
+            path.unlink()
+        return files, ~moved.any(axis=1)
+
+    # one dab
+    take("pin")
+    page.fill(".painting input[type=range][max='120']", "60")
+    drag(page, (0, 0))
+    page.begun()
+    pinned = page.canvas()
+    assert (np.abs(pinned - plain)[int(height / 2)] > 20).any()
+    files, kept = saved()
+    away = under_the_brush(60, height)
+    assert set(files) == {"out.ply", "out_fixed.npy"} and kept.sum() > 5
+    assert kept[away < 0.98].all() and not kept[away > 1.02].any()
+
+    # half of the displacement along a stroke, and its command
+    take("mask")
+    page.fill(".painting input[type=range][max='100']", "50")
+    drag(page, (-80, 100), (80, 0), (80, 0))
+    page.begun()
+    files, kept = saved()
+    weights = np.load(BytesIO(files["out_mask.npy"]))
+    assert set(np.unique(weights)) == {0.5, 1.0} and 10 < (weights == 0.5).sum() < 300
+    for name in ("out_fixed.npy", "out_mask.npy"):
+        (tmp_path / name).write_bytes(files[name])
+    page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
+    page.press_button("Copy as command line")
+    command = shlex.split(page.said(".status code", "cascadenorm.*"))
+    assert {"out_mask.npy", "out_fixed.npy"} < set(command)
+    monkeypatch.chdir(tmp_path)
+    assert run(command[1:]) == 0
+    assert (tmp_path / "out.ply").read_bytes() == files["out.ply"]
+    for path in tmp_path.glob("out*"):
+        path.unlink()
+
+    # beside the mesh it turns
+    view = page.js("return location.hash")
+    drag(page, (-250, -300), (60, 0))
+    time.sleep(0.4)
+    assert page.js("return location.hash") != view
+
+    # back, step by step, and forth again
+    page.press_button("Undo")
+    page.begun()
+    assert set(saved()[0]) == {"out.ply", "out_fixed.npy"}
+    page.one("body").send_keys(Keys.CONTROL, "z")
+    page.begun()
+    files, kept = saved()
+    assert set(files) == {"out.ply"} and not kept.any()
+    page.press_button("Redo")
+    page.begun()
+    assert set(saved()[0]) == {"out.ply", "out_fixed.npy"}
+
+
+@needs_browser
+def test_the_address_without_its_token_opens_nothing(page, named):
+    page.driver.get("about:blank")
+    page.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": f"http://{named.host}", "storageTypes": "all"})
+    page.driver.switch_to.new_window("tab")
+    page.driver.get(f"http://{named.host}/")
+    page.wait("ended")
+    assert "token" in page.one(".ended").text
+    page.driver.get(f"http://{named.host}/#token=wrong")
+    page.driver.refresh()
+    page.wait("ended")
+    assert "the token is wrong" in page.one(".ended").text
+    page.driver.close()
+    page.driver.switch_to.window(page.driver.window_handles[0])
+
+
+@needs_browser
+def test_a_page_that_is_loaded_again_goes_on_and_one_that_is_closed_ends_the_studio(page, named):
+    page.at(named).wait()
+    assert page.js("return location.hash").find("token") == -1
+    page.js("window.onbeforeunload = null")
+    page.driver.refresh()
+    page.wait()
+    page.driver.get("about:blank")
+    assert named.ended(20) == 0
+
+
+@needs_browser
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_sticks_out_on_a_phone_and_controls_have_names(page, named, dark):
+    page.sized(390, 844, dark=dark)
+    page.at(named).wait()
+    assert page.js("return document.documentElement.scrollWidth") <= 390
+    stage, side, panel = (page.one(part).rect["y"] for part in (".stage", ".side", ".panel"))
+    assert stage < side < panel
+    nameless = page.js(
+        "return [...document.querySelectorAll('input:not([type=file]), select, button, canvas, progress, [role]')]"
+        ".filter(e => e.checkVisibility() && "
+        "!(e.ariaLabel || e.labels?.length || e.textContent.trim() || ['status', 'alert'].includes(e.role)))"
+        ".map(e => e.outerHTML)"
+    )
+    assert nameless == []
+    page.sized(1200, 800)
