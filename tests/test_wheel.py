@@ -45,6 +45,13 @@ def installed(tmp_path_factory):
     return folder / "site"
 
 
+@pytest.mark.parametrize("check", [["twine", "check", "--strict"], ["check_wheel_contents"]], ids=lambda words: words[0])
+def test_what_checks_uploads_finds_nothing(installed, check):
+    (wheel,) = installed.parent.glob("*.whl")
+    done = subprocess.run([sys.executable, "-m", *check, wheel], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_it_installs_one_name(installed):
     names = {path.name for path in installed.iterdir() if not path.name.endswith(".dist-info")}
     assert names == {"cascadenorm"}

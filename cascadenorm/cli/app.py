@@ -8,7 +8,6 @@ app = typer.Typer(
     name="cascadenorm",
     help="Denoise triangle meshes by cascaded normal regression, or by one of the classical methods.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
