@@ -45,10 +45,12 @@ def installed(tmp_path_factory):
     return folder / "site"
 
 
-@pytest.mark.parametrize("check", [["twine", "check", "--strict"], ["check_wheel_contents"]], ids=lambda words: words[0])
+@pytest.mark.parametrize(
+    "check", [["twine", "check", "--strict"], ["check_wheel_contents"]], ids=lambda words: words[0]
+)
 def test_what_checks_uploads_finds_nothing(installed, check):
     (wheel,) = installed.parent.glob("*.whl")
-    done = subprocess.run([sys.executable, "-m", *check, wheel], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-m", *check.split(), wheel], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
