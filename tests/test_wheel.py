@@ -50,7 +50,7 @@ def installed(tmp_path_factory):
 )
 def test_what_checks_uploads_finds_nothing(installed, check):
     (wheel,) = installed.parent.glob("*.whl")
-    done = subprocess.run([sys.executable, "-m", *check.split(), wheel], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-m", *check, wheel], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
