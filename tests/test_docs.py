@@ -6,7 +6,7 @@ import json
 import re
 import shlex
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from textwrap import dedent
@@ -18,6 +18,8 @@ import cascadenorm as cn
 from cascadenorm import registry
 from cascadenorm.api import methods
 from cascadenorm.cli import run
+from cascadenorm.evaluation import public_sets
+from cascadenorm.evaluation.public_sets import PUBLIC_SETS, Listed, mesh_digest
 from cascadenorm.interop import save_mesh
 from cascadenorm.learned.config import TrainConfig
 
@@ -158,21 +160,28 @@ def test_the_readme_names_every_extra():
     assert set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)) >= extras() - {"dev"}
 
 
+def test_the_page_of_the_data_names_the_files_of_the_public_sets():
+    page = (ROOT / "docs" / "data.md").read_text(encoding="utf-8")
+    for name, pair in PUBLIC_SETS["guided"].listed.items():
+        assert re.search(rf"^\| {name} \|.*\| `{pair.noisy}` \| `{pair.clean}` \|", page, re.MULTILINE), name
+    assert PUBLIC_SETS["mesh-tgv"].listed["kinect_cone"].noisy in page
+    for name, one in PUBLIC_SETS.items():
+        assert f"`{name}`" in page and one.place.rpartition("https://github.com/")[2].split(",")[0] in page
+
+
 def test_the_pairs_of_the_readme_are_collected_from_clones(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "benchmarks")
     script = importlib.import_module("collect_pairs")
-    page = (ROOT / "docs" / "data.md").read_text(encoding="utf-8")
-    for name, source in {**script.GUIDED, **script.MESH_TGV}.items():
-        (row,) = re.findall(rf"^\| {name} \|.*$", page, re.MULTILINE)
-        assert f"`{source.noisy}` | `{source.clean}` | {source.faces:,} |" in row
-    monkeypatch.setattr(script, "GUIDED", {"ball": script.Source("n.obj", "c.obj", 42, 80)})
-    monkeypatch.setattr(script, "MESH_TGV", {})
     for name in ("n.obj", "c.obj"):
         save_mesh(tmp_path / name, icosphere(1))
+    digest = mesh_digest(tmp_path / "n.obj")
+    of = {name: replace(one, listed={}) for name, one in PUBLIC_SETS.items()}
+    of["guided"].listed["ball"] = Listed("n.obj", "c.obj", (digest, digest))
+    monkeypatch.setattr(public_sets, "PUBLIC_SETS", of)
     script.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
     assert (tmp_path / "pairs" / "ball" / "clean.obj").read_bytes() == (tmp_path / "c.obj").read_bytes()
     save_mesh(tmp_path / "c.obj", icosphere(2), force=True)
-    with pytest.raises(SystemExit, match="162 vertices and 320 faces; the mesh that was measured has 42 and 80"):
+    with pytest.raises(cn.ReadError, match="c.obj is another mesh than was published: get it again: git clone"):
         script.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
 
 

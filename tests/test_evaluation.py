@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from base64 import b64decode
+from dataclasses import replace
 
 import numpy as np
 import PIL.Image
@@ -18,10 +19,11 @@ import cascadenorm as cn
 from cascadenorm import registry
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError
-from cascadenorm.evaluation import tables
+from cascadenorm.evaluation import public_sets, tables
 from cascadenorm.evaluation.harness import NOISY, Evaluation, evaluate
 from cascadenorm.evaluation.metrics import measure
 from cascadenorm.evaluation.pairs import find_pairs, write_pairs
+from cascadenorm.evaluation.public_sets import public_pairs
 from cascadenorm.interop import save_mesh
 from cascadenorm.io import OutputError, ReadError
 from cascadenorm.memory import peak_memory
@@ -413,3 +415,104 @@ def test_meshes_without_common_faces_are_in_the_pages_too(tmp_path):
         f"| ball | {cn.compare(tmp_path / 'ball' / 'noisy.ply', icosphere(3)).normal_error_deg:.2f} | {error:.2f} |"
         in (tmp_path / "e.md").read_text(encoding="utf-8")
     )
+
+
+# public sets and seeds
+
+
+@pytest.fixture
+def archive(tmp_path):
+    """A copy of a set that has many files, with one clean mesh for tests and one for a training."""
+    for split, name in (("test", "ball"), ("train", "cube")):
+        for kind in ("noisy", "original"):
+            (tmp_path / "Synthetic" / split / kind).mkdir(parents=True)
+        save_mesh(tmp_path / "Synthetic" / split / "original" / f"{name}.obj", SHAPES[name])
+        for level in (1, 2):
+            mesh = noisy(SHAPES[name], level / 10)
+            save_mesh(tmp_path / "Synthetic" / split / "noisy" / f"{name}_n{level}.obj", mesh)
+    return tmp_path
+
+
+def test_pairs_of_a_public_set_are_split_as_in_its_paper(archive):
+    pairs = public_pairs("synthetic", archive)
+    assert [pair.name for pair in pairs] == ["ball_n1", "ball_n2"]
+    assert {pair.clean.name for pair in pairs} == {"ball.obj"}
+    assert [pair.name for pair in public_pairs("synthetic", archive / "Synthetic", split="train")] == [
+        "cube_n1",
+        "cube_n2",
+    ]
+    done = evaluate(pairs, methods="bilateral-normal")
+    assert [one.pair for one in done.results] == ["ball_n1", "ball_n1", "ball_n2", "ball_n2"]
+    with pytest.raises(ReadError, match=r"holds no Kinect_v1/test: get the set: https://github\.com/"):
+        public_pairs("kinect-v1", archive)
+    (archive / "Synthetic" / "test" / "original" / "ball.obj").unlink()
+    with pytest.raises(ReadError, match=r"has no clean mesh original/ball\.obj"):
+        public_pairs("synthetic", archive)
+
+
+def test_listed_pairs_are_checked_by_digests_that_no_format_changes(tmp_path, monkeypatch):
+    for name, mesh in (("n", noisy(SHAPES["ball"], 0.2)), ("c", SHAPES["ball"])):
+        single = mesh.moved(mesh.vertices.astype(np.float32).astype(float))
+        for suffix in ("obj", "ply", "off"):
+            save_mesh(tmp_path / f"{name}.{suffix}", single)
+    digests = tuple(public_sets.mesh_digest(tmp_path / f"{name}.obj") for name in "nc")
+    assert (
+        digests == tuple(public_sets.mesh_digest(tmp_path / f"{name}.ply") for name in "nc") and len(set(digests)) == 2
+    )
+    guided = replace(public_sets.PUBLIC_SETS["guided"], listed={"ball": public_sets.Listed("n.off", "c.ply", digests)})
+    monkeypatch.setitem(public_sets.PUBLIC_SETS, "guided", guided)
+    assert [pair.name for pair in public_pairs("guided", tmp_path)] == ["ball"]
+    with pytest.raises(ParameterError, match="the set guided is for tests alone"):
+        public_pairs("guided", tmp_path, split="train")
+    save_mesh(tmp_path / "n.off", SHAPES["ball"], force=True)
+    with pytest.raises(ReadError, match=r"n\.off is another mesh than was published"):
+        public_pairs("guided", tmp_path)
+    (tmp_path / "n.off").unlink()
+    with pytest.raises(ReadError, match=r"n\.off is missing: get the set: git clone"):
+        public_pairs("guided", tmp_path)
+
+
+def test_the_command_says_where_public_sets_are_and_evaluates_a_copy(archive, capsys):
+    assert run(["evaluate", "--dataset", "list"]) == 0
+    text = capsys.readouterr().out
+    assert all(f"{name}: " in text and one.place in text for name, one in public_sets.PUBLIC_SETS.items())
+    assert run(["evaluate", "--dataset", "synthetic"]) == 2
+    assert "get it: https://github.com/zhangyk18/GeoBi-GNN" in capsys.readouterr().err
+    assert run(["evaluate", "--dataset", "sintetic", "--from", str(archive)]) == 2
+    assert run(["evaluate", "--from", str(archive)]) == 2 and run(["evaluate"]) == 2
+    words = ["evaluate", "--dataset", "synthetic", "--from", str(archive), "--method", "bilateral-normal", "--json"]
+    capsys.readouterr()
+    assert run(words) == 0
+    assert {row["pair"] for row in json.loads(capsys.readouterr().out)["results"]} == {"ball_n1", "ball_n2"}
+
+
+def test_noise_from_seeds_replaces_the_noisy_meshes_and_the_spread_is_told(folder, tmp_path):
+    done = evaluate(folder, methods="bilateral-normal", noise=0.2, seeds=3, keep=tmp_path)
+    assert [pair.name for pair in done.pairs][:3] == ["ball-seed0", "ball-seed1", "ball-seed2"]
+    clean = SHAPES["ball"]
+    made = [cn.read(pair.noisy).mesh for pair in done.pairs[:3]]
+    offsets = [np.einsum("ij,ij->i", mesh.vertices - clean.vertices, clean.vertex_normals) for mesh in made]
+    for offset in offsets:
+        assert offset.std() == pytest.approx(0.2 * clean.mean_edge_length, rel=0.15)
+    assert abs(np.corrcoef(offsets)[0, 1]) < 0.3
+    means = [
+        np.mean([one.measures.normal_error_deg for one in done.results if one.method == "bilateral-normal"
+                 and done.seeds[one.pair] == seed])
+        for seed in range(3)
+    ]  # fmt: skip
+    table = tables.all_tables(done)[-1]
+    assert table.title == "Mean ± standard deviation over 3 seeds"
+    assert table.rows[1][:2] == (
+        ("bilateral-normal", False),
+        (f"{np.mean(means):.3f} ± {np.std(means, ddof=1):.3f}", False),
+    )
+    assert "$\\pm$" in tables.latex([table])
+    again = evaluate(folder, methods="bilateral-normal", noise=0.2, seeds=1)
+    assert again.results[1].measures == done.results[1].measures
+    assert len(tables.all_tables(again)) == 2
+
+
+@pytest.mark.parametrize("wrong", [{"noise": -1.0}, {"noise": float("nan")}, {"seeds": 3}, {"noise": 0.1, "seeds": 0}])
+def test_noise_and_seeds_out_of_range_are_refused(folder, wrong):
+    with pytest.raises(ParameterError, match="it must be at least"):
+        evaluate(folder, methods="bilateral-normal", **wrong)

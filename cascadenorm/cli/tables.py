@@ -15,7 +15,8 @@ from cascadenorm.cli.options import OPTIONS
 from cascadenorm.denoised_files import Report
 from cascadenorm.evaluation.harness import Evaluation
 from cascadenorm.evaluation.metrics import Measures
-from cascadenorm.evaluation.tables import NARROW, by_method
+from cascadenorm.evaluation.public_sets import PUBLIC_SETS
+from cascadenorm.evaluation.tables import NARROW, by_method, spread
 from cascadenorm.inspection import FINDINGS, Inspection
 from cascadenorm.messages import counted
 from cascadenorm.registry import Method, Setting
@@ -145,6 +146,12 @@ def print_spectrum(found: Spectrum) -> None:
         print(f"distance: {found.distance:.6g}")
 
 
+def print_public_sets() -> None:
+    """List the public sets, and where to get them."""
+    for name, one in PUBLIC_SETS.items():
+        print(f"{name}: {one.about} ({one.source})\n    {one.place}")
+
+
 def print_evaluation(done: Evaluation) -> None:
     """Print a line for each pair and method, and the mean of each method."""
     table = Table()
@@ -160,6 +167,12 @@ def print_evaluation(done: Evaluation) -> None:
             table.add_row("" if number else block.title, *cells)
         table.add_section()
     print_table(table)
+    if len(set(done.seeds.values())) > 1:
+        over = spread(done)
+        table = Table(*over.head, title=over.title)
+        for row in over.rows:
+            table.add_row(*(cell.text for cell in row))
+        print_table(table)
 
 
 def print_methods(methods: Mapping[str, Method]) -> None:

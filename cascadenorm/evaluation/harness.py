@@ -1,15 +1,17 @@
 """Methods on pairs of a noisy and a clean mesh, measured."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from cascadenorm.controls import checked
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.metrics import Measures
-from cascadenorm.evaluation.pairs import Pair, Places, find_pairs
+from cascadenorm.evaluation.pairs import Pair, Places, find_pairs, with_noise
 from cascadenorm.evaluation.programs import checked_command
 from cascadenorm.evaluation.records import Records
 from cascadenorm.evaluation.runs import COLUMNS, NOISY, Failure, Result, Run, forget, run
@@ -42,13 +44,18 @@ class Evaluation(NamedTuple):
         return list(dict.fromkeys(result.method for result in self.results))
 
     @property
+    def seeds(self) -> dict[str, int]:
+        """The seed of the noise of each pair that has one, by its name."""
+        return {pair.name: pair.seed for pair in self.pairs if pair.seed is not None}
+
+    @property
     def means(self) -> list[Result]:
         """The mean of each method over the pairs that have a value."""
         return [_mean(name, [result for result in self.results if result.method == name]) for name in self.methods]
 
 
 def evaluate(
-    folders: Places,
+    folders: Places | Sequence[Pair],
     *,
     methods: str | Sequence[str] = DEFAULT_METHODS,
     results: Mapping[str, str | PathLike[str]] | None = None,
@@ -56,6 +63,8 @@ def evaluate(
     parameters: Mapping[str, Any] | None = None,
     strength: float = 1.0,
     threads: int | None = None,
+    noise: float | None = None,
+    seeds: int = 1,
     keep: str | PathLike[str] | None = None,
     workers: int = 1,
     progress: Progress = silent,
@@ -64,13 +73,17 @@ def evaluate(
 
     Parameters
     ----------
-    folders : one or several, each a pair, `noisy.*` and `clean.*`, or a folder of pairs
+    folders : one or several, each a pair, `noisy.*` and `clean.*`, or a folder of pairs; or pairs, as `public_pairs`
+        returns them
     methods : one name or several; the noisy mesh itself always comes first
     results : of other programs: the name of each and its folder, which holds a mesh `<pair>.*` for each pair
     commands : other programs to be run: the name of each and its command line, where {in} and {out} stand for the
         files, and {in.obj} and {out.obj} for files of that format; no shell reads it
     parameters : given to each of the methods
     strength, threads : as in `denoise`
+    noise : standard deviation, in mean edge lengths, of Gaussian noise along the normals that is added to the clean
+        meshes, in the place of the noisy ones; None takes these
+    seeds : noisy meshes of each clean one; the tables then have the spread over seeds
     keep : folder for the meshes and their measures; what is there from an earlier run of the same files, settings,
         weights and version is not computed again
     workers : processes, each of one thread if there are several; times then depend on what else runs
@@ -95,7 +108,11 @@ def evaluate(
     for name in methods:
         find(name).checked(parameters or {})
     programs = {name: checked_command(name, command) for name, command in (commands or {}).items()}
-    pairs = find_pairs(folders)
+    if seeds < 1 or (noise is None and seeds > 1):
+        raise ParameterError(f"is {seeds}; it must be at least 1, and 1 without noise", parameter="seeds")
+    if noise is not None and not 0 <= noise < math.inf:
+        raise ParameterError(f"is {noise}; it must be at least 0, finite", parameter="noise")
+    pairs = _pairs(folders)
     places = {name: Path(place) for name, place in (results or {}).items()}
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
@@ -104,10 +121,21 @@ def evaluate(
     rows |= {name: {"settings": settings} for name in methods}
     rows |= {name: {"results": place} for name, place in places.items()}
     rows |= {name: {"command": words} for name, words in programs.items()}
-    runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
-    done = Evaluation([], [], pairs, records)
-    _work_off(runs, done, workers, progress)
+    with TemporaryDirectory() as scratch:
+        if noise is not None:
+            pairs = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
+        runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
+        done = Evaluation([], [], pairs, records)
+        _work_off(runs, done, workers, progress)
     return done
+
+
+def _pairs(folders: Places | Sequence[Pair]) -> list[Pair]:
+    if isinstance(folders, str | PathLike):
+        return find_pairs(folders)
+    given = list(folders)
+    pairs = [one for one in given if isinstance(one, Pair)]
+    return pairs + (find_pairs([one for one in given if not isinstance(one, Pair)]) if len(pairs) < len(given) else [])
 
 
 def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:

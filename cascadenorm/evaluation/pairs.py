@@ -1,6 +1,7 @@
 """Folders of noisy/clean pairs: found on disk, read for a training, or generated."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from os import PathLike
@@ -11,6 +12,7 @@ import numpy as np
 
 from cascadenorm import data_gen
 from cascadenorm.data_gen import DatasetConfig, write_dataset
+from cascadenorm.data_gen.noise import displacements
 from cascadenorm.data_gen.patches import patch, patches
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.geometry.orientation import oriented
@@ -25,11 +27,17 @@ Places = str | PathLike[str] | Iterable[str | PathLike[str]]
 
 
 class Pair(NamedTuple):
-    """Two files of the same surface."""
+    """Two files of the same surface.
+
+    Parameters
+    ----------
+    seed : of the noise that was added to the clean mesh; None where the noisy one was given
+    """
 
     name: str
     noisy: Path
     clean: Path
+    seed: int | None = None
 
 
 def find_pairs(folders: Places) -> list[Pair]:
@@ -52,6 +60,29 @@ def find_pairs(folders: Places) -> list[Pair]:
     if len({pair.name for pair in pairs}) < len(pairs):
         pairs = [pair._replace(name=str(pair.noisy.parent)) for pair in pairs]
     return pairs
+
+
+def with_noise(pairs: Sequence[Pair], folder: Path, *, level: float, seeds: int) -> list[Pair]:
+    """Write meshes with Gaussian noise along the normals of each clean mesh, and return the pairs of them.
+
+    Parameters
+    ----------
+    folder : for the noisy meshes; it is made
+    level : standard deviation of the noise, in mean edge lengths of the clean mesh
+    seeds : noisy meshes of each clean one, from the seeds 0, 1, …; the same seeds give the same files
+    """
+    made = []
+    for pair in pairs:
+        clean = as_mesh(pair.clean)
+        place = folder / re.sub(r"[/\\]", "_", pair.name)
+        place.mkdir(parents=True, exist_ok=True)
+        for seed in range(seeds):
+            name = f"{pair.name}-seed{seed}"
+            noise = displacements(clean, "normal", level=level, rng=np.random.default_rng(seed))
+            file = place / f"noisy-{level:g}-{seed}.ply"
+            save_mesh(file, clean.moved(clean.vertices + noise), force=True)
+            made.append(Pair(name, file, pair.clean, seed))
+    return made
 
 
 def result_file(folder: Path, pair: Pair) -> Path:

@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Callable, Sequence
+from statistics import mean, stdev
 from typing import NamedTuple
 
 from cascadenorm.evaluation.harness import Evaluation
@@ -46,6 +47,10 @@ NARROW = tuple(column for column in COLUMNS_SHOWN if column.title not in ("E_a b
 """What fits into a terminal."""
 
 
+SPREAD = ("E_a", "E_a by area", "E_v", "Hausdorff")
+"""Titles of the columns whose spread over seeds is told."""
+
+
 class Cell(NamedTuple):
     """Text, and whether it is the best of its kind."""
 
@@ -82,8 +87,30 @@ def by_method(results: Sequence[Result], title: str, columns: Sequence[Column] =
 
 
 def all_tables(done: Evaluation) -> list[Table]:
-    """Return the tables of an evaluation: the normal error pair by pair, and the means of everything."""
-    return [by_pair(done), by_method(done.means, "Means over the pairs")]
+    """Return the tables of an evaluation: normal errors pair by pair, means, and the spread over several seeds."""
+    several = len(set(done.seeds.values())) > 1
+    return [by_pair(done), by_method(done.means, "Means over the pairs"), *([spread(done)] if several else [])]
+
+
+def spread(done: Evaluation) -> Table:
+    """Return mean ± standard deviation over the seeds of what is the mean over the pairs of a seed, a row a method."""
+    shown = [column for column in COLUMNS_SHOWN if column.title in SPREAD]
+    rows = []
+    for method in done.methods:
+        cells = [Cell(method)]
+        for column in shown:
+            of_seed: dict[int, list[float]] = {}
+            for one in done.results:
+                value = column.value(one) if one.method == method else None
+                if value is not None:
+                    of_seed.setdefault(done.seeds[one.pair], []).append(value)
+            means = [mean(values) for values in of_seed.values()]
+            known = len(means) > 1
+            digits = column.digits + 1
+            cells.append(Cell(f"{mean(means):.{digits}f} ± {stdev(means):.{digits}f}" if known else column.none))
+        rows.append(tuple(cells))
+    head = tuple(f"{column.title} ({column.unit})" for column in shown)
+    return Table(f"Mean ± standard deviation over {len(set(done.seeds.values()))} seeds", ("method", *head), rows)
 
 
 def _cells(column: Column, results: Sequence[Result | None]) -> list[Cell]:
@@ -147,7 +174,14 @@ def latex(tables: Sequence[Table]) -> str:
     return "\n".join(parts)
 
 
-LATEX = {"\\": r"\textbackslash{}", "°": r"$^\circ$", "–": "--", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+LATEX = {
+    "±": r"$\pm$",
+    "\\": r"\textbackslash{}",
+    "°": r"$^\circ$",
+    "–": "--",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+}
 SYMBOLS = {"E_a": "$E_a$", "E_v": "$E_v$"}
 
 

@@ -2,13 +2,16 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import typer
 
 from cascadenorm.cli.app import app
 from cascadenorm.cli.errors import PARTLY, complain, worded
 from cascadenorm.cli.options import Force, Json, ReportFile, Set, named_values, parameter_values, takes_controls
+
+if TYPE_CHECKING:
+    from cascadenorm.evaluation.pairs import Pair
 
 
 @app.command()
@@ -65,8 +68,32 @@ def spectrum(
 @app.command()
 @takes_controls("strength", "threads")
 def evaluate(
-    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Pairs, or folders of pairs.")],
+    folders: Annotated[
+        list[Path] | None, typer.Argument(metavar="[DIR...]", help="Pairs, or folders of pairs.", show_default=False)
+    ] = None,
     *,
+    dataset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="A public set, in the copy that --from names; `list` says where to get them."
+        ),
+    ] = None,
+    copy: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="DIR", help="Your copy of the public set: a clone, or what was unpacked."),
+    ] = None,
+    split: Annotated[
+        str, typer.Option(metavar="test|train", help="Part of the public set, as its paper splits it.")
+    ] = "test",
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="LEVEL",
+            help="Add Gaussian noise along the normals to clean.* in the place of noisy.*: standard deviation in mean "
+            "edge lengths.",
+        ),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Noisy meshes of each clean one; the tables have the spread.")] = 1,
     method: Annotated[list[str] | None, typer.Option(help="May be given several times.")] = None,
     result: Annotated[
         list[str] | None,
@@ -108,6 +135,12 @@ def evaluate(
     from cascadenorm.evaluation import tables as texts
     from cascadenorm.io.atomic import check_output, write_atomically
 
+    if dataset == "list":
+        tables.print_public_sets()
+        return
+    pairs = _public_pairs(dataset, copy, split)
+    if not folders and not pairs:
+        raise typer.BadParameter("give folders of pairs, or --dataset NAME --from DIR")
     for path in filter(None, (csv, markdown, latex)):
         check_output(path, force=force)
     if html is not None:
@@ -116,11 +149,13 @@ def evaluate(
         keep = keep or check_evaluation(html, force=force)
     with progress_bars.progress_tasks() as progress:
         done = harness.evaluate(
-            folders,
+            [*pairs, *(folders or [])],
             methods=method or harness.DEFAULT_METHODS,
             results=named_values("--result", result),
             commands=named_values("--command", command),
             parameters=parameter_values(settings),
+            noise=noise,
+            seeds=seeds,
             keep=keep,
             workers=workers,
             progress=progress,
@@ -143,6 +178,19 @@ def evaluate(
             write_atomically(target, [text.encode()], force=force)
     if done.failures:
         raise typer.Exit(PARTLY)
+
+
+def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[Pair]":
+    """Return the pairs of a public set, or none; without a copy say where to get one."""
+    from cascadenorm.evaluation.public_sets import public_pairs, public_set
+
+    if dataset is None:
+        if copy is not None:
+            raise typer.BadParameter("--from is the copy of a public set: name it by --dataset")
+        return []
+    if copy is None:
+        raise typer.BadParameter(f"give your copy of {dataset} by --from DIR; get it: {public_set(dataset).place}")
+    return public_pairs(dataset, copy, split=cast(Literal["train", "test"], split))
 
 
 @app.command()

@@ -1,0 +1,171 @@
+"""Public sets of noisy and clean meshes: where each is, and the pairs in a copy of it."""
+
+import hashlib
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from cascadenorm.errors import ParameterError, ReadError
+from cascadenorm.evaluation.pairs import Pair
+from cascadenorm.interop import as_mesh
+
+Split = Literal["train", "test"]
+SPLITS: tuple[Split, ...] = ("train", "test")
+
+
+class Listed(NamedTuple):
+    """A pair of a set whose files are known.
+
+    Parameters
+    ----------
+    noisy, clean : paths in the copy
+    digests : of the two meshes, as `mesh_digest` gives them; empty where they are not known
+    """
+
+    noisy: str
+    clean: str
+    digests: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublicSet:
+    """A set of pairs that somebody else has published.
+
+    Parameters
+    ----------
+    about : a few words
+    source : the paper and its DOI
+    place : where it can be had
+    listed : its pairs by their names, all of them for tests
+    folder : for a set of many files: the folder that holds `train` and `test`, in each `original/NAME.obj` and
+        `noisy/NAME_n….obj`
+    """
+
+    about: str
+    source: str
+    place: str
+    listed: dict[str, Listed] = field(default_factory=dict)
+    folder: str = ""
+
+
+def _guided(name: str, *digests: str, clean: str = "") -> Listed:
+    return Listed(f"models/{name}/Noisy.obj", f"models/{clean or name}/Original.obj", digests)
+
+
+CNR = "Wang, Liu, Tong 2016, doi:10.1145/2980179.2980232"
+CNR_PLACE = "https://github.com/zhangyk18/GeoBi-GNN, whose readme links to the archive"
+
+PUBLIC_SETS = {
+    "guided": PublicSet(
+        about="eight models with Gaussian or impulsive noise",
+        source="Zhang et al. 2015, doi:10.1111/cgf.12742",
+        place="git clone https://github.com/bldeng/GuidedDenoising",
+        listed={
+            "block": _guided("Block0.4", "c116ec3be7a1b13f", "758b1de6407d45b8"),
+            "bunny": _guided("Bunny0.2", "453713d39ccf3891", "bf780cbd08ce426e"),
+            "fandisk03": _guided("Fandisk0.3", "e5340782d793b797", "38ef02f691380d08", clean="Fandisk0.7"),
+            "fandisk07": _guided("Fandisk0.7", "93af04e1923dad23", "38ef02f691380d08"),
+            "julius": _guided("Julius0.2", "9f2194fcf54355ca", "59fcb18ddf53aa93"),
+            "nicolo": _guided("Nicolo0.2", "33aa7da34548d505", "8fd02ad21ce656e1"),
+            "sharpsphere": _guided("SharpSphere0.3", "0f400699d6b9ba0a", "555825375ca16ec6"),
+            "twelve": _guided("Twelve0.5Impulsive", "30dc7689f8ae308e", "fa65d8c5aba732ba"),
+        },
+    ),
+    "mesh-tgv": PublicSet(
+        about="two scans of a Kinect and two models with Gaussian noise",
+        source="Liu et al. 2022, the program for mesh TGV",
+        place="git clone https://github.com/LabZhengLiu/MeshTGV",
+        listed={
+            "kinect_cone": Listed(
+                "data/Kinect/Cone/noisy.obj",
+                "data/Kinect/Cone/cone-GroundTruth.obj",
+                ("61856a9202850e68", "c5b19f994994e7a7"),
+            ),
+            "kinect_pyramid": Listed("data/Kinect/Pyramid/noisy.obj", "data/Kinect/Pyramid/pyramid_16-GroundTruth.obj"),
+            "block_smooth": Listed(
+                "data/CAD/Block/block-smooth-RandomDirectionNoise0.35.obj",
+                "data/CAD/Block/block-smooth-GroundTruth.obj",
+            ),
+            "fandisk_tgv": Listed("data/CAD/Fandisk/noisy.obj", "data/CAD/Fandisk/groundtruth.obj"),
+        },
+    ),
+    "synthetic": PublicSet(
+        about="models with Gaussian noise of 0.1, 0.2 and 0.3 mean edge lengths",
+        source=CNR, place=CNR_PLACE, folder="Synthetic",
+    ),
+    "kinect-v1": PublicSet(about="single scans of a Kinect v1", source=CNR, place=CNR_PLACE, folder="Kinect_v1"),
+    "kinect-v2": PublicSet(about="single scans of a Kinect v2", source=CNR, place=CNR_PLACE, folder="Kinect_v2"),
+    "kinect-fusion": PublicSet(
+        about="scans of a Kinect v1, fused", source=CNR, place=CNR_PLACE, folder="Kinect_Fusion"
+    ),
+}  # fmt: skip
+"""Each public set by its name."""
+
+
+def public_set(name: str) -> PublicSet:
+    """Return a public set; raises ParameterError for a name that is none."""
+    if name not in PUBLIC_SETS:
+        raise ParameterError(f"is {name!r}; it must be one of {', '.join(PUBLIC_SETS)}", parameter="dataset")
+    return PUBLIC_SETS[name]
+
+
+def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test") -> list[Pair]:
+    """Return the pairs of a public set in a copy of one's own, as its paper splits it, by name.
+
+    Parameters
+    ----------
+    name : one of PUBLIC_SETS
+    copy : folder that holds the clone, or the unpacked archive
+    split : "test" or "train"; a set that lists its pairs has the former alone
+
+    Raises
+    ------
+    ParameterError : no such set, or no such part of it
+    ReadError : files are missing, or are other meshes than those that were published
+    """
+    wanted, root = public_set(name), Path(copy)
+    if split not in SPLITS:
+        raise ParameterError(f"is {split!r}; it must be one of {', '.join(SPLITS)}", parameter="split")
+    if not root.is_dir():
+        raise ReadError(f"{root} is not a folder", hint=f"get the set: {wanted.place}")
+    if wanted.folder:
+        return _split_pairs(wanted, root, split)
+    if split != "test":
+        raise ParameterError(f"is {split!r}; the set {name} is for tests alone", parameter="split")
+    return [_checked(wanted, pair, root, title) for title, pair in wanted.listed.items()]
+
+
+def mesh_digest(path: Path) -> str:
+    """Return a digest of a mesh that is the same in every format: of positions in single precision, and of faces."""
+    mesh = as_mesh(path)
+    parts = mesh.vertices.astype("<f4").tobytes(), mesh.faces.astype("<i4").tobytes()
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:16]
+
+
+def _checked(wanted: PublicSet, pair: Listed, root: Path, title: str) -> Pair:
+    files = [root / pair.noisy, root / pair.clean]
+    for file in files:
+        if not file.is_file():
+            raise ReadError(f"{file} is missing", hint=f"get the set: {wanted.place}")
+    for file, digest in zip(files, pair.digests, strict=bool(pair.digests)):
+        if mesh_digest(file) != digest:
+            raise ReadError(f"{file} is another mesh than was published", hint=f"get it again: {wanted.place}")
+    return Pair(title, *files)
+
+
+def _split_pairs(wanted: PublicSet, root: Path, split: str) -> list[Pair]:
+    """Find the folder of the set in the copy, or the copy itself, and pair what has the same name in it."""
+    place = next((one for one in (root / wanted.folder, root) if (one / split).is_dir()), None)
+    if place is None:
+        raise ReadError(f"{root} holds no {wanted.folder}/{split}", hint=f"get the set: {wanted.place}")
+    originals = {file.stem: file for file in sorted((place / split / "original").glob("*.obj"))}
+    pairs = []
+    for file in sorted((place / split / "noisy").glob("*.obj")):
+        stem = file.stem.rpartition("_n")[0]
+        if stem not in originals:
+            raise ReadError(f"{file} has no clean mesh original/{stem}.obj", hint=f"get the set: {wanted.place}")
+        pairs.append(Pair(file.stem, file, originals[stem]))
+    if not pairs:
+        raise ReadError(f"{place / split} holds no meshes in noisy", hint=f"get the set: {wanted.place}")
+    return pairs
