@@ -1,6 +1,7 @@
 """Models as files: train one, load one and denoise with it."""
 
 import shutil
+from contextlib import nullcontext
 from copy import deepcopy
 from importlib import import_module
 from os import PathLike
@@ -14,6 +15,7 @@ from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.launch import is_local_main, is_main
+from cascadenorm.learned.training_log import checked_log, recording, unrecorded
 from cascadenorm.mesh import limit_threads
 from cascadenorm.progress import Progress, silent
 from cascadenorm.registry import ParameterError
@@ -109,6 +111,8 @@ def train(
     noisy: Places = (),
     force: bool = False,
     threads: int | None = None,
+    log: str | PathLike[str] | None = None,
+    tensorboard: str | PathLike[str] | None = None,
     progress: Progress = silent,
 ) -> Denoiser:
     """Train a cascade and write it to a weights file; interrupted and called again, it goes on where it was.
@@ -124,6 +128,9 @@ def train(
     noisy : folders of one's own pairs, `noisy.*` and `clean.*` of equal faces
     force : replace an existing file
     threads : at most this many; the result is the same
+    log : `.csv` or `.jsonl` file that gets a line after each pass of a network: losses, and the validation error in
+        degrees; `cascadenorm models --curves` shows it. An interrupted training goes on with it
+    tensorboard : folder of the same for TensorBoard
     progress : called with (task, parts done, parts in all, note); of several clusters from several threads
 
     Returns
@@ -135,7 +142,7 @@ def train(
     OutputError : the file exists and force is not given, or it cannot be written
     ReadError, MeshError : one of the meshes that are handed in cannot be read or worked on
     ConfigError : an interrupted training of other settings lies beside the output
-    MissingDependencyError : torch, scikit-learn or scikit-image are not installed
+    MissingDependencyError : torch, scikit-learn or scikit-image are not installed, or tensorboard, if it is asked for
     WorkerError : one of the processes that share the work ended early
     """
     output = Path(output)
@@ -146,9 +153,13 @@ def train(
         raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None
     check_output(output, force=force)
     checkpoint = output.with_name(output.name + ".training")
+    resumed, lines, events = checkpoint.exists(), *(None if one is None else Path(one) for one in (log, tensorboard))
+    if lines is not None and not resumed:
+        check_output(checked_log(lines), force=force)
     with limit_threads(threads):
         own = training_pairs(shapes, noisy, config.data)
-        cascade = training.train(config, checkpoint, own=own, progress=progress)
+        with recording(lines, events, resumed=resumed) if is_main() else nullcontext(unrecorded) as record:
+            cascade = training.train(config, checkpoint, own=own, progress=progress, record=record)
     if is_main():
         write_atomically(output, [cascade.to_bytes()], force=force)
     if is_local_main():

@@ -17,6 +17,7 @@ from cascadenorm.evaluation.pairs import training_pairs
 from cascadenorm.learned.cascade import apply_stage, shipped
 from cascadenorm.learned.config import read_config
 from cascadenorm.learned.regression import stage_stack
+from cascadenorm.learned.training_log import Pass, read_passes, recording
 from cascadenorm.mesh import Mesh, in_frame, scaled_alike
 
 ROOT = Path(__file__).parents[1]
@@ -116,6 +117,64 @@ def test_nobody_changes_the_model_of_all():
     for array in denoiser.cascade.stages[0].arrays().values():
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
+
+
+@pytest.mark.parametrize("suffix", ["csv", "jsonl"])
+def test_train_records_each_pass_and_its_curves_are_shown(tmp_path, capsys, suffix):
+    settings, weights, log = tmp_path / "tiny.toml", tmp_path / "tiny.safetensors", tmp_path / f"log.{suffix}"
+    settings.write_text(TINY)
+    words = ["train", "--config", str(settings), "-o", str(weights), "--threads", "1", "--log", str(log)]
+    assert run([*words, "--tensorboard", str(tmp_path / "events")]) == 0
+    passes = read_passes(log)
+    stages = {done.stage for done in passes}
+    assert stages == set(range(1, len(read_config(settings).descriptors) + 1)) and {1, 2} == {p.cluster for p in passes}
+    recorded = [
+        [min(p.validation for p in passes if (p.stage, p.cluster) == (stage, cluster)) for cluster in (1, 2)]
+        for stage in sorted(stages)
+    ]
+    losses = cn.Denoiser.load(weights).card["validation_chord_by_stage_and_cluster"]
+    np.testing.assert_allclose(losses, recorded, atol=1e-5)
+    for done in passes:  # the angle is a convex function of the chord, below its secant
+        assert np.degrees(2 * np.arcsin(done.validation / 2)) <= done.validation_deg <= 90 * done.validation
+
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(tmp_path / "events"))
+    events.Reload()
+    scalars = [event.value for event in events.Scalars("stage1/cluster2/validation_deg")]
+    expected = [done.validation_deg for done in passes if (done.stage, done.cluster) == (1, 2)]
+    np.testing.assert_allclose(scalars, expected, rtol=1e-6)
+
+    capsys.readouterr()
+    assert run(["models", "--curves", str(log)]) == 0
+    best = min((p for p in passes if (p.stage, p.cluster) == (1, 1)), key=lambda p: p.validation)
+    assert f"{best.validation_deg:.2f}°" in capsys.readouterr().out
+    assert run(words) == 5  # the model is there already
+    weights.unlink()
+    assert run(words) == 5 and "log" in capsys.readouterr().err  # and so is the log
+
+
+def test_a_log_goes_on_after_an_interruption_and_the_later_of_two_passes_counts(tmp_path):
+    log = tmp_path / "log.csv"
+    first, again = Pass(1, 1, 1, 0.5, 0.4, 30.0), Pass(1, 1, 1, 0.3, 0.2, 20.0)
+    with recording(log, None, resumed=False) as record:
+        record(first)
+        assert log.read_text().splitlines()[1] == "1,1,1,0.5,0.4,30.0"  # it is there at once
+    with recording(log, None, resumed=True) as record:
+        record(again)
+        record(Pass(1, 2, 1, 0.9, 0.8, 50.0))
+    assert read_passes(log) == [again, Pass(1, 2, 1, 0.9, 0.8, 50.0)]
+    with recording(log, None, resumed=False) as record:
+        record(first)
+    assert read_passes(log) == [first]
+
+
+def test_logs_of_another_kind_are_refused(tmp_path, capsys):
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    assert run(["models", "--curves", str(tmp_path / "other.csv")]) == 3
+    assert "holds no passes of a training" in capsys.readouterr().err
+    assert run(["train", "--quick", "-o", str(tmp_path / "w.safetensors"), "--log", str(tmp_path / "log.txt")]) == 2
+    assert "must end in .csv or .jsonl" in capsys.readouterr().err
 
 
 def test_train_writes_a_model_that_denoises(tmp_path, capsys):

@@ -16,7 +16,7 @@ from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_confi
 from cascadenorm.learned.descriptors import bilateral_descriptor
 from cascadenorm.learned.features import FeatureScaler, pairwise_features
 from cascadenorm.learned.launch import is_local_main, is_main
-from cascadenorm.learned.network_training import Faces, chordal_distance, train_network
+from cascadenorm.learned.network_training import Faces, angle_sum, chordal_distance, train_network
 from cascadenorm.learned.networks import TorchFeatures
 from cascadenorm.learned.training import train
 from cascadenorm.mesh import limit_threads
@@ -78,7 +78,7 @@ def test_training_lowers_the_loss():
     faces, scaler = to_learn_from(cube(10), 0.25)
     losses: list[float] = []
     rows, fit = np.arange(len(faces.truth)), Fit(epochs=8, batch=64)
-    train_network(faces, rows, scaler, fit, seed=0, log=lambda *said: losses.append(said[-1]))
+    train_network(faces, rows, scaler, fit, seed=0, log=lambda *said: losses.append(said[2]))
     assert losses[-1] < 0.95 * losses[0]
 
 
@@ -102,13 +102,14 @@ def test_chord_is_twice_the_sine_of_half_the_angle():
     turned = torch.stack([torch.cos(angle), torch.sin(angle), 0 * angle], dim=1)
     found = chordal_distance(turned, torch.tensor([[1.0, 0, 0]]).expand(2, 3))
     np.testing.assert_allclose(found, [2 * np.sin(0.1), 2 * np.sin(0.5)], rtol=1e-4)
+    assert angle_sum(found) == pytest.approx(np.degrees(1.2), rel=1e-4)
 
 
 def test_early_stopping_returns_the_best_pass():
     faces, scaler = to_learn_from(icosphere(2), 0.3)
     seen: list[float] = []
     rows, fit = np.arange(len(faces.truth)), Fit(epochs=200, batch=16, hidden=(64,), patience=3)
-    train_network(faces, rows, scaler, fit, seed=0, log=lambda *said: seen.append(said[-1]))
+    train_network(faces, rows, scaler, fit, seed=0, log=lambda *said: seen.append(said[2]))
     assert len(seen) < 200
     assert np.argmin(seen) == len(seen) - 1 - fit.patience
 

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from textwrap import indent
 from typing import TextIO
 
@@ -18,10 +19,12 @@ from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.evaluation.public_sets import PUBLIC_SETS
 from cascadenorm.evaluation.tables import NARROW, by_method, spread
 from cascadenorm.inspection import FINDINGS, Inspection
+from cascadenorm.learned.training_log import Pass
 from cascadenorm.messages import counted
 from cascadenorm.registry import Method, Setting
 from cascadenorm.spectra import Spectrum
 
+BARS = "▁▂▃▄▅▆▇█"
 COARSE = 0.01
 """Resolution of the number type, in mean edge lengths, above which it is reported."""
 PLAIN_WIDTH = 120
@@ -173,6 +176,27 @@ def print_evaluation(done: Evaluation) -> None:
         for row in over.rows:
             table.add_row(*(cell.text for cell in row))
         print_table(table)
+
+
+def print_curves(passes: Sequence[Pass]) -> None:
+    """Print a line for each network: its passes, the best validation, and the course of the error."""
+    table = Table()
+    for title in ("stage", "cluster", "passes", "best", "loss", "validation", "error", "error, pass by pass"):
+        table.add_column(title, justify="left" if title.startswith("error, ") else "right")
+    for (stage, cluster), group in groupby(passes, key=lambda done: (done.stage, done.cluster)):
+        of_network = list(group)
+        best = min(of_network, key=lambda done: done.validation)
+        numbers = [stage, cluster, of_network[-1].epoch, best.epoch]
+        figures = [f"{best.loss:.4f}", f"{best.validation:.4f}", f"{best.validation_deg:.2f}°"]
+        table.add_row(*map(str, numbers), *figures, sparkline([done.validation_deg for done in of_network]))
+    print_table(table)
+
+
+def sparkline(values: Sequence[float], width: int = 40) -> str:
+    """Return values as bars of text, at most so many, from the smallest to the largest."""
+    shown = [values[i * len(values) // min(width, len(values))] for i in range(min(width, len(values)))]
+    low, high = min(shown), max(shown)
+    return "".join(BARS[round((len(BARS) - 1) * (value - low) / (high - low or 1))] for value in shown)
 
 
 def print_methods(methods: Mapping[str, Method]) -> None:

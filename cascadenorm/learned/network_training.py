@@ -54,6 +54,11 @@ def chordal_distance(predicted: Tensor, truth: Tensor) -> Tensor:
     return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8)
 
 
+def angle_sum(chord: Tensor) -> float:
+    """Sum the angles of chords, in degrees."""
+    return torch.rad2deg(2 * torch.asin((chord.double() / 2).clamp(max=1))).sum().item()
+
+
 def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
     """Return how many of its faces this process gives to each batch of a pass, and how many all processes give."""
     counts = distributed.all_gather(np.array([own]))
@@ -70,7 +75,7 @@ def train_network(
     fit: Fit,
     *,
     seed: int,
-    log: Callable[[int, float, float], None] = lambda *_: None,
+    log: Callable[[int, float, float, float], None] = lambda *_: None,
 ) -> dict[str, Array]:
     """Train a network on 85 % of some faces, stop by the other 15 %, return the best weights.
 
@@ -83,7 +88,8 @@ def train_network(
     scaler : of their features
     fit : settings
     seed : of the split, the first weights and the order of the batches
-    log : called after each pass with its number from 1, the training loss and the validation loss
+    log : called after each pass with its number from 1, the training loss, the validation loss, and the mean angle of
+        the validation in degrees
 
     Returns
     -------
@@ -99,23 +105,25 @@ def train_network(
     mine, sizes = _batches(len(training), fit.batch)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * len(sizes))
 
-    def loss_of(model: torch.nn.Module, part: Tensor) -> Tensor:
+    def chords_of(model: torch.nn.Module, part: Tensor) -> Tensor:
         stack, context, truth = (tensor[part].to(device) for tensor in faces)
-        return chordal_distance(model(features(stack, context), stack), truth).sum()
+        return chordal_distance(model(features(stack, context), stack), truth)
 
     best, best_loss, best_epoch = network.state_dict(), np.inf, 0
     for epoch in range(1, fit.epochs + 1):
         drawn = training[torch.randperm(len(training), generator=generator)].to(stored)
         learned = torch.zeros((), dtype=torch.float64, device=device)
         for part, size in zip(drawn.split(mine), sizes, strict=True):  # type: ignore[no-untyped-call]
-            loss = loss_of(model, part)
+            loss = chords_of(model, part).sum()
             _descend(loss * (distributed.world_size() / size), network, optimiser, schedule, fit.clip)
             learned += loss.detach()
         with torch.no_grad():
             parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
-            tested = sum(loss_of(network, part).item() for part in parts)
-        training_loss, validation_loss = _means([learned.item(), tested], [len(training), len(validation)])
-        log(epoch, training_loss, validation_loss)
+            tested = [chords_of(network, part) for part in parts]
+            sums = [sum(part.sum().item() for part in tested), sum(angle_sum(part) for part in tested)]
+        counts = [len(training), len(validation), len(validation)]
+        training_loss, validation_loss, angle = _means([learned.item(), *sums], counts)
+        log(epoch, training_loss, validation_loss, angle)
         if validation_loss < best_loss:
             best, best_loss, best_epoch = _copied(network), validation_loss, epoch
         elif epoch - best_epoch >= fit.patience:

@@ -24,6 +24,7 @@ from cascadenorm.learned.network_training import Faces, train_network
 from cascadenorm.learned.regression import Regression, nearest
 from cascadenorm.learned.samples import Sample
 from cascadenorm.learned.stage_settings import StageSettings
+from cascadenorm.learned.training_log import Pass, Recorder, unrecorded
 from cascadenorm.mesh import Vectors, in_blocks, thread_count
 from cascadenorm.progress import Progress, silent
 from cascadenorm.workers import Map, side_by_side
@@ -42,6 +43,7 @@ def train(
     own: Sequence[Pair] = (),
     generated: Path | None = None,
     progress: Progress = silent,
+    record: Recorder = unrecorded,
 ) -> Cascade:
     """Train a cascade; an interrupted training that is started again goes on, and ends with the same bytes.
 
@@ -55,17 +57,19 @@ def train(
     own : pairs to learn from beside those that are generated
     generated : folder for the generated pairs, which trainings of the same config.data may share; none: in `checkpoint`
     progress : called as parts finish
+    record : called after each pass of a network, of several clusters from several threads
 
     Raises
     ------
     ConfigError : the folder holds a training of another config, or of other pairs; fewer meshes than processes
     """
     with distributed.process_group(), _one_thread_each():
-        return _trained(config, checkpoint, own, generated or checkpoint / "pairs", progress if is_main() else silent)
+        progress, record = (progress, record) if is_main() else (silent, unrecorded)
+        return _trained(config, checkpoint, own, generated or checkpoint / "pairs", progress, record)
 
 
 def _trained(
-    config: TrainConfig, checkpoint: Path, own: Sequence[Pair], generated: Path, progress: Progress
+    config: TrainConfig, checkpoint: Path, own: Sequence[Pair], generated: Path, progress: Progress, record: Recorder
 ) -> Cascade:
     if (meshes := config.data.count + len(own)) < distributed.world_size():
         raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {meshes}: take fewer")
@@ -77,7 +81,7 @@ def _trained(
     losses: list[list[float]] = []
     with side_by_side(distributed.cores()) as each:
         for number, settings in enumerate(config.stages):
-            arrays = _train_stage(samples, each, config, checkpoint, number, settings, progress)
+            arrays = _train_stage(samples, each, config, checkpoint, number, settings, progress, record)
             stage = Regression.from_arrays(settings, arrays)
             stages.append(stage)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
@@ -98,6 +102,7 @@ def _train_stage(
     number: int,
     settings: StageSettings,
     progress: Progress,
+    record: Recorder,
 ) -> dict[str, Array]:
     """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
     finished = checkpoint / f"stage{number}.safetensors"
@@ -130,9 +135,10 @@ def _train_stage(
 
         task, epochs, notes = f"stage {number + 1} cluster {c + 1}", config.fit.epochs, list[str]()
 
-        def log(epoch: int, loss: float, validation: float) -> None:
-            notes.append(f"{count} faces, loss {loss:.4f}, validation {validation:.4f}")
+        def log(epoch: int, loss: float, validation: float, angle: float) -> None:
+            notes.append(f"{count} faces, loss {loss:.4f}, validation {validation:.4f} ({angle:.2f}°)")
             progress(task, epoch, epochs, notes[-1])
+            record(Pass(number + 1, c + 1, epoch, loss, validation, angle))
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
         network = train_network(faces, mine, scaler, config.fit, seed=int(seed), log=log)

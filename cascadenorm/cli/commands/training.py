@@ -44,6 +44,17 @@ def train(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A minute's training, to see that it works.")] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="The same seed makes the same file.")] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write losses and the validation error in degrees after each pass, as .csv or .jsonl; an interrupted "
+            "training goes on with the file.",
+        ),
+    ] = None,
+    tensorboard: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The same for TensorBoard, if it is installed.")
+    ] = None,
     force: Force = False,
     **controls: Any,
 ) -> None:
@@ -67,6 +78,8 @@ def train(
             shapes=shapes or (),
             noisy=noisy or (),
             force=force,
+            log=log,
+            tensorboard=tensorboard,
             progress=progress,
             **controls,
         )
@@ -77,10 +90,20 @@ def train(
 @app.command("models")
 def show_model(
     model: Annotated[str, typer.Argument(help="auto or cascade, which come with the package, or a file.")] = "auto",
+    *,
+    curves: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Show the curves of a training instead, which train --log has written."),
+    ] = None,
 ) -> None:
     """Print the card of a model: what it was made of, how, and how well it fits, as JSON."""
     from cascadenorm import models
-    from cascadenorm.cli import json_output
+    from cascadenorm.cli import json_output, tables
+    from cascadenorm.learned.training_log import read_passes
+
+    if curves is not None:
+        tables.print_curves(read_passes(curves))
+        return
 
     json_output.print_json("models", {"model": model, "card": models.named(model).card})
 

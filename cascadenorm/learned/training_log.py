@@ -1,0 +1,130 @@
+"""What a training records after each pass of a network: in a file of lines, and for TensorBoard."""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from threading import Lock
+from typing import NamedTuple, TextIO
+
+from cascadenorm.errors import MissingDependencyError, ParameterError, ReadError
+
+
+class Pass(NamedTuple):
+    """A pass over the faces of a cluster.
+
+    Parameters
+    ----------
+    stage, cluster, epoch : from 1
+    loss, validation : mean chord between predicted and true normals, of the faces learned from and of the others
+    validation_deg : mean angle of the latter, in degrees
+    """
+
+    stage: int
+    cluster: int
+    epoch: int
+    loss: float
+    validation: float
+    validation_deg: float
+
+
+Recorder = Callable[[Pass], object]
+
+FORMATS = (".csv", ".jsonl")
+"""Extensions of files of lines."""
+
+
+def unrecorded(done: Pass) -> None:
+    """Record nothing."""
+
+
+@contextmanager
+def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> Iterator[Recorder]:
+    """Record passes in a file, which has each as soon as it is done, and for TensorBoard.
+
+    Parameters
+    ----------
+    log : file with an extension of FORMATS; None writes none
+    tensorboard : folder of events; None writes none
+    resumed : go on with the file of an interrupted training; else it is begun anew
+
+    Raises
+    ------
+    ParameterError : another extension
+    MissingDependencyError : tensorboard is not installed
+    """
+    recorders: list[Recorder] = []
+    lock = Lock()
+    with ExitStack() as opened:
+        if log is not None:
+            checked_log(log)
+            log.parent.mkdir(parents=True, exist_ok=True)
+            file = opened.enter_context(log.open("a" if resumed else "w", encoding="utf-8", newline=""))
+            recorders.append(_lines(file, log.suffix))
+        if tensorboard is not None:
+            recorders.append(opened.enter_context(_events(tensorboard)))
+
+        def record(done: Pass) -> None:
+            with lock:
+                for one in recorders:
+                    one(done)
+
+        yield record
+
+
+def checked_log(log: Path) -> Path:
+    """Return the path of a file of lines; raises ParameterError for another extension."""
+    if log.suffix not in FORMATS:
+        raise ParameterError(f"is {log}; it must end in {' or '.join(FORMATS)}", parameter="log")
+    return log
+
+
+def read_passes(log: Path) -> list[Pass]:
+    """Return what was recorded, ordered; of a pass that was done again after an interruption the last.
+
+    Raises
+    ------
+    ReadError : no file of lines, or one of something else
+    """
+    try:
+        text = checked_log(log).read_text(encoding="utf-8")
+        rows = csv.DictReader(io.StringIO(text)) if log.suffix == ".csv" else map(json.loads, text.splitlines())
+        found = [Pass(**{name: kind(row[name]) for name, kind in Pass.__annotations__.items()}) for row in rows]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ReadError(f"{log} holds no passes of a training: {error}") from error
+    return sorted({done[:3]: done for done in found}.values())
+
+
+def _lines(file: TextIO, suffix: str) -> Recorder:
+    """Write each pass as a line, as comma-separated values or JSON."""
+    writer = csv.writer(file, lineterminator="\n")
+    if suffix == ".csv" and file.tell() == 0:
+        writer.writerow(Pass._fields)
+
+    def record(done: Pass) -> None:
+        if suffix == ".csv":
+            writer.writerow(done)
+        else:
+            file.write(json.dumps(done._asdict()) + "\n")
+        file.flush()
+
+    return record
+
+
+@contextmanager
+def _events(folder: Path) -> Iterator[Recorder]:
+    """Write curves for TensorBoard, one of each figure for each cluster."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        raise MissingDependencyError("--tensorboard", package="tensorboard") from None
+    with SummaryWriter(str(folder)) as writer:  # type: ignore[no-untyped-call]
+
+        def record(done: Pass) -> None:
+            for name in ("loss", "validation", "validation_deg"):
+                tag = f"stage{done.stage}/cluster{done.cluster}/{name}"
+                writer.add_scalar(tag, getattr(done, name), done.epoch)  # type: ignore[no-untyped-call]
+
+        yield record
