@@ -1,7 +1,7 @@
 """Methods on pairs of a noisy and a clean mesh, measured."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
 from pathlib import Path
@@ -55,7 +55,7 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(
-    folders: Places | Sequence[Pair],
+    folders: Places | Iterable[Pair | str | PathLike[str]],
     *,
     methods: str | Sequence[str] = DEFAULT_METHODS,
     results: Mapping[str, str | PathLike[str]] | None = None,
@@ -130,7 +130,7 @@ def evaluate(
     return done
 
 
-def _pairs(folders: Places | Sequence[Pair]) -> list[Pair]:
+def _pairs(folders: Places | Iterable[Pair | str | PathLike[str]]) -> list[Pair]:
     if isinstance(folders, str | PathLike):
         return find_pairs(folders)
     given = list(folders)

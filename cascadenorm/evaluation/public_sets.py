@@ -144,14 +144,14 @@ def mesh_digest(path: Path) -> str:
 
 
 def _checked(wanted: PublicSet, pair: Listed, root: Path, title: str) -> Pair:
-    files = [root / pair.noisy, root / pair.clean]
+    noisy, clean = files = (root / pair.noisy, root / pair.clean)
     for file in files:
         if not file.is_file():
             raise ReadError(f"{file} is missing", hint=f"get the set: {wanted.place}")
     for file, digest in zip(files, pair.digests, strict=bool(pair.digests)):
         if mesh_digest(file) != digest:
             raise ReadError(f"{file} is another mesh than was published", hint=f"get it again: {wanted.place}")
-    return Pair(title, *files)
+    return Pair(title, noisy, clean)
 
 
 def _split_pairs(wanted: PublicSet, root: Path, split: str) -> list[Pair]:

@@ -120,11 +120,11 @@ def _events(folder: Path) -> Iterator[Recorder]:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         raise MissingDependencyError("--tensorboard", package="tensorboard") from None
-    with SummaryWriter(str(folder)) as writer:  # type: ignore[no-untyped-call]
+    with SummaryWriter(str(folder)) as writer:
 
         def record(done: Pass) -> None:
             for name in ("loss", "validation", "validation_deg"):
                 tag = f"stage{done.stage}/cluster{done.cluster}/{name}"
-                writer.add_scalar(tag, getattr(done, name), done.epoch)  # type: ignore[no-untyped-call]
+                writer.add_scalar(tag, getattr(done, name), done.epoch)
 
         yield record

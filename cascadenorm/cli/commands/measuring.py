@@ -138,8 +138,8 @@ def evaluate(
     if dataset == "list":
         tables.print_public_sets()
         return
-    pairs = _public_pairs(dataset, copy, split)
-    if not folders and not pairs:
+    places: list[Pair | Path] = [*_public_pairs(dataset, copy, split), *(folders or [])]
+    if not places:
         raise typer.BadParameter("give folders of pairs, or --dataset NAME --from DIR")
     for path in filter(None, (csv, markdown, latex)):
         check_output(path, force=force)
@@ -149,7 +149,7 @@ def evaluate(
         keep = keep or check_evaluation(html, force=force)
     with progress_bars.progress_tasks() as progress:
         done = harness.evaluate(
-            [*pairs, *(folders or [])],
+            places,
             methods=method or harness.DEFAULT_METHODS,
             results=named_values("--result", result),
             commands=named_values("--command", command),
