@@ -1,3 +1,4 @@
+import hashlib
 import json
 import subprocess
 import sys
@@ -152,6 +153,22 @@ def test_train_records_each_pass_and_its_curves_are_shown(tmp_path, capsys, suff
     assert run(words) == 5  # the model is there already
     weights.unlink()
     assert run(words) == 5 and "log" in capsys.readouterr().err  # and so is the log
+
+
+def test_the_card_for_the_hub_has_the_digest_and_the_licence_of_the_file(tmp_path):
+    own, card = tmp_path / "mine.safetensors", tmp_path / "README.md"
+    own.write_bytes(shipped("cascade").to_bytes())
+    assert run(["models", str(own), "--hub", str(card)]) == 0
+    _, metadata, text = card.read_text(encoding="utf-8").split("---\n", 2)
+    assert metadata.startswith("license: mit\nlibrary_name: cascadenorm\ntags:\n- mesh-denoising\n")
+    digest = hashlib.sha256(own.read_bytes()).hexdigest()
+    assert f"| `mine.safetensors` | {own.stat().st_size} | `{digest}` | MIT |" in text
+    losses = shipped("cascade").card["validation_chord_by_stage_and_cluster"]
+    assert f"| 2 | {' | '.join(f'{loss:.4f}' for loss in losses[1])} |" in text
+    assert run(["models", "auto", "--hub", str(card)]) == 5  # it exists
+    assert run(["models", "auto", "--hub", str(card), "--force"]) == 0
+    shipped_file = Path(cn.__file__).parent / "weights" / "auto.safetensors"
+    assert hashlib.sha256(shipped_file.read_bytes()).hexdigest() in card.read_text(encoding="utf-8")
 
 
 def test_a_log_goes_on_after_an_interruption_and_the_later_of_two_passes_counts(tmp_path):

@@ -34,5 +34,8 @@ def test_it_runs(path, tmp_path, monkeypatch):
 def test_links_lead_to_files():
     for path in NOTEBOOKS:
         text = "".join("".join(cell["source"]) for cell in cells(path, "markdown"))
+        assert f"(https://colab.research.google.com/github/OWNER/cascadenorm/blob/main/notebooks/{path.name})" in text
         for link in text.split("](")[1:]:
-            assert (path.parent / link.partition(")")[0]).exists(), link
+            assert (
+                link.startswith("https://colab.research.google.com/") or (path.parent / link.partition(")")[0]).exists()
+            ), link

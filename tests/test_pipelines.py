@@ -63,6 +63,30 @@ def test_snakemake_denoises_every_scan(scans):
     assert {path.name for path in (scans / "denoised").iterdir()} == {"a.ply", "b.ply"}
 
 
+@pytest.mark.skipif(not shutil.which("dvc"), reason="dvc is not installed")
+def test_dvc_denoises_and_measures(scans):
+    shutil.copy(ROOT / "examples" / "dvc.yaml", scans)
+    ran(scans, "dvc", "init", "--no-scm")
+    ran(scans, "dvc", "repro")
+    assert json.loads((scans / "measured" / "a.json").read_text())["measures"]["normal_error_deg"] < 10
+    assert (scans / "denoised" / "b.ply").exists()
+
+
+def test_the_template_compares_a_method_of_its_own(scans):
+    for name in ("denoiser", "compare"):
+        shutil.copy(ROOT / "examples" / "own_denoiser" / f"{name}.py", scans)
+    pair = scans / "pairs" / "ball"
+    pair.mkdir(parents=True)
+    shutil.copy(scans / "scans" / "a.ply", pair / "noisy.ply")
+    shutil.copy(scans / "truth" / "a.ply", pair / "clean.ply")
+    ran(scans, sys.executable, "compare.py", "pairs")
+    head, *rows = (line.split(",") for line in (scans / "comparison.csv").read_text().splitlines())
+    error = {row[1]: float(row[head.index("normal_error_deg")]) for row in rows}
+    assert list(error) == ["noisy", "own-denoiser", "auto", "bilateral-normal", "guided-normal"]
+    assert error["own-denoiser"] < 0.6 * error["noisy"]
+    assert "own-denoiser" in (scans / "comparison.html").read_text(encoding="utf-8")
+
+
 @pytest.mark.skipif(not shutil.which("bash"), reason="bash is not installed")
 def test_the_script_of_the_action_denoises_what_matches(scans):
     text = (ROOT / "action.yml").read_text(encoding="utf-8")

@@ -95,6 +95,11 @@ def show_model(
         Path | None,
         typer.Option(metavar="FILE", help="Show the curves of a training instead, which train --log has written."),
     ] = None,
+    hub: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the card in the format of the Hugging Face Hub, with the digest."),
+    ] = None,
+    force: Force = False,
 ) -> None:
     """Print the card of a model: what it was made of, how, and how well it fits, as JSON."""
     from cascadenorm import models
@@ -103,6 +108,12 @@ def show_model(
 
     if curves is not None:
         tables.print_curves(read_passes(curves))
+        return
+    if hub is not None:
+        from cascadenorm.io.atomic import write_atomically
+        from cascadenorm.model_cards import hub_card
+
+        write_atomically(hub, [hub_card(model).encode()], force=force)
         return
 
     json_output.print_json("models", {"model": model, "card": models.named(model).card})
