@@ -39,11 +39,11 @@ def _card(model: str) -> str:
     return "\n".join(
         [
             f"## `{model}`\n",
-            table(("", ""), about),
+            table(("entry", "value"), about),
             "Validation loss, the mean chord between regressed and true normals:\n",
             table(titles, losses),
             "Shapes and noise of the training data, with how often each is named in the configuration:\n",
-            table(("", "drawn from"), drawn),
+            table(("setting", "drawn from"), drawn),
             "All other settings, as [training](../training.md#settings) explains them:\n",
             table(("setting", "value"), settings),
         ]

@@ -10,7 +10,7 @@ terms, one for smoothness and one for staying near the measurement:
 
 # %%
 # Setting the derivative to zero gives :math:`(1 + \frac{1}{\alpha} K)\, x = x^*`, which is one implicit step of
-# diffusion of the length :math:`1/\alpha`. The weight of the data and the time of the flow are the same knob.
+# diffusion of the length :math:`1/\alpha`. The weight of the data and the time of the flow are the same parameter.
 import matplotlib.pyplot as plt
 import numpy as np
 
