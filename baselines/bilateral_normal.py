@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance
@@ -23,7 +23,7 @@ Center = Annotated[
 Passes = Annotated[int, Parameter("passes over the normals", minimum=0)]
 
 
-@method("bilateral-normal", source="Zheng, Fu, Au, Tai 2011 (local scheme)")
+@method("bilateral-normal", source="Zheng, Fu, Au, Tai 2011 (local scheme)", rings=filter_rings)
 def bilateral_normal(
     mesh: Mesh,
     *,

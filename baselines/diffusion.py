@@ -2,9 +2,9 @@
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,22 @@ Step = Annotated[
 ]
 Moving = Annotated[Region | None, Parameter("(n,) bool, the vertices that move; the others hold the surface there")]
 
+LARGEST = 2.0  # eigenvalue of -Δ with uniform weights
 MOST_STEPS = 10_000  # explicit steps that a call may be cut into
 
 logger = logging.getLogger(__name__)
 
 
-@method("laplacian", source="Desbrun, Meyer, Schröder, Barr 1999")
+def _rings(given: Mapping[str, Any], _: int) -> int | None:
+    """Cotangents are mollified by the worst triangle of all, and an implicit step is a system of all vertices."""
+    if given["weights"] != "uniform" or given["scheme"] != "explicit":
+        return None
+    order: Order = given["order"]
+    iterations = int(given["iterations"])
+    return order * iterations * _stable_cuts(LARGEST, given["step"], iterations, order)
+
+
+@method("laplacian", source="Desbrun, Meyer, Schröder, Barr 1999", rings=_rings)
 def laplacian(
     mesh: Mesh,
     *,
@@ -99,7 +109,7 @@ def diffuse(
     if time == 0 or iterations == 0 or not free.any():
         return values.copy()
     if scheme == "explicit":
-        cuts = _stable_cuts(laplacian, time, iterations, order)
+        cuts = _stable_cuts(laplacian.largest, time, iterations, order)
         for _ in track(iterations * cuts):
             values = values - np.where(free[:, None], (time / cuts) * laplacian.apply(values, order), 0.0)
         return values
@@ -146,15 +156,15 @@ def flowed(
         return mesh.vertices + time * diffuse(
             laplacian, velocity(mesh.vertices), time=time, iterations=1, region=region
         )
-    cuts, vertices = _stable_cuts(laplacian, time, 1, 1) if time else 0, mesh.vertices
+    cuts, vertices = _stable_cuts(laplacian.largest, time, 1, 1) if time else 0, mesh.vertices
     for _ in track(cuts):
         vertices = vertices + time / cuts * velocity(vertices)
     return vertices
 
 
-def _stable_cuts(laplacian: Laplacian, time: float, iterations: int, order: Order) -> int:
+def _stable_cuts(largest: float, time: float, iterations: int, order: Order) -> int:
     """Return into how many stable steps one explicit step has to be cut."""
-    longest = 2.0 / laplacian.largest**order
+    longest = 2.0 / largest**order
     cuts = max(1, math.ceil(time / longest * (1 - 1e-12)))
     if cuts * iterations > MOST_STEPS:
         share = MOST_STEPS / (cuts * iterations)

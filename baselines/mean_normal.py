@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
-from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import dot, length, row, squared_distance
@@ -25,7 +25,7 @@ Threshold = Annotated[
 WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 
 
-@method("mean-normal", source="Yagou, Ohtake, Belyaev 2002")
+@method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", rings=filter_rings)
 def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit: Fit = "sweeps") -> Vectors:
     """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges.
 
@@ -41,7 +41,7 @@ def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit:
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
-@method("unilateral-normal", source="Sun, Rosin, Martin, Langbein 2007")
+@method("unilateral-normal", source="Sun, Rosin, Martin, Langbein 2007", rings=filter_rings)
 def unilateral_normal(
     mesh: Mesh, *, threshold: Threshold = 0.4, iterations: Passes = 10, sweeps: Sweeps = 10, fit: Fit = "sweeps"
 ) -> Vectors:
@@ -63,7 +63,11 @@ def unilateral_normal(
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
-@method("random-walk-normal", source="Sun, Rosin, Martin, Langbein 2008")
+@method(
+    "random-walk-normal",
+    source="Sun, Rosin, Martin, Langbein 2008",
+    rings=lambda given, groups: fit_rings(given, groups, given["length"] * given["iterations"]),
+)
 def random_walk_normal(
     mesh: Mesh,
     *,

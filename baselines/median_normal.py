@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import Passes
-from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance, subtract
@@ -18,7 +18,7 @@ Median = Annotated[
 ]
 
 
-@method("median-normal", source="Yagou, Ohtake, Belyaev 2002")
+@method("median-normal", source="Yagou, Ohtake, Belyaev 2002", rings=filter_rings)
 def median_normal(
     mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10, fit: Fit = "sweeps"
 ) -> Vectors:

@@ -1,6 +1,7 @@
 """Vertices that fit given face normals: by sweeps of the vertex update, or all at once by least squares."""
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from scipy import sparse
@@ -16,6 +17,16 @@ Fit = Annotated[
 ]
 ATTACHMENT = 0.01
 """μ, weight of the given positions against the normals; less overfits filtered normals, which belong to no surface."""
+
+
+def fit_rings(given: Mapping[str, Any], groups: int, filtered: int) -> int | None:
+    """Return how many edges a vertex sees whose normals saw so many; within a sweep one group sees another's move."""
+    return filtered + int(given["sweeps"]) * groups if given["fit"] == "sweeps" else None
+
+
+def filter_rings(given: Mapping[str, Any], groups: int) -> int | None:
+    """Return how many edges a vertex sees after passes over the faces around each face."""
+    return fit_rings(given, groups, given["iterations"])
 
 
 def fit_vertices(

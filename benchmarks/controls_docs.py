@@ -48,7 +48,7 @@ def values_table() -> str:
 
 
 def _in_python(setting: ControlSetting) -> str:
-    example = "function" if setting.about.hidden else repr(setting.about.example)
+    example = setting.about.metavar if setting.about.hidden else repr(setting.about.example)
     return f"`{setting.name}={example}`".replace("'", '"')
 
 

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cascadenorm.api import compare, denoise, denoise_file, methods
+    from cascadenorm.api import Whole, compare, denoise, denoise_file, methods
     from cascadenorm.batch.batch import denoise_files
     from cascadenorm.controls import Controls
     from cascadenorm.denoised_files import Report
@@ -60,6 +60,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "Report": "denoised_files",
     "Spectrum": "spectra",
     "TrainConfig": "learned.config",
+    "Whole": "api",
     "WorkerError": "errors",
     "compare": "api",
     "denoise": "api",
@@ -104,6 +105,7 @@ __all__ = [
     "Report",
     "Spectrum",
     "TrainConfig",
+    "Whole",
     "WorkerError",
     "compare",
     "denoise",

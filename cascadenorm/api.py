@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 import cascadenorm.baselines
 import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
 from cascadenorm.controls.apply import controlled
+from cascadenorm.controls.halo import Whole as Whole  # whose methods are registered here
 from cascadenorm.controls.selection import welded
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.controls.weights import selected_faces

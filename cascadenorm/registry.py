@@ -23,6 +23,8 @@ if TYPE_CHECKING:  # the command line reads declarations before numpy is loaded
 REGION = "region"
 """A method with a parameter of this name is given the vertices that may move, (n,) bool, derived from the controls."""
 
+Rings = Callable[[Mapping[str, Any], int], int | None]
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -118,13 +120,17 @@ class Setting:
 
 @dataclass(frozen=True)
 class Method:
-    """A registered method: its name, its source, its parameters, and whether its own result changes little under it."""
+    """A registered method: its name, its source, its parameters, whether its own result changes little under it.
+
+    `rings` tells how far from a vertex the mesh decides on its place; None where all of the mesh does.
+    """
 
     name: str
     function: "Callable[..., Vectors]"
     source: str
     settings: Mapping[str, Setting]
     converges: bool = False
+    rings: "Rings | None" = None
 
     @property
     def summary(self) -> str:
@@ -159,6 +165,17 @@ class Method:
                 raise ParameterError(f"{self.name} has no parameter {name!r}; it has: {known}")
         return {name: self.settings[name].checked(value) for name, value in parameters.items()}
 
+    def receptive_field(self, parameters: Mapping[str, Any], groups: int) -> int | None:
+        """Return within how many edges of a vertex the mesh decides on its place; None where there is no bound.
+
+        Parameters
+        ----------
+        parameters : those that are given
+        groups : number of groups in which the vertex update takes the vertices
+        """
+        every = {name: setting.default for name, setting in self.settings.items()} | self.checked(parameters)
+        return None if self.rings is None else self.rings(every, groups)
+
     def __call__(self, mesh: "Mesh", **parameters: Any) -> "Vectors":
         """Return the new vertices of a mesh."""
         return self.function(mesh, **self.checked(parameters))
@@ -168,7 +185,7 @@ _methods: dict[str, Method] = {}
 
 
 def method(
-    name: str, *, source: str, converges: bool = False
+    name: str, *, source: str, converges: bool = False, rings: Rings | None = None
 ) -> "Callable[[Callable[..., Vectors]], Callable[..., Vectors]]":
     """Register a function from a mesh to its new vertices under a name.
 
@@ -177,10 +194,12 @@ def method(
     name : as users type it, lower case with hyphens
     source : authors and year of the paper that the rule comes from
     converges : applied to its own result it changes little; a strength above 1 removes detail instead
+    rings : from all parameters, and the number of groups of the vertex update, to the edges that a vertex sees; None
+        for a method that sees all of the mesh, and its result where the parameters make it do so
     """
 
     def register(function: "Callable[..., Vectors]") -> "Callable[..., Vectors]":
-        _methods[name] = Method(name, function, source, _settings(function), converges)
+        _methods[name] = Method(name, function, source, _settings(function), converges, rings)
         return function
 
     return register

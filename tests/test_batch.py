@@ -92,6 +92,8 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(place, capsys):
     assert len(done.lines) == 4 and (place / "out" / "a" / "1.ply").read_bytes() != before
     (failure,) = done.failures
     assert failure.source == "scans/b/1.ply" and failure.error.remedy == ("force", True)
+    assert lines(place / "out", "failed")[-1]["output"] == "b/1.ply"
+    assert [line["output"] for line in lines(place / "out", "started")].count("b/1.ply") == 1
     np.testing.assert_array_equal(cn.read("out/b/1.ply").mesh.vertices, BALL.vertices)
 
 

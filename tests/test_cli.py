@@ -134,7 +134,7 @@ def test_json_says_which_controls_were_in_force(place, capsys):
     assert json.loads(capsys.readouterr().out)["controls"] == {**expected, "volume": "keep"}
     assert run(["denoise", "ball.ply", *FAST, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["controls"] == NO_CONTROLS
-    assert set(NO_CONTROLS) == set(CONTROLS) - {"strength", "threads", "progress"}
+    assert set(NO_CONTROLS) == set(CONTROLS) - {"strength", "threads", "progress", "halo"}
 
 
 def test_the_controls_in_force_are_printed(place, capsys):

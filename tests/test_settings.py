@@ -48,7 +48,7 @@ def test_the_command_line_has_an_option_for_every_control(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     assert run(["denoise", "--help"]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert set(CONTROLS) - set(options.OPTIONS) == {"progress"}
+    assert set(CONTROLS) - set(options.OPTIONS) == {"progress", "halo"}
     for setting in options.OPTIONS.values():
         assert re.search(rf"{setting.option}(?![\w-])", text), setting.name
         assert " ".join(setting.about.help.split()[:4]) in text

@@ -14,6 +14,7 @@ from cascadenorm.batch.manifest import Line
 from cascadenorm.denoised_files import Report
 from cascadenorm.digests import file_digest
 from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.io.atomic import check_output
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -106,6 +107,8 @@ def _checked(settings: Settings, task: Task) -> Outcome:
         digest = mesh_digest(source)
     except OSError as error:
         raise ReadError(f"{source} cannot be read: {error.strerror or error}") from error
+    if output.exists():  # before a line says that it was begun, which makes what is there ours
+        check_output(output, force=settings.force or _is_ours(line, output))
     if line is None or line["status"] != "done" or line["settings"] != settings.key or line["input_sha256"] != digest:
         return Outcome(status="new", input_digest=digest)
     kept = output.is_file() and mesh_digest(output) == line["output_sha256"]

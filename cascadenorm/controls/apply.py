@@ -11,6 +11,7 @@ from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut
 from cascadenorm.controls.detail import Removal, finer_than, without_finer
 from cascadenorm.controls.displacement import displaced, framed_length
+from cascadenorm.controls.halo import Halo, as_part, check_halo
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.walls import joined_walls
 from cascadenorm.controls.weights import holds_some, vertex_weights
@@ -64,12 +65,13 @@ def controlled(
     checked = _checked_parameters(method, parameters)
     faces, mesh = mesh.faces, without_lines(mesh)
     weights = vertex_weights(mesh, controls, faces)
-    framed, exponent = in_frame(mesh)
-    order = in_good_order(framed)
+    halo = None if controls["halo"] is None else check_halo(method, parameters, mesh, controls)
+    order, framed, parts, exponent = _prepared(mesh, halo)
     weights = weights[order.numbers]
     if REGION in method.settings and holds_some(controls):
         checked[REGION] = weights > 0
-    framed, parts = divided(oriented(order.mesh))
+    if halo is not None:
+        weights = np.where(halo.vertices, 0.0, weights)
     detail = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
@@ -84,6 +86,16 @@ def controlled(
     return displaced(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
 
 
+def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells | None, int]:
+    """Return how vertices are numbered, the mesh as the method sees it, its shells, and the exponent of the frame."""
+    if halo is None:
+        framed, exponent = in_frame(mesh)
+        order = in_good_order(framed)
+        return order, *divided(oriented(order.mesh)), exponent
+    own = np.arange(len(mesh.vertices))
+    return Renumbered(mesh, own, own), as_part(mesh, halo.whole), None, halo.whole.frame.exponent
+
+
 def in_words(controls: Controls) -> dict[str, Any]:
     """Return the controls that a report names, as they were given; arrays by their shape alone."""
     return {name: _in_words(controls[name]) for name in CONTROLS if name not in UNREPORTED}  # type: ignore[literal-required]
@@ -92,8 +104,9 @@ def in_words(controls: Controls) -> dict[str, Any]:
 EDGES = 2.0
 """Width of the detail, in mean edge lengths, that each 1 of strength above 1 adds after a method that converges."""
 
-UNREPORTED = ("strength", "threads", "progress")
-"""Controls that a report does not name: strength has a field of its own, the others do not change the result."""
+UNREPORTED = ("strength", "threads", "progress", "halo")
+"""Controls that a report does not name: strength has a field of its own, halos are for arrays, the others do not change
+the result."""
 
 
 def _in_words(value: Any) -> Any:

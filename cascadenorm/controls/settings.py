@@ -18,6 +18,7 @@ from cascadenorm.registry import Parameter, Setting, declared
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
 else:
 
     class ArrayLike:
@@ -177,7 +178,20 @@ class Controls(TypedDict, total=False):
     ]
     progress: Annotated[
         Callable[[float], object] | None,
-        Control(help="Called with the fraction done, from 0 to 1; what it raises ends the work.", hidden=True),
+        Control(
+            help="Called with the fraction done, from 0 to 1; what it raises ends the work.",
+            metavar="function",
+            hidden=True,
+        ),
+    ]
+    halo: Annotated[
+        object | None,
+        Control(
+            help="The mesh is a patch of a larger one: vertices of its halo stay, the others go where they go in the "
+            "whole. See docs/patches.md.",
+            metavar="patch.halo",
+            hidden=True,
+        ),
     ]
 
 

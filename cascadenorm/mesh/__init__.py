@@ -17,7 +17,7 @@ from cascadenorm.mesh.arrays import (
     unit,
 )
 from cascadenorm.mesh.csr import Csr
-from cascadenorm.mesh.frame import in_frame, scale_between, scaled_alike
+from cascadenorm.mesh.frame import Frame, frame_between, frame_of, in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh
@@ -31,6 +31,7 @@ __all__ = [
     "Csr",
     "Floats",
     "Floats32",
+    "Frame",
     "Index",
     "Ints",
     "Ints32",
@@ -44,6 +45,8 @@ __all__ = [
     "bad_vertices",
     "doubled",
     "first_places",
+    "frame_between",
+    "frame_of",
     "in_blocks",
     "in_frame",
     "in_good_order",

@@ -33,3 +33,10 @@ def joined(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int32]]])
     if parts:
         np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
     return Csr(indptr, np.concatenate([found for _, found in parts]) if parts else np.empty(0, np.int32))
+
+
+def grouped(colors: NDArray[np.int32]) -> Csr:
+    """Return rows of equal colour, from 0 on; those of colour -1 are left out."""
+    order = np.argsort(colors, kind="stable").astype(np.int32)
+    counts = np.bincount(colors + 1)
+    return Csr(np.cumsum(counts) - counts[0], order[counts[0] :])

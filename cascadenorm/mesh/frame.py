@@ -1,18 +1,48 @@
 """Meshes scaled to about unit size, so that no square overflows or vanishes."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from cascadenorm.mesh.arrays import Vectors
 from cascadenorm.mesh.mesh import Mesh
+
+
+class Frame(NamedTuple):
+    """Where a mesh is seen from, and in which unit.
+
+    Parameters
+    ----------
+    center : (3,) what becomes the origin
+    exponent : 2**exponent becomes the unit
+    """
+
+    center: Vectors
+    exponent: int
+
+    def of(self, mesh: Mesh) -> Mesh:
+        """Return the mesh in this frame, exactly; vertices without a face are at the origin."""
+        used = mesh.topology.used_vertices[:, None]
+        centered = np.where(used, mesh.vertices, self.center) - self.center
+        return mesh.moved(np.ldexp(centered, -self.exponent))
+
+
+def frame_between(lower: Vectors, upper: Vectors) -> Frame:
+    """Return the frame of what lies between two corners, (3,), of a box."""
+    exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
+    return Frame(0.5 * upper + 0.5 * lower, exponent)
+
+
+def frame_of(mesh: Mesh) -> Frame:
+    """Return the frame of the vertices that a face uses."""
+    used = mesh.topology.used_vertices
+    return frame_between(mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0))
 
 
 def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
     """Return the mesh centred and scaled by 2**-exponent, exactly; vertices without a face are at the origin."""
-    used = mesh.topology.used_vertices
-    lower, upper = mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0)
-    exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
-    center = 0.5 * upper + 0.5 * lower
-    centered = np.where(used[:, None], mesh.vertices, center) - center
-    return mesh.moved(np.ldexp(centered, -exponent)), exponent
+    frame = frame_of(mesh)
+    return frame.of(mesh), frame.exponent
 
 
 def scaled_alike(*meshes: Mesh) -> list[Mesh]:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import MeshError
 from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, first_places, scatter_add, unit
+from cascadenorm.mesh.csr import grouped
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology import Topology
@@ -42,6 +43,18 @@ class Mesh:
             raise MeshError(f"the vertices have shape {mesh.vertices.shape}; it must stay {self.vertices.shape}")
         mesh.faces, mesh.topology = self.faces, self.topology
         mesh.vertices.flags.writeable = False
+        return mesh
+
+    def as_part(self, mean_edge_length: float, groups: NDArray[np.int32]) -> "Mesh":
+        """Return the same mesh as a part of a larger one, of which it has the mean edge length and `vertex_colors`.
+
+        Parameters
+        ----------
+        groups : (n,) the colour of each vertex in the larger mesh, -1 for none
+        """
+        mesh = Mesh(self.vertices, self.faces)
+        mesh.__dict__["mean_edge_length"] = mean_edge_length
+        mesh.topology.__dict__["vertex_colors"] = grouped(groups)
         return mesh
 
     def __reduce__(self) -> tuple[type["Mesh"], tuple[Vectors, NDArray[np.int32]]]:

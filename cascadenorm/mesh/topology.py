@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cascadenorm.mesh.arrays import scatter_add
-from cascadenorm.mesh.csr import Csr, joined
+from cascadenorm.mesh.csr import Csr, grouped, joined
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology_kernels import (
     color_vertices,
@@ -156,9 +156,7 @@ class Topology:
         """
         colors = np.full(self.vertex_count, -1, np.int32)
         color_vertices(self.faces, self.vertex_faces, colors)
-        order = np.argsort(colors, kind="stable").astype(np.int32)
-        counts = np.bincount(colors + 1)
-        return Csr(np.cumsum(counts) - counts[0], order[counts[0] :])
+        return grouped(colors)
 
     @cached_property
     def components(self) -> NDArray[np.int32]:
