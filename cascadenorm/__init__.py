@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from cascadenorm.reports import report
     from cascadenorm.reports.notebook import view
     from cascadenorm.spectra import Spectrum, spectrum
+    from cascadenorm.streaming.streaming import denoise_large_file
 
 __version__ = "0.1.0"
 
@@ -66,6 +67,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "denoise": "api",
     "denoise_file": "api",
     "denoise_files": "batch.batch",
+    "denoise_large_file": "streaming.streaming",
     "denoise_region_files": "regions",
     "denoise_regions": "regions",
     "evaluate": "evaluation.harness",
@@ -111,6 +113,7 @@ __all__ = [
     "denoise",
     "denoise_file",
     "denoise_files",
+    "denoise_large_file",
     "denoise_region_files",
     "denoise_regions",
     "evaluate",

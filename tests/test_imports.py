@@ -49,6 +49,7 @@ MAY_IMPORT = {
     "batch": {*METHODS, "worker_processes", "memory", "digests", "learned.cascade", "controls", "io", "api",
               "denoised_files", "batch"},
     "model_cards": {"digests", "learned.cascade", "models"},
+    "streaming": {*METHODS, "memory", "controls", "io", "api", "denoised_files", "streaming"},
     "models": {*METHODS, "learned", "io", "controls", "api", "evaluation.pairs"},
     "evaluation": {*METHODS, "workers", "memory", "digests", "learned", "data_gen", "io", "interop", "controls", "api",
                    "evaluation"},
@@ -58,8 +59,8 @@ MAY_IMPORT = {
     "frontends.blender": {*METHODS, "io.normals", "controls", "api", "inspection", "frontends"},
     "studio": {*METHODS, "workers", "io", "interop", "controls", "api", "denoised_files", "reports", "studio"},
     "cli": {*METHODS, "workers", "learned", "data_gen", "io", "interop", "controls", "api", "denoised_files",
-            "filled_files", "batch", "models", "model_cards", "regions", "evaluation", "spectra", "inspection",
-            "render", "reports", "studio", "cli"},
+            "filled_files", "batch", "streaming", "models", "model_cards", "regions", "evaluation", "spectra",
+            "inspection", "render", "reports", "studio", "cli"},
 }  # fmt: skip
 """What a module may import; the longest name that fits it decides. A room's own `__init__` is part of it."""
 

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.errors import MeshError, ParameterError
+from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.shells import shells
-from cascadenorm.mesh import Frame, Mesh, frame_of, in_good_order, without_lines
+from cascadenorm.mesh import Frame, Mesh, Topology, frame_of, in_good_order, without_lines
 from cascadenorm.registry import Method, find
 
 LOCAL = ("strength", "mask", "fixed", "only", "boundary", "max_displacement", "threads", "progress", "halo")
@@ -87,9 +88,7 @@ class Whole:
         every = np.asarray(faces)
         chosen = np.zeros(len(self.group), bool)
         chosen[np.asarray(inside)] = True
-        near = chosen.copy()
-        for _ in range(rings):
-            near[every[near[every].any(axis=1)]] = True
+        near = steps_from(Topology(every.astype(np.int32), len(chosen)), chosen, rings) <= rings
         mine = near[every].all(axis=1)
         vertices = np.flatnonzero(near)
         numbers = np.full(len(near), -1, np.int32)
@@ -153,15 +152,7 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
             f"{len(mesh.vertices)} and {len(mesh.faces)}",
             parameter="halo",
         )
-    rings = _rings(method, parameters, whole.groups)
-    for name, setting in CONTROLS.items():
-        given: Any = controls[name]  # type: ignore[literal-required]
-        if name not in LOCAL and given is not None and given != setting.default:
-            raise ParameterError("sees all of the mesh, and cannot be kept in a patch", parameter=name)
-    if controls["strength"] > 1:
-        raise ParameterError("is above 1, where the result is denoised again as a whole", parameter="strength")
-    if controls["boundary"] == "smooth":
-        raise ParameterError("is 'smooth', which sees whole boundary loops", parameter="boundary")
+    rings = check_local(method, parameters, whole.groups, controls)
     near = cut_within(mesh, whole.around, rings) & ~halo.vertices
     if near.any():
         raise ParameterError(
@@ -172,12 +163,28 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
     return halo
 
 
+def check_local(method: Method, parameters: Mapping[str, Any], groups: int, controls: Controls) -> int:
+    """Return the receptive field of a method, as `Method.receptive_field` does.
+
+    Raises
+    ------
+    ParameterError : the method or a control sees all of the mesh
+    """
+    rings = _rings(method, parameters, groups)
+    for name, setting in CONTROLS.items():
+        given: Any = controls[name]  # type: ignore[literal-required]
+        if name not in LOCAL and given is not None and given != setting.default:
+            raise ParameterError("sees all of the mesh, and cannot be kept in a patch", parameter=name)
+    if controls["strength"] > 1:
+        raise ParameterError("is above 1, where the result is denoised again as a whole", parameter="strength")
+    if controls["boundary"] == "smooth":
+        raise ParameterError("is 'smooth', which sees whole boundary loops", parameter="boundary")
+    return rings
+
+
 def cut_within(mesh: Mesh, around: NDArray[np.int32], rings: int) -> NDArray[np.bool_]:
     """Return (k,) which vertices are fewer than so many edges away from one that lacks some of its faces."""
-    near = (mesh.topology.vertex_faces.counts != around) & (rings > 0)
-    for _ in range(rings - 1):
-        near[mesh.faces[near[mesh.faces].any(axis=1)]] = True
-    return np.asarray(near)
+    return np.asarray(steps_from(mesh.topology, mesh.topology.vertex_faces.counts != around, rings) < rings)
 
 
 def as_part(mesh: Mesh, whole: Whole) -> Mesh:

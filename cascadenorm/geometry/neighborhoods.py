@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Vectors, doubled, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Topology, Vectors, doubled, kernel, parallel_for
 from cascadenorm.mesh.vectors import row, squared_distance
 
 UNLIMITED = 2**31 - 1
@@ -36,6 +36,32 @@ def within(
 def each_alone(count: int) -> Csr:
     """Return rows of one entry, their own number: seeds for a walk from each point itself."""
     return Csr(np.arange(count + 1, dtype=np.int64), np.arange(count, dtype=np.int32))
+
+
+def steps_from(topology: Topology, seeds: NDArray[np.bool_], most: int) -> Ints32:
+    """Return (n,) the least number of edges to each vertex from one of the seeds, (n,); `most` + 1 where it is more."""
+    steps = np.where(seeds, 0, most + 1).astype(np.int32)
+    _steps(topology.faces, topology.vertex_faces, np.flatnonzero(seeds).astype(np.int32), most, steps)
+    return steps
+
+
+@kernel
+def _steps(faces: Ints32, around: Csr, seeds: Ints32, most: int, steps: Ints32) -> None:
+    """Search breadth first; the queue holds the vertices in order of their steps."""
+    queue = np.empty(len(steps), np.int32)
+    queue[: len(seeds)] = seeds
+    end = len(seeds)
+    for i in range(len(steps)):
+        if i == end or steps[queue[i]] == most:
+            break
+        vertex = queue[i]
+        for k in range(around.indptr[vertex], around.indptr[vertex + 1]):
+            for corner in range(3):
+                other = faces[around.indices[k], corner]
+                if steps[other] > steps[vertex] + 1:
+                    steps[other] = steps[vertex] + 1
+                    queue[end] = other
+                    end += 1
 
 
 @kernel

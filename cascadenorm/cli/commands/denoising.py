@@ -28,6 +28,10 @@ def denoise(
     ] = None,
     report: ReportFile = None,
     truth: Annotated[Path | None, typer.Option(metavar="FILE", help="The true mesh, for the report.")] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option(metavar="SIZE", help="Work in patches that take so much memory, such as 4GB; docs/patches.md."),
+    ] = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
@@ -46,6 +50,9 @@ def denoise(
         from cascadenorm import reports
 
         reports.check_report(report, force=force)
+    if memory is not None:
+        _denoise_large(source, target, memory, (report, format), method, parameters, force, as_json, controls)
+        return
     with progress_bars.progress_bar("denoising") as progress:
         denoised = api.denoised_file(
             sys.stdin.buffer if source == "-" else source,
@@ -65,6 +72,40 @@ def denoise(
         json_output.print_json("denoise", json_output.denoised(done), file=out)
     else:
         tables.print_denoised(done, file=out)
+
+
+def _denoise_large(
+    source: str,
+    target: str | None,
+    memory: str,
+    others: tuple[object, ...],
+    method: str,
+    parameters: dict[str, Any],
+    force: bool,
+    as_json: bool,
+    controls: dict[str, Any],
+) -> None:
+    """Denoise a file in patches."""
+    from cascadenorm.cli import json_output, progress_bars, tables
+    from cascadenorm.streaming.streaming import denoise_large_file
+
+    if "-" in (source, target) or any(other is not None for other in others):
+        raise typer.BadParameter("--memory is for files: leave out streams, --format and --report")
+    with progress_bars.progress_bar("denoising", time_left=True) as progress:
+        done = denoise_large_file(
+            source,
+            target,
+            memory=memory,
+            method=method,
+            force=force,
+            parameters=parameters,
+            progress=progress,
+            **controls,
+        )
+    if as_json:
+        json_output.print_json("denoise", json_output.denoised(done))
+    else:
+        tables.print_denoised(done, file=sys.stdout)
 
 
 @app.command()

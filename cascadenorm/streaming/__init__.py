@@ -1,0 +1,1 @@
+"""Meshes larger than memory, denoised in patches that lie on disk."""

@@ -1,0 +1,197 @@
+"""Mesh files larger than memory, denoised patch by patch; a run that was interrupted goes on with the next one."""
+
+import hashlib
+import json
+import os
+import shutil
+import time
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import cascadenorm
+from cascadenorm.api import denoise
+from cascadenorm.controls.apply import in_words
+from cascadenorm.controls.halo import check_local
+from cascadenorm.controls.settings import Controls, checked, takes_controls
+from cascadenorm.denoised_files import Report
+from cascadenorm.errors import OutputError, ParameterError
+from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.io.files import beside
+from cascadenorm.memory import memory_size
+from cascadenorm.mesh import limit_threads
+from cascadenorm.registry import Method, find
+from cascadenorm.streaming.ply_rows import ply_tables
+from cascadenorm.streaming.store import Store
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+PROCESS = 350_000_000
+"""Bytes that a process takes before it has read anything, kernels included."""
+
+VERTEX = 5000
+"""Bytes of memory for each vertex of a patch, its part of the halo included."""
+
+SMALLEST = 2000
+"""Vertices of a patch at least; halos of smaller ones cost more than the patches."""
+
+IN_MEMORY = ("mask", "fixed", "only")
+"""Controls that are given over the vertices or faces of a file in memory."""
+
+
+@takes_controls
+def denoise_large_file(
+    source: str | PathLike[str],
+    output: str | PathLike[str] | None = None,
+    *,
+    memory: str | int,
+    method: str,
+    force: bool = False,
+    parameters: dict[str, Any] | None = None,
+    **controls: "Unpack[Controls]",
+) -> Report:
+    """Denoise a mesh file that is larger than memory, in patches, to the same bytes as `denoise_file` in memory.
+
+    The patches lie in a folder beside the output while the work goes on, which needs about twice the size of the file.
+    A run that was interrupted goes on with the patch that it was at; at the end the folder is removed.
+
+    Parameters
+    ----------
+    source : a binary PLY file of triangles
+    output : as in `denoise_file`, a PLY file
+    memory : that the process should take, as bytes or as text like "4GB"; 6 bytes for each vertex come on top
+    method : one with a receptive field that docs/patches.md states, and without vertex update: "taubin" or "laplacian"
+    force, parameters : as in `denoise_file`
+
+    Returns
+    -------
+    What was done
+
+    Raises
+    ------
+    ReadError : not such a file, or not valid; vertices split at seams
+    ParameterError : a method or a control that sees more of the mesh than a patch
+    OutputError : as in `denoise_file`
+    """
+    every, chosen, given = checked(controls), find(method), parameters or {}
+    rings = _rings(chosen, given, every)
+    budget = memory_size("memory", memory) - PROCESS
+    tables = ply_tables(Path(source))
+    target = beside(Path(source), "denoised") if output is None else Path(output)
+    check_output(target, force=force)
+    if target.suffix.lower() != ".ply":
+        raise OutputError(f"{target} is no PLY file, and others are not written in parts")
+    folder = _folder(target, _key(tables.path, chosen, given, every))
+    store = Store(tables, folder)
+    start = time.perf_counter()
+    with limit_threads(every["threads"]):
+        whole = store.gather(max(SMALLEST, budget // VERTEX))
+        _denoise_patches(store, folder, method, given, every, rings)
+        moved = _joined(store, folder)
+    seconds = time.perf_counter() - start
+    write_atomically(target, tables.moved(moved), force=force)
+    count, mean, largest = _moves(store, moved)
+    del moved
+    shutil.rmtree(folder)
+    return Report(
+        source=str(source),
+        output=str(target),
+        method=method,
+        parameters=dict(given),
+        strength=every["strength"],
+        controls=in_words(every),
+        vertices=tables.vertices.rows,
+        faces=tables.faces.rows,
+        isolated_vertices=0,
+        isolated_faces=0,
+        moved=count,
+        mean_displacement=mean / whole.mean_edge_length,
+        largest_displacement=largest / whole.mean_edge_length,
+        seconds=seconds,
+        error=None,
+        left_out=(),
+    )
+
+
+def _rings(method: Method, parameters: Mapping[str, Any], controls: Controls) -> int:
+    """Return the receptive field of a method without vertex update; raises ParameterError for others."""
+    for name in IN_MEMORY:
+        if controls[name] is not None:  # type: ignore[literal-required]
+            raise ParameterError("is given over all of a mesh, which is not in memory here", parameter=name)
+    rings = check_local(method, parameters, 1, controls)
+    if rings != check_local(method, parameters, 2, controls):
+        raise ParameterError(
+            f"{method.name} has a vertex update, whose order is of the whole mesh in memory: take taubin or laplacian"
+        )
+    return rings
+
+
+def _key(source: Path, method: Method, parameters: Mapping[str, Any], controls: Controls) -> str:
+    """Return a digest of all that patches depend on; the source counts by its size and time of change."""
+    state = os.stat(source)
+    settings = {**method.checked(parameters), **in_words(controls), "strength": controls["strength"]}
+    parts = [cascadenorm.__version__, method.name, settings, state.st_size, state.st_mtime_ns, str(source.resolve())]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _folder(target: Path, key: str) -> Path:
+    """Return the folder of the patches, empty unless it is of an interrupted run of the same work."""
+    folder = target.with_name(f".{target.name}.parts")
+    mark = folder / "key"
+    try:
+        if not (mark.exists() and mark.read_text(encoding="ascii") == key):
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir()
+            write_atomically(mark, [key.encode()])
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be made: {error.strerror or error}") from error
+    return folder
+
+
+def _patch_file(folder: Path, number: int) -> Path:
+    return folder / f"patch_{number}.bin"
+
+
+def _denoise_patches(
+    store: Store, folder: Path, method: str, parameters: Mapping[str, Any], controls: Controls, rings: int
+) -> None:
+    """Denoise the patches that are not done yet, each into a file of its own."""
+    settings: dict[str, Any] = {name: controls[name] for name in ("strength", "boundary", "max_displacement")}
+    for number in range(store.whole.patches):
+        path = _patch_file(folder, number)
+        if not path.exists():
+            patch, positions = store.patch(number, rings)
+            rows = np.empty(len(patch.inside), store.moved_kind)
+            if len(rows):
+                moved = denoise(positions, patch.faces, method=method, halo=patch.halo, **parameters, **settings)
+                rows["id"], rows["xyz"] = patch.inside, moved[~patch.halo.vertices]
+            write_atomically(path, [rows.tobytes()])
+        if controls["progress"] is not None:
+            controls["progress"]((number + 1) / store.whole.patches)
+
+
+def _joined(store: Store, folder: Path) -> NDArray[Any]:
+    """Return the positions of all vertices, (n, 3), in a file that is mapped into memory."""
+    shape = store.tables.vertices.rows, 3
+    moved = np.memmap(folder / "moved.bin", store.moved_kind["xyz"].base, "w+", shape=shape)
+    for number in range(store.whole.patches):
+        rows = np.fromfile(_patch_file(folder, number), store.moved_kind)
+        moved[rows["id"]] = rows["xyz"]
+    return moved
+
+
+def _moves(store: Store, moved: NDArray[Any]) -> tuple[int, float, float]:
+    """Return how many vertices moved, and by how much on average and at most, in the frame."""
+    count, total, largest = 0, 0.0, 0.0
+    for first, before in store.tables.positions():
+        after = moved[first : first + len(before)].astype(np.float64)
+        moves = np.linalg.norm(np.ldexp(after - before.astype(np.float64), -store.whole.frame.exponent), axis=1)
+        count += int((moves > 0).sum())
+        total += float(moves.sum())
+        largest = max(largest, float(moves.max()))
+    return count, total / len(moved), largest
