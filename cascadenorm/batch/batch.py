@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 SCAN = 0.5
 """Seconds between two looks at a folder that is watched."""
 
+SCANNING = 20
+"""A look at a large folder takes a part of the time that is at most one in so many."""
+
 FREE = 0.8
 """Part of the free memory that a batch takes, unless it is told how much."""
 
@@ -161,6 +164,7 @@ class _Run:
         """Do the files, and those that settle later; however that ends, no process and no half file is left."""
         remove_unfinished([Path(job.output) for job in jobs])
         self._add(jobs)
+        scan = 0.0  # when to look for further files
         try:
             while self._schedule.left or settled is not None:
                 self._begin_all()
@@ -169,9 +173,11 @@ class _Run:
                         self._end(worker)
                 elif settled is not None:
                     time.sleep(SCAN)
-                if settled is not None:
+                if settled is not None and (begin := time.monotonic()) >= scan:
                     busy = {job.source for job in self._attempts}
                     self._add(settled.take([job for job in find() if job.source not in busy]))
+                    end = time.monotonic()
+                    scan = end + max(SCAN, SCANNING * (end - begin))
         finally:
             unfinished = [Path(task.job.output) for task, _ in self._busy.values()]
             Worker.stop([*self._idle, *self._busy])
