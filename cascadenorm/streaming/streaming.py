@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 PROCESS = 350_000_000
 """Bytes that a process takes before it has read anything, kernels included."""
 
-VERTEX = 5000
+VERTEX = 2000
 """Bytes of memory for each vertex of a patch, its part of the halo included."""
 
 SMALLEST = 2000
