@@ -37,7 +37,7 @@ class Page(Browser):
 
     def wait(self, state="shown", *, more=False):
         """Wait until the page is in a state and has drawn it; with `more`, with another answer than the last."""
-        end = time.monotonic() + 60
+        end = time.monotonic() + 120
         found = (
             "const {state, answers} = document.getElementById('studio').dataset; return [state, Number(answers ?? 0)]"
         )
@@ -70,7 +70,7 @@ class Page(Browser):
 
     def said(self, selector, pattern):
         """Wait until a text is there."""
-        end = time.monotonic() + 30
+        end = time.monotonic() + 120
         text = "return document.querySelector(arguments[0]).innerText"
         while not (found := re.search(pattern, self.js(text, selector))):
             assert time.monotonic() < end, self.one("#studio").text
