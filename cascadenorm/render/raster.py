@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, Ints32, kernel, parallel_for
+from cascadenorm.mesh import Floats, Index, Ints32, kernel, parallel_for
 
 SMALLEST_BAND = 16
 LINE = 0.02
@@ -75,15 +75,23 @@ def _paint_rows(
 
 
 @kernel
+def _corners(
+    start: int, screen: Floats, samples: int, f: Index
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return the corners of a triangle in samples, from the row `start` on, and twice its signed area."""
+    ax, ay = screen[f, 0, 0] * samples, (screen[f, 0, 1] - start) * samples
+    bx, by = screen[f, 1, 0] * samples, (screen[f, 1, 1] - start) * samples
+    cx, cy = screen[f, 2, 0] * samples, (screen[f, 2, 1] - start) * samples
+    return ax, ay, bx, by, cx, cy, (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+
+
+@kernel
 def _find_nearest(start: int, screen: Floats, samples: int, seen: Ints32) -> None:
     """Find the nearest triangle at each sample, which lies in the middle of its cell, of the rows from `start` on."""
     rows, columns = seen.shape
     depth = np.full((rows, columns), -np.inf)
     for f in range(len(screen)):
-        ax, ay = screen[f, 0, 0] * samples, (screen[f, 0, 1] - start) * samples
-        bx, by = screen[f, 1, 0] * samples, (screen[f, 1, 1] - start) * samples
-        cx, cy = screen[f, 2, 0] * samples, (screen[f, 2, 1] - start) * samples
-        double_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        ax, ay, bx, by, cx, cy, double_area = _corners(start, screen, samples, f)
         if double_area == 0:
             continue
         top = max(0, int(np.ceil(max(-1.0, min(ay, by, cy) - 0.5))))
@@ -127,10 +135,7 @@ def _shade(
             if f < 0:
                 continue
             x = j + 0.5
-            ax, ay = screen[f, 0, 0] * samples, (screen[f, 0, 1] - start) * samples
-            bx, by = screen[f, 1, 0] * samples, (screen[f, 1, 1] - start) * samples
-            cx, cy = screen[f, 2, 0] * samples, (screen[f, 2, 1] - start) * samples
-            double_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+            ax, ay, bx, by, cx, cy, double_area = _corners(start, screen, samples, f)
             a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / double_area
             b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / double_area
             c = 1.0 - a - b
