@@ -174,7 +174,7 @@ def test_ctrl_c_leaves_no_process_and_no_half_file(place):
 def test_a_watched_folder_gives_each_file_when_it_is_complete(place):
     scans(place / "other", 2)
     (place / "in").mkdir()
-    words = [*COMMAND, "in", *FAST, "-o", "in/out", "--watch", "0.6"]
+    words = [*COMMAND, "in", *FAST, "-o", "in/out", "--watch", "2"]
     with subprocess.Popen(words, start_new_session=True) as process:
         whole = (place / "other" / "a" / "0.ply").read_bytes()
         with (place / "in" / "scan.ply").open("wb") as slow:
