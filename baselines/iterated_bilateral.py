@@ -15,7 +15,11 @@ LARGEST = 1000.0
 
 
 def iterated_bilateral_normals(
-    mesh: Mesh, *, sigma_r: tuple[float, float, float, float], passes: tuple[int, ...]
+    mesh: Mesh,
+    *,
+    sigma_r: tuple[float, float, float, float],
+    passes: tuple[int, ...],
+    out: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """Normals after each number of bilateral passes over one ring, for each σ_r.
 
@@ -27,6 +31,7 @@ def iterated_bilateral_normals(
     mesh : m faces; σ_s is one mean edge length
     sigma_r : range spreads, chords between unit normals; infinity leaves the range weight out
     passes : p numbers of passes, ascending
+    out : (m, 1 + 4 p, 3), what is returned; None: a new array
 
     Returns
     -------
@@ -36,15 +41,21 @@ def iterated_bilateral_normals(
     steepness = range_steepness(sigma_r)
     assert len(steepness) == LANES
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
-    after, out = np.empty_like(normals), np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32)
+    after = np.empty_like(normals)
+    out = np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32) if out is None else out
     out[:, 0] = normals[:, :, 0]
     for done in track(passes[-1]):
         parallel_for(len(normals), _bilateral_range, normals, own, rings, weights, steepness, after)
         normals, after = after, normals
         if done + 1 in passes:
             first = 1 + LANES * passes.index(done + 1)
-            out[:, first : first + LANES] = normals.transpose(0, 2, 1)
+            kept = out[:, first : first + LANES]
+            parallel_for(len(kept), _keep, normals.transpose(0, 2, 1), kept)
     return out
+
+
+def _keep(start: int, stop: int, normals: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    out[start:stop] = normals[start:stop]
 
 
 def range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:

@@ -8,7 +8,12 @@ from cascadenorm.mesh.vectors import cross, length, row, subtract
 
 
 def smoothed_normals(
-    mesh: Mesh, along: Vectors | NDArray[np.float32], passes: tuple[int, ...], *, sigma_r: float = np.inf
+    mesh: Mesh,
+    along: Vectors | NDArray[np.float32],
+    passes: tuple[int, ...],
+    *,
+    sigma_r: float = np.inf,
+    out: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """Normals of the faces after each number of smoothing passes, in which vertices move along fixed normals only.
 
@@ -22,6 +27,7 @@ def smoothed_normals(
     along : (m, 3) normals of the faces, smoother than its own; their sum around a vertex, by area, is its direction
     passes : numbers of passes, ascending
     sigma_r : spread of the weights of neighbours by the chord between directions; infinite: all weigh the same
+    out : (m, p, 3), what is returned; None: a new array
 
     Returns
     -------
@@ -30,7 +36,7 @@ def smoothed_normals(
     directions = vertex_directions(mesh, along)
     neighbors, spread = mesh.topology.vertex_neighbors, 0.5 / sigma_r**2
     positions, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
-    out = np.empty((len(mesh.faces), len(passes), 3), np.float32)
+    out = np.empty((len(mesh.faces), len(passes), 3), np.float32) if out is None else out
     for done in range(1, passes[-1] + 1):
         parallel_for(len(positions), _smooth_range, positions, directions, neighbors, spread, after)
         positions, after = after, positions

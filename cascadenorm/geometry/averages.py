@@ -9,7 +9,7 @@ from cascadenorm.mesh import Csr, Floats, Floats32, kernel, parallel_for
 Values = TypeVar("Values", Floats, Floats32)
 
 
-def averaged(values: Values, neighbors: Csr, passes: int) -> Values:
+def averaged(values: Values, neighbors: Csr, passes: int, *, spare: Values | None = None) -> Values:
     """Replace each row by the mean of itself and of the rows of its neighbours, so many times.
 
     Parameters
@@ -17,15 +17,18 @@ def averaged(values: Values, neighbors: Csr, passes: int) -> Values:
     values : (n, p)
     neighbors : n rows
     passes : at least 1
+    spare : as the values, overwritten, for what lies between passes; None: a new one
 
     Returns
     -------
     (n, p), of the type of the values
     """
-    after, spare = np.empty_like(values), np.empty_like(values)
-    for _ in range(passes):
+    out = np.empty_like(values)
+    between = np.empty_like(values) if spare is None else spare
+    for left in range(passes, 0, -1):
+        after = out if left % 2 else between
         parallel_for(len(values), _mean_range, values, neighbors, after)
-        values, after, spare = after, spare, after
+        values = after
     return values
 
 

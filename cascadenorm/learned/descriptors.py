@@ -79,40 +79,73 @@ class Filters(NamedTuple):
 FILTERS = Filters(iterated_bilateral_normals, smoothed_normals)
 """Those of the processor."""
 
-Parts = list[Stack]
+
+class Descriptor(NamedTuple):
+    """What a stage may read of a mesh and of how it was before the first stage.
+
+    Parameters
+    ----------
+    count : k filtered normals of each face
+    fill : writes them to a stack, (m, k, 3)
+    """
+
+    count: int
+    fill: Callable[[Stack, Mesh, Mesh, Filters, Neighborhood], None]
 
 
-def _own(mesh: Mesh) -> Stack:
-    return mesh.normals[:, None].astype(np.float32)
+def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, own: bool = False) -> Descriptor:
+    """B-FND, or with G-FND, behind the normal of the face itself if wanted."""
+
+    def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
+        out[:, int(own) :] = describe(mesh, neighborhood)
+        if own:
+            out[:, 0] = mesh.normals
+
+    return Descriptor(own + count, fill)
 
 
-def _iterated(mesh: Mesh, filters: Filters, passes: tuple[int, ...]) -> Stack:
-    return filters.iterated_bilateral(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes)
+def _iterated(passes: tuple[int, ...]) -> Descriptor:
+    def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
+        filters.iterated_bilateral(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes, out=out)
+
+    return Descriptor(1 + len(ITERATED_SIGMA_R) * len(passes), fill)
 
 
-def _first(mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> Parts:
-    iterated = _iterated(mesh, filters, ITERATED_PASSES)
-    return [iterated, filters.smoothed(mesh, iterated[:, SMOOTHING_DIRECTION], SMOOTH_PASSES)]
+def _first() -> Descriptor:
+    iterated = _iterated(ITERATED_PASSES)
+
+    def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
+        iterated.fill(out[:, : iterated.count], mesh, noisy, filters, neighborhood)
+        filters.smoothed(mesh, out[:, SMOOTHING_DIRECTION], SMOOTH_PASSES, out=out[:, iterated.count :])
+
+    return Descriptor(iterated.count + len(SMOOTH_PASSES), fill)
 
 
-def _later(mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> Parts:
+def _later() -> Descriptor:
     """Filter what the stage before left; and smooth the noisy mesh along its normals, so that detail can come back."""
-    iterated = _iterated(mesh, filters, LATER_ITERATED_PASSES)
-    smoothed = filters.smoothed(mesh, iterated[:, SMOOTHING_DIRECTION], LATER_SMOOTH_PASSES)
-    return [iterated, smoothed, filters.smoothed(noisy, mesh.normals, LATER_SMOOTH_PASSES, sigma_r=SMOOTH_SIGMA_R)]
+    iterated, passes = _iterated(LATER_ITERATED_PASSES), LATER_SMOOTH_PASSES
+
+    def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
+        bilateral, smoothed, of_noisy = np.split(out, [iterated.count, iterated.count + len(passes)], axis=1)
+        iterated.fill(bilateral, mesh, noisy, filters, neighborhood)
+        filters.smoothed(mesh, out[:, SMOOTHING_DIRECTION], passes, out=smoothed)
+        filters.smoothed(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R, out=of_noisy)
+
+    return Descriptor(iterated.count + 2 * len(passes), fill)
 
 
-DESCRIPTORS: dict[str, Callable[[Mesh, Mesh, Filters, Neighborhood], Parts]] = {
-    "B": lambda mesh, noisy, filters, neighborhood: [bilateral_descriptor(mesh, neighborhood)],
-    "B+G": lambda mesh, noisy, filters, neighborhood: [guided_descriptor(mesh, neighborhood)],
-    "n+B": lambda mesh, noisy, filters, neighborhood: [_own(mesh), bilateral_descriptor(mesh, neighborhood)],
-    "n+B+G": lambda mesh, noisy, filters, neighborhood: [_own(mesh), guided_descriptor(mesh, neighborhood)],
-    "iterated-64": lambda mesh, noisy, filters, neighborhood: [_iterated(mesh, filters, ITERATED_PASSES)],
-    "iterated-64+smoothed": _first,
-    "iterated-16": lambda mesh, noisy, filters, neighborhood: [_iterated(mesh, filters, LATER_ITERATED_PASSES)],
-    "iterated-16+smoothed": _later,
+_B, _G = len(SIGMA_S) * len(SIGMA_R), len(SIGMA_S) * (len(SIGMA_R) - 1)
+DESCRIPTORS = {
+    "B": _bank(bilateral_descriptor, _B),
+    "B+G": _bank(guided_descriptor, _B + _G),
+    "n+B": _bank(bilateral_descriptor, _B, own=True),
+    "n+B+G": _bank(guided_descriptor, _B + _G, own=True),
+    "iterated-64": _iterated(ITERATED_PASSES),
+    "iterated-64+smoothed": _first(),
+    "iterated-16": _iterated(LATER_ITERATED_PASSES),
+    "iterated-16+smoothed": _later(),
 }
-"""What a stage may read of a mesh and of how it was before the first stage, by the name in settings and weights.
+"""By the name in settings and weights.
 
 B and G are the published filters, n the normal of the face itself, with which the iterated filters begin as well.
 """

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.geometry.averages import averaged
 from cascadenorm.learned.descriptors import Stack
-from cascadenorm.mesh import Floats32, Mesh, in_blocks, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Floats32, Ints32, Mesh, in_blocks, kernel, parallel_for, scatter_add
 
 Array = NDArray[np.float32]
 
@@ -63,16 +63,26 @@ class FeatureScaler:
         -------
         (m, d + 5 p + 1), or (m, d) where p is 0
         """
-        around = np.concatenate(context, axis=1)
+        features = np.empty((len(stack), len(self.mean) + len(self.context_mean)), np.float32)
+        self._write_own(stack, features)
+        around = features[:, len(self.mean) :]
+        np.concatenate(context, axis=1, out=around)
         around -= self.context_mean
         around *= self.context_scale
-        return np.concatenate([self._own(stack), around], axis=1)
+        return features
 
     def _own(self, stack: Stack) -> Array:
-        features = pairwise_features(stack)
-        features -= self.mean
-        features *= self.scale
+        features = np.empty((len(stack), len(self.mean)), np.float32)
+        self._write_own(stack, features)
         return features
+
+    def _write_own(self, stack: Stack, features: Array) -> None:
+        """Write the features of the faces themselves to the first columns."""
+        parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), features)
+        own = features[:, : len(self.mean)]
+        np.log(own, out=own)
+        own -= self.mean
+        own *= self.scale
 
 
 def pairwise_features(stack: Stack) -> NDArray[np.float32]:
@@ -99,17 +109,18 @@ def context_features(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np
 
     Parameters
     ----------
-    values : (m, p), one row a face
+    values : (m, p), one row a face; overwritten
 
     Returns
     -------
     5 of (m, p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
         then the mean over the connected component
     """
-    kept, mean = [], component_means(values, mesh)
-    for rounds in np.diff(CONTEXT_STEPS, prepend=0).tolist():
-        values = averaged(values, mesh.topology.face_rings(1), rounds)
-        kept.append(values)
+    mean, rings = component_means(values, mesh), mesh.topology.face_rings(1)
+    first, *further = np.diff(CONTEXT_STEPS, prepend=0).tolist()
+    kept = [averaged(values, rings, first)]
+    for rounds in further:
+        kept.append(averaged(kept[-1], rings, rounds, spare=values))  # fresh memory costs more than the average
     return [*kept, mean]
 
 
@@ -117,7 +128,7 @@ def component_means(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float
     """Average features, one row a face, over the connected component of the face, (m, p)."""
     component = mesh.topology.face_components
     sizes = np.maximum(np.bincount(component), 1)
-    return np.asarray((scatter_add(component, values, len(sizes)) / sizes[:, None]).astype(np.float32)[component])
+    return _of_faces((scatter_add(component, values, len(sizes)) / sizes[:, None]).astype(np.float32), component)
 
 
 def openness(mesh: Mesh) -> NDArray[np.float32]:
@@ -132,12 +143,22 @@ def openness(mesh: Mesh) -> NDArray[np.float32]:
     component = mesh.topology.face_components
     sums = scatter_add(component, mesh.area_vectors, int(component.max(initial=-1)) + 1)
     areas = np.maximum(scatter_add(component, mesh.areas, len(sums)), np.finfo(float).tiny)
-    return np.asarray((np.linalg.norm(sums, axis=1) / areas)[component], np.float32)
+    return _of_faces((np.linalg.norm(sums, axis=1) / areas).astype(np.float32), component)
+
+
+def _of_faces(values: Array, component: Ints32) -> Array:
+    """Return for each face what its component has; of one component without a copy for each face."""
+    if len(values) == 1:
+        return np.broadcast_to(values, (len(component), *values.shape[1:]))
+    return np.asarray(values[component])
 
 
 @kernel
 def _pair_range(start: int, stop: int, stack: Floats32, out: Floats32) -> None:
-    """1 - cos + FLOOR, cos by half the squared chord, which keeps its digits where two normals nearly agree."""
+    """1 - cos + FLOOR, cos by half the squared chord, which keeps its digits where two normals nearly agree.
+
+    It fills the first columns of `out`, which may have more.
+    """
     count = stack.shape[1]
     axes = np.empty((3, count), np.float32)  # in each of which the later normals are neighbours
     for f in range(start, stop):

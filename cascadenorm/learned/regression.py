@@ -77,6 +77,8 @@ class Regression:
 
     def _sums(self, stack: Stack, x: Array) -> Array:
         """Return the weighted sums of the normals of some faces, which x describes, (m, 3)."""
+        if len(self.centers) == 1:
+            return np.einsum("mk,mkd->md", self._coefficients(0, x), stack)
         cluster = nearest(x, self.centers)
         total = np.empty((len(stack), 3), np.float32)
         for c in range(len(self.centers)):
@@ -86,18 +88,23 @@ class Regression:
 
     def _coefficients(self, cluster: int, x: Array) -> Array:
         """Apply the network of a cluster."""
-        for weight, bias in self.layers[:-1]:
-            x = ACTIVATIONS[self.settings.activation](x @ weight[cluster] + bias[cluster])
-        weight, bias = self.layers[-1]
+        *hidden, last = self.layers
+        for weight, bias in hidden:
+            x = x @ weight[cluster]
+            x += bias[cluster]
+            x = ACTIVATIONS[self.settings.activation](x)
+        weight, bias = last
         return np.asarray(x @ weight[cluster] + bias[cluster])
 
 
 def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh, filters: Filters = FILTERS) -> Stack:
     """Filter the normals of a mesh for a stage; the noisy normals, if it sees them, are last in the stack."""
-    parts = DESCRIPTORS[settings.descriptor](mesh, noisy, filters, settings.neighborhood)
+    count, fill = DESCRIPTORS[settings.descriptor]
+    stack = np.empty((len(mesh.faces), count + settings.sees_noisy, 3), np.float32)
+    fill(stack[:, :count], mesh, noisy, filters, settings.neighborhood)
     if settings.sees_noisy:
-        parts.append(noisy.normals[:, None].astype(np.float32))
-    return np.concatenate(parts, axis=1)
+        stack[:, -1] = noisy.normals
+    return stack
 
 
 def nearest(x: Array, centers: Array) -> NDArray[np.intp]:

@@ -125,7 +125,12 @@ def _eighth_power(x: Tensor) -> Tensor:
 
 
 def _iterated_bilateral(
-    device: torch.device, mesh: Mesh, *, sigma_r: tuple[float, ...], passes: tuple[int, ...]
+    device: torch.device,
+    mesh: Mesh,
+    *,
+    sigma_r: tuple[float, ...],
+    passes: tuple[int, ...],
+    out: Stack | None = None,
 ) -> Stack:
     """As `iterated_bilateral.iterated_bilateral_normals`, to the last digit."""
     csr, own, others = ring_weights(mesh)
@@ -134,7 +139,7 @@ def _iterated_bilateral(
     steepness = torch.tensor(range_steepness(sigma_r), device=device)
     first = torch.tensor(mesh.normals, dtype=torch.float32, device=device)
     normals = first[:, :, None].repeat(1, 1, len(sigma_r))
-    out, after = [first[:, None]], torch.empty_like(normals)
+    kept, after = [first[:, None]], torch.empty_like(normals)
     for done in track(passes[-1]):
         for part in rings:
             near = normals[rings.indices[part.entries]]
@@ -145,8 +150,8 @@ def _iterated_bilateral(
             after[part.rows] = torch.where(length > 0, total / length, normals[part.rows])
         normals, after = after, normals
         if done + 1 in passes:
-            out.append(normals.transpose(1, 2).clone())
-    return torch.cat(out, dim=1).cpu().numpy()
+            kept.append(normals.transpose(1, 2).clone())
+    return _stored(torch.cat(kept, dim=1), out)
 
 
 def _smoothed_normals(
@@ -156,12 +161,13 @@ def _smoothed_normals(
     passes: tuple[int, ...],
     *,
     sigma_r: float = np.inf,
+    out: Stack | None = None,
 ) -> Stack:
     """As `smoothed_normals.smoothed_normals`, to the last digit."""
     directions = torch.tensor(vertex_directions(mesh, along), device=device)
     neighbors, spread = _Rows(mesh.topology.vertex_neighbors, device), 0.5 / sigma_r**2
     positions, faces = torch.tensor(mesh.vertices, device=device), torch.tensor(mesh.faces, device=device).long()
-    otherwise, out = torch.tensor(mesh.normals, device=device), []
+    otherwise, kept = torch.tensor(mesh.normals, device=device), []
     for done in range(1, passes[-1] + 1):
         after = torch.empty_like(positions)
         for part in neighbors:
@@ -175,8 +181,17 @@ def _smoothed_normals(
             a, b, c = positions[faces].unbind(dim=1)
             area = _cross(b - a, c - a)
             length = _dot(area, area).sqrt()[:, None]
-            out.append(torch.where(length > 0, area / length, otherwise).float())
-    return torch.stack(out, dim=1).cpu().numpy()
+            kept.append(torch.where(length > 0, area / length, otherwise).float())
+    return _stored(torch.stack(kept, dim=1), out)
+
+
+def _stored(found: Tensor, out: Stack | None) -> Stack:
+    """Return an array on the processor: the one given, if one is."""
+    stack = found.cpu().numpy()
+    if out is None:
+        return stack
+    out[:] = stack
+    return out
 
 
 def _regressed(device: torch.device, stage: Regression, mesh: Mesh, stack: Stack) -> Vectors:
