@@ -43,7 +43,7 @@ def iterated_bilateral_normals(
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after = np.empty_like(normals)
     out = np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32) if out is None else out
-    out[:, 0] = normals[:, :, 0]
+    parallel_for(len(normals), _keep, normals[:, :, 0], out[:, 0])  # which is where the memory of `out` comes from
     for done in track(passes[-1]):
         parallel_for(len(normals), _bilateral_range, normals, own, rings, weights, steepness, after)
         normals, after = after, normals

@@ -104,7 +104,8 @@ def error_shares(mesh: Mesh, measured: Chords, rounding: float, part: Ints32, co
     residuals, sagittas, smooth = measured
     many = np.bincount(label[smooth], minlength=count) >= FEWEST
     squares = [scatter_add(label[smooth], values[smooth] ** 2, count) for values in (residuals, sagittas)]
-    medians = [_medians(label[bent], values[bent], count) for values in (residuals, sagittas)]
+    few = bent & ~many[label]
+    medians = [_medians(label[few], values[few], count) for values in (residuals, sagittas)]
     error, bend = (np.where(many, np.sqrt(q), m) for q, m in zip(squares, medians, strict=True))
     known = enough & (bend > 0)
     share[known] = error[known] / bend[known] + cancelled[known]

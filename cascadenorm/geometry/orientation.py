@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Bools, Csr, Index, Ints32, Mesh, kernel, scatter_add
+from cascadenorm.mesh import Bools, Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.vectors import cross, dot, row, subtract
 
 
 class Patches(NamedTuple):
@@ -69,8 +70,17 @@ def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
 
 def _volumes(mesh: Mesh, patch: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return six times the signed volume between each face and a vertex of its patch."""
-    a, b, c = np.moveaxis(mesh.corners - mesh.vertices[mesh.faces[patch, 0]][:, None], 1, 0)
-    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)))
+    out = np.empty(len(patch))
+    parallel_for(len(out), _volume_range, mesh.vertices, mesh.faces, patch, out)
+    return out
+
+
+@kernel
+def _volume_range(start: int, stop: int, vertices: Vectors, faces: Ints32, patch: Ints32, out: Floats) -> None:
+    for f in range(start, stop):
+        origin = row(vertices, faces[patch[f], 0])
+        a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
+        out[f] = dot(subtract(a, origin), cross(subtract(b, origin), subtract(c, origin)))
 
 
 @kernel

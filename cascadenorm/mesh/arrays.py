@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh.kernels import kernel
+from cascadenorm.mesh.threads import parallel_for
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -22,9 +23,14 @@ Vectors = NDArray[np.float64]
 
 def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vectors:
     """Scale each row to length 1; rows of length zero become `otherwise`, or stay zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    scaled = np.divide(vectors, length, out=np.zeros(vectors.shape), where=length > 0)
-    return scaled if otherwise is None else np.where(length > 0, scaled, otherwise)
+    scaled = np.zeros(vectors.shape)
+    rows = (-1, vectors.shape[-1])
+    zeros = parallel_for(
+        math.prod(vectors.shape[:-1]), _unit_range, np.ascontiguousarray(vectors).reshape(rows), scaled.reshape(rows)
+    )
+    if otherwise is None or not any(zeros):
+        return scaled
+    return np.where(scaled.any(axis=-1, keepdims=True), scaled, otherwise)
 
 
 def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
@@ -52,6 +58,23 @@ def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: i
     values = np.ascontiguousarray(values, np.result_type(values, np.float32)).reshape(len(index), columns)
     _scatter_add(np.ascontiguousarray(index, np.int64), values, out.reshape(length, columns))
     return out
+
+
+@kernel
+def _unit_range(start: int, stop: int, vectors: Floats, out: Floats) -> int:
+    """Scale rows to length 1 but those without one, which are counted."""
+    zeros = 0
+    for i in range(start, stop):
+        total = vectors[i, 0] * vectors[i, 0]
+        for d in range(1, vectors.shape[1]):
+            total += vectors[i, d] * vectors[i, d]
+        size = np.sqrt(total)
+        if size > 0:
+            for d in range(vectors.shape[1]):
+                out[i, d] = vectors[i, d] / size
+        else:
+            zeros += 1
+    return zeros
 
 
 @kernel

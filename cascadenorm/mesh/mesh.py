@@ -1,5 +1,6 @@
 """A triangle mesh as two contiguous arrays, checked once where it enters."""
 
+import math
 from functools import cached_property
 from importlib import import_module
 from typing import Any
@@ -8,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import MeshError
-from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, first_places, scatter_add, unit
-from cascadenorm.mesh.csr import grouped
+from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, first_places, unit
+from cascadenorm.mesh.csr import Csr, grouped
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology import Topology
@@ -110,7 +111,13 @@ class Mesh:
 
     def sums_around(self, values: Floats) -> Floats:
         """Add what the faces around each vertex have, (m, …), to (n, …)."""
-        return scatter_add(self.faces.ravel(), np.repeat(values, 3, axis=0), len(self.vertices))
+        out = np.empty((len(self.vertices), *values.shape[1:]))
+        columns = math.prod(values.shape[1:])
+        parallel_for(
+            len(out), _sum_around_range, self.topology.vertex_faces,
+            np.ascontiguousarray(values, np.float64).reshape(-1, columns), out.reshape(-1, columns),
+        )  # fmt: skip
+        return out
 
     @cached_property
     def vertex_area_vectors(self) -> Vectors:
@@ -163,6 +170,16 @@ def _area_vector_range(start: int, stop: int, vertices: Vectors, faces: Ints32, 
         a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
         x, y, z = cross(subtract(b, a), subtract(c, a))
         out[f, 0], out[f, 1], out[f, 2] = 0.5 * x, 0.5 * y, 0.5 * z
+
+
+@kernel
+def _sum_around_range(start: int, stop: int, around: Csr, values: Floats, out: Floats) -> None:
+    for i in range(start, stop):
+        for column in range(values.shape[1]):
+            out[i, column] = 0.0
+        for k in range(around.indptr[i], around.indptr[i + 1]):
+            for column in range(values.shape[1]):
+                out[i, column] += values[around.indices[k], column]
 
 
 @kernel

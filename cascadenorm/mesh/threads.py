@@ -18,7 +18,7 @@ from threadpoolctl import ThreadpoolController
 
 from cascadenorm.mesh.thread_pool import on_threads
 
-BLOCK = 2048
+BLOCK = 8192
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
 SMALLEST_CHUNK = 512
 

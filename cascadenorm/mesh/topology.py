@@ -13,7 +13,7 @@ from cascadenorm.mesh.topology_kernels import (
     color_vertices,
     edges_up_range,
     face_ring_range,
-    fill_vertex_faces,
+    fill_groups,
     sides_up_range,
 )
 
@@ -38,11 +38,7 @@ class Topology:
     @cached_property
     def vertex_faces(self) -> Csr:
         """Faces around each vertex, ascending; a face that repeats a vertex is listed twice."""
-        indptr = np.zeros(self.vertex_count + 1, np.int64)
-        np.cumsum(np.bincount(self.faces.ravel(), minlength=self.vertex_count), out=indptr[1:])
-        indices = np.empty(self.faces.size, np.int32)
-        fill_vertex_faces(self.faces, indptr[:-1].copy(), indices)
-        return Csr(indptr, indices)
+        return _rows_with(self.faces, self.vertex_count)
 
     def face_rings(self, ring: int) -> Csr:
         """Faces within `ring` steps of each face, itself left out; a step leads to a face that shares a vertex."""
@@ -75,10 +71,7 @@ class Topology:
     @cached_property
     def edge_faces(self) -> Csr:
         """Faces at each edge, ascending: one at a boundary, two inside a manifold, more at a non-manifold edge."""
-        order = np.argsort(self.face_edges, axis=None, kind="stable")
-        indptr = np.zeros(len(self.edges) + 1, np.int64)
-        np.cumsum(np.bincount(self.face_edges.ravel(), minlength=len(self.edges)), out=indptr[1:])
-        return Csr(indptr, (order // 3).astype(np.int32))
+        return _rows_with(self.face_edges, len(self.edges))
 
     @cached_property
     def interior_edges(self) -> NDArray[np.int32]:
@@ -141,12 +134,9 @@ class Topology:
     def vertex_neighbors(self) -> Csr:
         """Vertices joined to each vertex by an edge, ascending."""
         proper = self.edges[self.edges[:, 0] != self.edges[:, 1]]
-        ends = np.concatenate([proper, proper[:, ::-1]])
-        matrix = sparse.csr_matrix(
-            (np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), (self.vertex_count, self.vertex_count)
-        )
-        matrix.sort_indices()
-        return Csr(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
+        ends = np.concatenate([proper[:, ::-1], proper])  # the smaller neighbours of each vertex first
+        rows = _rows_with(np.ascontiguousarray(ends[:, :1]), self.vertex_count)
+        return Csr(rows.indptr, ends[rows.indices, 1])
 
     @cached_property
     def vertex_colors(self) -> Csr:
@@ -172,3 +162,12 @@ class Topology:
     def face_components(self) -> NDArray[np.int32]:
         """(m,) number of the connected component of each face, as in `components`."""
         return self.components[self.faces[:, 0]]
+
+
+def _rows_with(numbers: NDArray[np.int32], count: int) -> Csr:
+    """Rows of an array, (k, w), in which each of 0 … count - 1 stands, ascending, as often as it stands there."""
+    indptr = np.zeros(count + 1, np.int64)
+    np.cumsum(np.bincount(numbers.ravel(), minlength=count), out=indptr[1:])
+    indices = np.empty(numbers.size, np.int32)
+    fill_groups(numbers, indptr[:-1].copy(), indices)
+    return Csr(indptr, indices)

@@ -8,12 +8,13 @@ from cascadenorm.mesh.kernels import kernel
 
 
 @kernel
-def fill_vertex_faces(faces: Ints32, free: Ints, indices: Ints32) -> None:
-    for f in range(len(faces)):
-        for corner in range(3):
-            v = faces[f, corner]
-            indices[free[v]] = f
-            free[v] += 1
+def fill_groups(numbers: Ints32, free: Ints, indices: Ints32) -> None:
+    """Put each row of an array where its numbers have their next free place."""
+    for row in range(len(numbers)):
+        for column in range(numbers.shape[1]):
+            number = numbers[row, column]
+            indices[free[number]] = row
+            free[number] += 1
 
 
 @kernel
