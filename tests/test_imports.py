@@ -9,6 +9,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from shapes import icosphere, noisy
+
+from cascadenorm.interop import save_mesh
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = {"cascadenorm": ROOT / "cascadenorm", "baselines": ROOT / "baselines", "data_gen": ROOT / "data_gen"}
@@ -174,6 +177,18 @@ def loaded_by(code: str) -> set[str]:
 )
 def test_help_starts_without_numerical_packages(code):
     assert not loaded_by(code) & {"numpy", "numba", "scipy", "trimesh", "torch", "sklearn", "safetensors"}
+
+
+def test_the_command_that_denoises_does_not_import_what_makes_data(tmp_path):
+    save_mesh(tmp_path / "noisy.ply", noisy(icosphere(1), 0.1))
+    code = """
+import sys
+from cascadenorm.cli import run
+assert run(["denoise", "noisy.ply", "-o", "out.ply", "--method", "taubin"]) == 0
+print(*sys.modules, sep="\\n")"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "cascadenorm.denoised_files" in done.stdout.splitlines()
+    assert not {"cascadenorm.data_gen", "scipy.interpolate", "scipy.optimize"} & set(done.stdout.splitlines())
 
 
 def test_denoising_needs_no_training_packages():

@@ -86,7 +86,7 @@ def stage_settings(descriptor: str, *, later: bool = False, activation: str = "t
 def random_regression(descriptor: str, *, later: bool = False, seed: int = 0, activation: str = "tanh") -> Regression:
     """A stage with random weights."""
     rng = np.random.default_rng(seed)
-    k, hidden, clusters, p = DESCRIPTORS[descriptor].count + later, 7, 3, 5
+    k, hidden, clusters, p = DESCRIPTORS[descriptor].size + later, 7, 3, 5
     d, context = k * (k - 1) // 2, p * (len(CONTEXT_STEPS) + 1) + 1
 
     def random(*shape: int) -> np.ndarray:

@@ -4,17 +4,19 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed
 from cascadenorm.denoised_files import Report
-from cascadenorm.evaluation.harness import Evaluation
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.registry import Method
 from cascadenorm.spectra import Spectrum
+
+if TYPE_CHECKING:
+    from cascadenorm.evaluation.harness import Evaluation
 
 VERSION = 1
 """Of the schema; it changes when a key is renamed, removed or gets another meaning, not when one is added."""
@@ -73,7 +75,7 @@ def spectrum(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
     }
 
 
-def evaluated(done: Evaluation) -> dict[str, Any]:
+def evaluated(done: "Evaluation") -> dict[str, Any]:
     """Return the rows of an evaluation, their means, and what failed."""
     return {
         "results": [result.row() for result in done.results],

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from textwrap import indent
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from rich.console import Console
 from rich.table import Table
@@ -14,15 +14,15 @@ from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import complain
 from cascadenorm.cli.options import OPTIONS
 from cascadenorm.denoised_files import Report
-from cascadenorm.evaluation.harness import Evaluation
 from cascadenorm.evaluation.metrics import Measures
-from cascadenorm.evaluation.public_sets import PUBLIC_SETS
-from cascadenorm.evaluation.tables import NARROW, by_method, spread
 from cascadenorm.inspection import FINDINGS, Inspection
 from cascadenorm.learned.training_log import Pass
 from cascadenorm.messages import counted
 from cascadenorm.registry import Method, Setting
 from cascadenorm.spectra import Spectrum
+
+if TYPE_CHECKING:  # an evaluation can make data, which takes a third of the start of other commands to import
+    from cascadenorm.evaluation.harness import Evaluation
 
 BARS = "▁▂▃▄▅▆▇█"
 COARSE = 0.01
@@ -151,12 +151,16 @@ def print_spectrum(found: Spectrum) -> None:
 
 def print_public_sets() -> None:
     """List the public sets, and where to get them."""
+    from cascadenorm.evaluation.public_sets import PUBLIC_SETS
+
     for name, one in PUBLIC_SETS.items():
         print(f"{name}: {one.about} ({one.source})\n    {one.place}")
 
 
-def print_evaluation(done: Evaluation) -> None:
+def print_evaluation(done: "Evaluation") -> None:
     """Print a line for each pair and method, and the mean of each method."""
+    from cascadenorm.evaluation.tables import NARROW, by_method, spread
+
     table = Table()
     table.add_column("pair")
     pairs = list(dict.fromkeys(result.pair for result in done.results))

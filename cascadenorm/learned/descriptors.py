@@ -85,11 +85,11 @@ class Descriptor(NamedTuple):
 
     Parameters
     ----------
-    count : k filtered normals of each face
+    size : k, the number of filtered normals of each face
     fill : writes them to a stack, (m, k, 3)
     """
 
-    count: int
+    size: int
     fill: Callable[[Stack, Mesh, Mesh, Filters, Neighborhood], None]
 
 
@@ -115,10 +115,10 @@ def _first() -> Descriptor:
     iterated = _iterated(ITERATED_PASSES)
 
     def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
-        iterated.fill(out[:, : iterated.count], mesh, noisy, filters, neighborhood)
-        filters.smoothed(mesh, out[:, SMOOTHING_DIRECTION], SMOOTH_PASSES, out=out[:, iterated.count :])
+        iterated.fill(out[:, : iterated.size], mesh, noisy, filters, neighborhood)
+        filters.smoothed(mesh, out[:, SMOOTHING_DIRECTION], SMOOTH_PASSES, out=out[:, iterated.size :])
 
-    return Descriptor(iterated.count + len(SMOOTH_PASSES), fill)
+    return Descriptor(iterated.size + len(SMOOTH_PASSES), fill)
 
 
 def _later() -> Descriptor:
@@ -126,12 +126,12 @@ def _later() -> Descriptor:
     iterated, passes = _iterated(LATER_ITERATED_PASSES), LATER_SMOOTH_PASSES
 
     def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
-        bilateral, smoothed, of_noisy = np.split(out, [iterated.count, iterated.count + len(passes)], axis=1)
+        bilateral, smoothed, of_noisy = np.split(out, [iterated.size, iterated.size + len(passes)], axis=1)
         iterated.fill(bilateral, mesh, noisy, filters, neighborhood)
         filters.smoothed(mesh, out[:, SMOOTHING_DIRECTION], passes, out=smoothed)
         filters.smoothed(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R, out=of_noisy)
 
-    return Descriptor(iterated.count + 2 * len(passes), fill)
+    return Descriptor(iterated.size + 2 * len(passes), fill)
 
 
 _B, _G = len(SIGMA_S) * len(SIGMA_R), len(SIGMA_S) * (len(SIGMA_R) - 1)

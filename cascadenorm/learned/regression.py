@@ -78,7 +78,7 @@ class Regression:
     def _sums(self, stack: Stack, x: Array) -> Array:
         """Return the weighted sums of the normals of some faces, which x describes, (m, 3)."""
         if len(self.centers) == 1:
-            return np.einsum("mk,mkd->md", self._coefficients(0, x), stack)
+            return np.asarray(np.einsum("mk,mkd->md", self._coefficients(0, x), stack))
         cluster = nearest(x, self.centers)
         total = np.empty((len(stack), 3), np.float32)
         for c in range(len(self.centers)):
@@ -99,9 +99,9 @@ class Regression:
 
 def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh, filters: Filters = FILTERS) -> Stack:
     """Filter the normals of a mesh for a stage; the noisy normals, if it sees them, are last in the stack."""
-    count, fill = DESCRIPTORS[settings.descriptor]
-    stack = np.empty((len(mesh.faces), count + settings.sees_noisy, 3), np.float32)
-    fill(stack[:, :count], mesh, noisy, filters, settings.neighborhood)
+    size, fill = DESCRIPTORS[settings.descriptor]
+    stack = np.empty((len(mesh.faces), size + settings.sees_noisy, 3), np.float32)
+    fill(stack[:, :size], mesh, noisy, filters, settings.neighborhood)
     if settings.sees_noisy:
         stack[:, -1] = noisy.normals
     return stack
