@@ -1,4 +1,4 @@
-"""Build what is released, and check it as a stranger would get it.
+"""Build what is released, and check it as a user would install it.
 
     python release/check.py               # into dist/: sdist, wheel, bill of materials; pip install twine … first
     python release/check.py --output DIR

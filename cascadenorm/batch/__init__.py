@@ -1,1 +1,1 @@
-"""Many files denoised: in processes, as memory allows, resumed where they were interrupted."""
+"""Denoising many files in parallel processes, within a memory limit, with resumption."""

@@ -1,4 +1,4 @@
-"""Many files denoised in processes of their own, so that none stops the others, and interrupted batches go on."""
+"""Many files denoised in worker processes, so that no failure stops the others; interrupted batches resume."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 SCAN = 0.5
-"""Seconds between two looks at a folder that is watched."""
+"""Least number of seconds between two scans of a watched folder."""
 
 SCANNING = 20
-"""A look at a large folder takes a part of the time that is at most one in so many."""
+"""The next scan waits this many times as long as the last one took, so that scans take at most 5 % of the time."""
 
 FREE = 0.8
-"""Part of the free memory that a batch takes, unless it is told how much."""
+"""Fraction of the free memory that a batch uses by default."""
 
 COST = 20_000
-"""Bytes of a file that take as long as what each file takes besides, for the fraction that is done."""
+"""Fixed cost of a file in the progress, as the bytes that take the same time."""
 
 
 class Failure(NamedTuple):
@@ -80,7 +80,7 @@ def denoise_files(
     on_failure: Callable[[Failure], object] | None = None,
     **controls: Unpack[Controls],
 ) -> Batch:
-    """Denoise many files into a folder, as `denoise_file` does each; one that fails stops no other.
+    """Denoise many files into a folder, each as by `denoise_file`; a failure does not stop the others.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def denoise_files(
     ReadError : there is no file
     ParameterError : an unknown method, parameter or control, a value out of range
     OutputError : the folder cannot be written, the disk is full, another batch is writing there, or two files have the
-        same place
+        same output path
     """
     if retries < 0:
         raise ParameterError(f"is {retries}; it must be at least 0", parameter="retries")
@@ -161,7 +161,7 @@ class _Run:
         self.done = Batch([], [], [])
 
     def all(self, jobs: list[Job], find: Callable[[], list[Job]], settled: Settled | None) -> None:
-        """Do the files, and those that settle later; however that ends, no process and no half file is left."""
+        """Denoise the files, and those that settle later; no process or partial file is left, even after an error."""
         remove_unfinished([Path(job.output) for job in jobs])
         self._add(jobs)
         scan = 0.0  # when to look for further files
@@ -201,7 +201,7 @@ class _Run:
         worker.begin(task, threads)
 
     def _end(self, worker: Worker[Task, Outcome]) -> None:
-        """Take what a process has found out; a checked file goes on to be denoised by the same process."""
+        """Handle the outcome of a process; a checked file goes on to be denoised by the same process."""
         task, threads = self._busy[worker]
         try:
             outcome = worker.result()
@@ -224,7 +224,7 @@ class _Run:
         self._record(task, outcome)
 
     def _record(self, task: Task, outcome: Outcome) -> None:
-        """Note what became of a file."""
+        """Record the outcome of a file in the manifest and the result."""
         if outcome.status == "kept":
             self.done.kept.append(task.job.source)
         else:

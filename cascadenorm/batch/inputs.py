@@ -1,4 +1,4 @@
-"""The files of a batch: which there are, and where their results go."""
+"""The input files of a batch, and the paths of their results."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -44,7 +44,7 @@ def find_jobs(sources: Sources, folder: Path, format: str | None = None) -> list
 
     Raises
     ------
-    OutputError : two files have the same place for their result
+    OutputError : two files have the same output path
     """
     places = [str(sources)] if isinstance(sources, str | PathLike) else [str(source) for source in sources]
     base = _common([_fixed_part(place) for place in places])

@@ -1,4 +1,4 @@
-"""The manifest of a batch: a line of JSON for each thing that happened to a file, in a file that only grows.
+"""The manifest of a batch: an append-only file with a line of JSON for each change of a file's status.
 
 A file is `started`, then `done` or `failed`; its last line counts. What was started and never ended was interrupted.
 """
@@ -21,7 +21,7 @@ Line = dict[str, Any]
 
 
 class Manifest:
-    """The manifest in a folder, open for further lines; lines that cannot be read, such as half a one, do not count.
+    """The manifest in a folder, open for new lines; lines that cannot be parsed, such as a truncated one, do not count.
 
     Attributes
     ----------

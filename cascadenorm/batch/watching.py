@@ -1,4 +1,4 @@
-"""A folder that something writes to: a file is taken once it has stopped changing."""
+"""Watched folders: a file is taken once it has stopped changing."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ class Settled:
     Parameters
     ----------
     seconds : how long they must have
-    clock : seconds that have passed since any moment
+    clock : seconds since an arbitrary time
     """
 
     def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:

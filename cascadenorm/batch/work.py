@@ -1,4 +1,4 @@
-"""What a worker process does with a file: tell whether it is done already, denoise it."""
+"""The work of a process on one file: check whether it is done already, denoise it."""
 
 import errno
 import hashlib
@@ -107,7 +107,7 @@ def _checked(settings: Settings, task: Task) -> Outcome:
         digest = mesh_digest(source)
     except OSError as error:
         raise ReadError(f"{source} cannot be read: {error.strerror or error}") from error
-    if output.exists():  # before a line says that it was begun, which makes what is there ours
+    if output.exists():  # before the `started` line, which marks an existing file as ours
         check_output(output, force=settings.force or _is_ours(line, output))
     if line is None or line["status"] != "done" or line["settings"] != settings.key or line["input_sha256"] != digest:
         return Outcome(status="new", input_digest=digest)

@@ -1,4 +1,4 @@
-"""What the page of the studio asks for, and what it is answered."""
+"""Requests of the studio's page, and the responses."""
 
 import asyncio
 import json
@@ -21,11 +21,11 @@ from cascadenorm.studio.settings import form, spelled
 from cascadenorm.studio.uploads import TooLarge, Uploads
 
 MOST_LETTERS = 1 << 20
-"""Bytes of a request in JSON."""
+"""Largest size of a JSON request, in bytes."""
 MOST_TICKET = 100
-"""Letters of the name that a page gives to its request."""
+"""Largest length of the ticket by which a page identifies its request."""
 PULSE = 1.0
-"""Seconds after which a page without news is asked whether it is still there."""
+"""Seconds without an event after which a comment is sent, so that a closed page is noticed."""
 
 ASSETS = {
     "/": ("cascadenorm.studio", "studio.html", "text/html"),
@@ -34,7 +34,7 @@ ASSETS = {
     "/viewer.css": ("cascadenorm.reports", "report.css", "text/css"),
     "/viewer.js": ("cascadenorm.reports", "viewer.js", "text/javascript"),
 }
-"""Files of the page: what they are asked for as, their package and name, and their type."""
+"""Static files of the page: for each path the package, file name and media type."""
 
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -53,7 +53,7 @@ class Application:
         self._drops = 0
 
     def routes(self) -> list[Route]:
-        """Return what is answered."""
+        """Return the routes."""
         asked: dict[str, tuple[str, Handler]] = {
             "/api/form": ("GET", self.form),
             "/api/events": ("GET", self.events),
@@ -76,7 +76,7 @@ class Application:
         return JSONResponse(form())
 
     async def events(self, request: Request) -> Response:
-        """What happens, as it happens, until the page is closed."""
+        """Server-sent events, until the page is closed."""
 
         async def lines() -> AsyncIterator[str]:
             async with self._session.page() as events:
@@ -89,7 +89,7 @@ class Application:
         return StreamingResponse(lines(), media_type="text/event-stream")
 
     async def scene(self, request: Request) -> Response:
-        """A scene that an event has named."""
+        """A scene, by the number that an event gave."""
         scene = self._session.scenes.get(request.path_params["number"])
         if scene is None:
             raise HTTPException(404)
@@ -129,7 +129,7 @@ class Application:
         return JSONResponse({})
 
     async def denoise(self, request: Request) -> Response:
-        """Begin to denoise; events say what becomes of it."""
+        """Start denoising; events report its progress and result."""
         given = await _json(request)
         self._session.denoise(_of(given), str(given.get("ticket", ""))[:MOST_TICKET])
         return JSONResponse({})
@@ -154,7 +154,7 @@ class Application:
         return JSONResponse(await self._session.ask("save", settings=_of(given), target=str(target), force=force))
 
     async def download(self, request: Request) -> Response:
-        """A result as a file for the browser to keep."""
+        """A result as a file to download."""
         given = await _json(request)
         name = plain_name(given.get("name"))
         done = await self._session.ask("download", settings=_of(given), name=name)

@@ -1,4 +1,4 @@
-"""Who may talk to the studio: its own page in a browser on this machine, and nobody else."""
+"""Checks of each request: only the studio's own page, in a browser on this machine, may send one."""
 
 import secrets
 
@@ -25,9 +25,9 @@ HEADERS = {
 class Guard:
     """An application behind checks.
 
-    A request names this machine as its host, which one that was led here by a foreign name does not (DNS rebinding). It
-    comes from the studio's own page, if it says from where, and it must say so where it changes something (CSRF). Under
-    /api it carries the token, which only the address that was printed holds.
+    `Host` must be this machine, which it is not after DNS rebinding. `Origin`, if it is sent, must be the studio's own
+    page, and requests that change something must send it (CSRF). Requests under /api must carry the token, which only
+    the printed address contains.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Guard:
             self._hosts |= {"127.0.0.1", "localhost"}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse a request or pass it on; every response says what browsers are to enforce."""
+        """Refuse a request or pass it on; every response carries the security headers."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

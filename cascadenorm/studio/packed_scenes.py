@@ -12,7 +12,7 @@ def packed_scene(meshes: Sequence[Given], *, faces: int | None = None) -> bytes:
 
     Parameters
     ----------
-    faces : of the mesh that coarse ones stand for, of which the viewer then says so
+    faces : of the mesh that the given coarse ones approximate; the viewer then shows this number
     """
     packed = scene(meshes, [])
     if faces is not None:

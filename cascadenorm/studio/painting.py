@@ -1,4 +1,4 @@
-"""What is painted on a mesh: weights of the displacement, and vertices that stay; one byte a vertex."""
+"""Paint on a mesh: weights of the displacement, and pinned vertices; one byte per vertex."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from cascadenorm.mesh import Mesh
 from cascadenorm.reports.display import Display
 
 FREE, PINNED = 0, 255
-"""Codes of vertices without paint, which move, and of those that stay. Codes 1 … 101 are weights of 0 … 100 %."""
+"""Codes of unpainted vertices, which move, and of pinned ones. Codes 1 … 101 are weights of 0 … 100 %."""
 
 
 def over_painted(codes: bytes, mesh: Mesh, shown: Display) -> NDArray[np.uint8]:
@@ -39,7 +39,7 @@ def weights(paint: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def has_paint(paint: NDArray[np.uint8]) -> dict[str, bool]:
-    """Tell for each control that is painted whether it is."""
+    """Return for `mask` and `fixed` whether any vertex has such paint."""
     return {"mask": bool(((paint != FREE) & (paint != PINNED)).any()), "fixed": bool((paint == PINNED).any())}
 
 

@@ -1,4 +1,4 @@
-"""Coarse meshes, on which an answer is there at once."""
+"""Coarse meshes, for previews."""
 
 from typing import Any, NamedTuple, cast
 

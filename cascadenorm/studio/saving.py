@@ -1,4 +1,4 @@
-"""Results written as files, with all that the source holds, and how the command line and Python make them again."""
+"""Results written as files with all attributes of the source, and the commands that reproduce them."""
 
 from io import BytesIO
 from pathlib import Path
@@ -23,11 +23,11 @@ from cascadenorm.studio.settings import Chosen
 from cascadenorm.studio.workbench import Workbench
 
 MOST_BYTES = 200
-"""Of a file name."""
+"""Longest file name, in bytes of UTF-8."""
 
 
 class Recipe(NamedTuple):
-    """What makes a file: names, settings; arrays by the files that hold them."""
+    """What reproduces a file: names and settings, with arrays given by their files."""
 
     source: str
     output: str

@@ -1,4 +1,4 @@
-"""What the pages of one studio share: the open mesh, the work that goes on, and who is told of it."""
+"""State shared by the pages of one studio: the open mesh, the running work, and the pages that get events."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -15,11 +15,11 @@ PATIENCE = 3.0
 """Seconds after which work that was cancelled and does not end is ended with its process."""
 
 Event = dict[str, Any]
-"""Told to the pages, as JSON: `type` is one of "opened", "unopened", "progress", "shown", "cancelled", "failed"."""
+"""Sent to the pages, as JSON: `type` is one of "opened", "unopened", "progress", "shown", "cancelled", "failed"."""
 
 
 class RequestFailed(Exception):
-    """What the worker could not do: `content` has the message as "error", and maybe a remedy."""
+    """A request that failed in the worker: `content` has the message as "error", and a remedy if there is one."""
 
     def __init__(self, content: dict[str, Any]) -> None:
         super().__init__(content["error"])
@@ -60,7 +60,7 @@ class Session:
         self._tell(self.opened)
 
     async def open_given(self, path: Path, name: str) -> None:
-        """Open the file that the studio is started with, and tell the pages what comes of it."""
+        """Open the file that the studio is started with, and send the outcome to the pages."""
         try:
             await self.open(path, name, saves=True)
         except RequestFailed as error:
@@ -68,7 +68,7 @@ class Session:
             self._tell(self.opened)
 
     def denoise(self, settings: dict[str, Any], ticket: str) -> None:
-        """Begin to denoise in the place of what is being denoised; events name it by the ticket of the page."""
+        """Start denoising and cancel what runs; events carry the ticket of the page."""
         self._cancel_before(self._send("denoise", settings=settings, ticket=ticket))
 
     def cancel(self) -> None:
@@ -76,13 +76,13 @@ class Session:
         self._cancel_before(next(self._numbers))
 
     async def paint(self, codes: bytes) -> None:
-        """Take what is painted; denoising without it ends."""
+        """Set the paint; denoising that runs without it is cancelled."""
         self.cancel()
         await self._ask("paint", codes=codes)
         self._paint = codes
 
     async def ask(self, kind: str, **arguments: Any) -> Any:
-        """Save, download or word a result; raises RequestFailed."""
+        """Return the worker's answer to a save, download or recipe request; raises RequestFailed."""
         return await self._ask(kind, **arguments)
 
     @property
@@ -104,7 +104,7 @@ class Session:
 
     @asynccontextmanager
     async def page(self) -> AsyncIterator[asyncio.Queue[Event]]:
-        """Tell a page what happens, and first which file is open, for the block."""
+        """Yield a queue of events for one page; the first event is the open file."""
         events: asyncio.Queue[Event] = asyncio.Queue()
         if self.opened is not None:
             events.put_nowait(self.opened)
@@ -163,7 +163,7 @@ class Session:
             asyncio.get_running_loop().call_later(PATIENCE, self._end_what_hangs, outdated)
 
     def _end_what_hangs(self, numbers: list[int]) -> None:
-        """End the worker where it is still at work that was cancelled; another one does what was asked for since."""
+        """Kill a worker that still runs cancelled requests; a new one gets the requests sent since."""
         if self._worker is None or not self._waiting.keys() & set(numbers):
             return
         self._worker.stop()
@@ -195,7 +195,7 @@ class Session:
             self._tell(self._event(request, reply, since))
 
     def _event(self, request: Request, reply: Reply, since: float) -> Event:
-        """Say what became of denoising, or how far it is."""
+        """Return the event for a reply to a denoising request."""
         event: Event = {"ticket": request.arguments["ticket"]}
         match reply.kind:
             case "progress":
@@ -212,7 +212,7 @@ class Session:
         return {"type": "cancelled", **event}
 
     def _ended(self, code: int | None) -> None:
-        """Fail what the worker was asked for; the next request starts another one, which opens the same file."""
+        """Fail all pending requests; the next request starts another one, which opens the same file."""
         waiting, self._waiting, self._worker = self._waiting, {}, None
         for request, future, _ in waiting.values():
             content = {"error": _why(code)}

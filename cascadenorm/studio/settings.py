@@ -13,7 +13,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.registry import Method, Setting, find
 
 MOST_LETTERS = 10_000
-"""Of a text."""
+"""Longest text of a setting, in characters."""
 
 
 class Chosen(NamedTuple):
@@ -26,7 +26,7 @@ class Chosen(NamedTuple):
 
 
 def form() -> dict[str, Any]:
-    """Return what the form is made of: every method with its parameters, and the controls, in their order."""
+    """Return the description of the form: every method with its parameters, and the controls, in their order."""
     offered = [control for control in CONTROLS.values() if not control.about.hidden]
     return {
         "default": DEFAULT_METHOD,
@@ -66,7 +66,7 @@ def chosen(given: Mapping[str, Any]) -> Chosen:
 
 
 def spelled(name: str, value: object = None) -> str:
-    """Return what the form calls a setting, for messages."""
+    """Return the form's label of a setting, for messages."""
     label = _label(name)
     return f"“{label}”" if value is None else f"“{label}”: {value}"
 

@@ -1,4 +1,4 @@
-"""The mesh that the studio works on, what is painted on it, and what was made of it; it lives in the worker process."""
+"""The open mesh with its paint and results, in the worker process."""
 
 import json
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from cascadenorm.studio.previews import Coarse, coarse
 from cascadenorm.studio.settings import Chosen, chosen
 
 KEPT = 8
-"""Results that are kept, so that what was there before shows at once when it is asked for again."""
+"""Number of results that are cached, so that undo and redo show them at once."""
 
 
 def suggested_name(file: io.MeshFile, name: Path) -> str:
@@ -78,7 +78,7 @@ class Workbench:
         self._results: dict[str, Result] = {}
 
     def about(self) -> dict[str, Any]:
-        """Return what the page says of the file, and the scene that shows it."""
+        """Return the facts about the file that the page shows, and its scene."""
         return {
             "name": Path(self.name).name,
             "suggested": suggested_name(self.file, Path(self.name)),
@@ -95,7 +95,7 @@ class Workbench:
         return Given("before", self.name, self.file)
 
     def take_paint(self, codes: bytes) -> None:
-        """Take what was painted on the vertices that are shown; the others are as the nearest of these."""
+        """Set the paint from codes of the shown vertices; each other vertex gets the code of the nearest one."""
         self.paint = over_painted(codes, self.mesh, self.shown)
 
     def denoise(

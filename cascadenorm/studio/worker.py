@@ -1,7 +1,7 @@
-"""The process that works for the studio: what goes wrong in it, a crash or too little memory, does not end the server.
+"""The studio's worker process: a crash or a lack of memory in it does not end the server.
 
-One process is kept, since starting one and opening a mesh take seconds. Work is cancelled through the progress that it
-reports, and where it does not come to that in time the process is ended and another one started.
+The process is reused, since starting one and opening a mesh take seconds. A request is cancelled when it next reports
+its progress; if it does not do so in time, the process is killed and another one started.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ class Reply(NamedTuple):
 
 
 class Cancelled(Exception):
-    """The request is not wanted any more."""
+    """The request was cancelled."""
 
 
 class Worker:
@@ -70,7 +70,7 @@ class Worker:
         self._waiting.put(request)
 
     def cancel_before(self, number: int) -> None:
-        """End denoising of a lower number as soon as it reports its progress."""
+        """Cancel denoising requests with lower numbers when they next report their progress."""
         self._oldest.value = number
 
     def stop(self) -> None:
@@ -100,7 +100,7 @@ class Worker:
 
 
 def _serve(connection: Connection, oldest: Any) -> None:
-    """Do what is asked until the connection is closed."""
+    """Handle requests until the connection is closed."""
     end_with_parent()
     work = _Work(connection, oldest)
     while True:

@@ -51,8 +51,8 @@ axis.set(xlabel="noise level, mean edge lengths", ylabel="mean angle to the true
 
 # %%
 # Errors of neighbouring faces tend to have opposite signs: a vertex that is too high tilts all faces around it
-# outward. So a mean over a neighbourhood cancels most of the error, and every method of denoising is a way to choose
-# that neighbourhood. The second picture has the error of each face as a heat map.
+# outward. So a mean over a neighbourhood cancels most of the error, and filters of normals differ in how they choose
+# and weight it. The second picture shows the error of each face as a heat map.
 noisy = disturbed(0.2)
 cosines = np.einsum("ij,ij->i", noisy.normals, clean.normals)
 error = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
@@ -65,8 +65,8 @@ show(
 
 # %%
 # Not every error is independent from vertex to vertex. Voxels leave steps, coordinates are rounded, and depth cameras
-# err alike in neighbouring pixels. What is *correlated* over several edges does not cancel in a mean over one ring of
-# faces; a wider mean is needed, which in turn blurs edges. This tension runs through all the examples that follow.
+# have similar errors in neighbouring pixels. Errors *correlated* over several edges do not cancel in a mean over one
+# ring of faces; a wider mean is needed, which in turn blurs edges. The examples that follow return to this trade-off.
 kinds = {
     "normal": "along the normals",
     "impulsive": "a share of the vertices",

@@ -43,8 +43,8 @@ show(
 )
 
 # %%
-# The error first falls and then rises: there is a best time to stop, and it depends on the noise, which nobody knows.
-# Volume is lost all the while.
+# The error first falls and then rises: the best time to stop depends on the noise, which is unknown in practice.
+# The volume decreases throughout.
 counts = (0, 1, 2, 3, 5, 8, 12, 20, 35, 60, 100)
 flows = {"laplacian": [], "taubin": []}
 for count in counts:
@@ -60,8 +60,8 @@ left.legend()
 
 # %%
 # Taubin's remedy (1995) for the shrinkage, the second curve, alternates a step inward with a slightly longer one
-# outward: noise goes, low frequencies stay. The edges are rounded all the same, since nothing tells an edge from
-# noise.
+# outward: noise goes, low frequencies stay. The edges are rounded all the same, since the filter does not distinguish
+# edges from noise.
 #
 # Explicit steps are stable only up to a length: each multiplies the highest frequency by :math:`1 - \lambda k`. An
 # *implicit* step solves :math:`(1 + \lambda K) x' = x` with a sparse matrix and is stable at any length (Desbrun et
@@ -85,7 +85,7 @@ axis.legend()
 
 # %%
 # *Anisotropic* diffusion (Clarenz, Diewald and Rumpf 2000) lets the error spread along an edge but not across it. It
-# has to find the edges in the noisy mesh first, and with that the question has changed from how to average to where.
+# has to find the edges in the noisy mesh first.
 show(
     [
         cn.denoise(noisy, method="mean-curvature-flow"),

@@ -47,8 +47,8 @@ show(
 
 # %%
 # The coordinates of the vertices are signals on the surface, and so is the noise. The shape lies in the low
-# frequencies and falls off quickly; white noise has about the same energy in all of them. They cross somewhere:
-# beyond that place there is more noise than shape, and a filter can only lose.
+# frequencies and falls off quickly; white noise has about the same energy in all of them. The curves cross:
+# above that frequency there is more noise than shape.
 def energies(values):
     return (waves.coefficients(values) ** 2).sum(axis=1)
 
@@ -76,7 +76,7 @@ show(
 
 # %%
 # Eigenvectors are costly, and not needed: every filter that is a polynomial or a rational function of the Laplacian
-# multiplies harmonic :math:`\lambda_i` by the same function of :math:`\lambda_i`, whether one computes them or not.
+# multiplies harmonic :math:`\lambda_i` by the same function of :math:`\lambda_i`, without computing them.
 # An explicit step of diffusion multiplies by :math:`1 - t\lambda`, an implicit one by :math:`1/(1 + t\lambda)`,
 # Taubin's pair by :math:`(1 - \lambda k)(1 - \mu k)`. Measured on this mesh, as the ratio of the coefficients after
 # and before:
@@ -93,5 +93,5 @@ axis.set(xlabel="eigenvalue λ, 1 / squared mean edge length", ylabel="factor", 
 axis.legend()
 
 # %%
-# The spectrum shows the limit of every linear filter: an edge has all frequencies, so whatever removes the high ones
-# of the noise removes those of the edge. What follows is not linear.
+# The spectrum shows the limit of every linear low-pass filter: an edge has all frequencies, so removing the high ones
+# of the noise also removes those of the edge. The methods of the later examples are non-linear.

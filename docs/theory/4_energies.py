@@ -41,7 +41,7 @@ def show(meshes, titles):
 # %%
 # The two terms along the minima for many weights, the *L-curve*: on it nothing can be made smoother without going
 # farther from the data. A corner of the curve is a popular choice of the weight where the noise is unknown. This one
-# has none: the weight with the least error, which only the truth knows, is not to be seen in it.
+# has none: the weight with the least error, which is computed from the true mesh, does not show in it.
 laplacian = cotangent_laplacian(noisy)
 smoothness, distance = [], []
 weights = 10.0 ** np.linspace(-2, 2, 17)
@@ -75,10 +75,10 @@ show(
 )
 
 # %%
-# A square punishes one large step more than many small ones with the same sum, so quadratic energies spread every
-# edge over its surroundings. This is why the results below, from the same noisy part, differ as they do: the first
-# minimises squares of first derivatives, the second *absolute values* of differences between normals. Example 7 takes
-# up that thought.
+# A square penalises one large step more than many small ones with the same sum, so quadratic energies spread every
+# edge over its neighbourhood. This is why the results below, from the same noisy part, differ as they do: the first
+# minimises squares of first derivatives, the second *absolute values* of differences between normals. Example 7
+# continues from here.
 show(
     [
         noisy,

@@ -40,8 +40,8 @@ axis.legend()
 
 # %%
 # On a mesh the positions are no signal over a domain; they *are* the domain. Fleishman, Drori and Cohen-Or (2003)
-# take the height of the neighbours over the tangent plane of a vertex for the signal. Jones, Durand and Desbrun
-# (2003) take the projections of a vertex on the planes of near faces. Zheng et al. (2011) filter the *normals* of the
+# use the height of the neighbours above the tangent plane of a vertex as the signal. Jones, Durand and Desbrun
+# (2003) use the projections of a vertex onto the planes of near faces. Zheng et al. (2011) filter the *normals* of the
 # faces, whose jump at an edge is large and clear, and let the vertices follow:
 box = fields.box([0.7, 0.7, 0.7])
 clean = tessellate(box, extent_of(box, rng=rng), faces=5000, sharp=True, tessellation="even", rng=rng)
@@ -61,8 +61,8 @@ show([cn.denoise(noisy, method=name) for name in names], names)
 
 # %%
 # The range spread is the threshold between noise and edge. If it is too narrow, noise counts as edges and stays. If
-# it is too wide, edges count as noise. The best value grows with the noise, and under heavy noise there is none that
-# is good: the two overlap.
+# it is too wide, edges count as noise. The best value grows with the noise, and under heavy noise no
+# value separates the two: they overlap.
 spreads = (0.15, 0.25, 0.35, 0.45, 0.6, 0.8, 1.2)
 figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
 for level in (0.1, 0.2, 0.35):
@@ -73,9 +73,9 @@ axis.set(xlabel="σ_r, chord between normals", ylabel="mean angle to the true no
 axis.legend()
 
 # %%
-# A *joint* or *guided* filter asks the second question of something that is less noisy than the normals themselves,
-# such as the mean normal of the flattest patch nearby (Zhang et al. 2015). A *rolling guidance* filter asks it of its
-# own last result, which makes it a filter of scale: what is narrower than a width goes, noise or not.
+# A *joint* or *guided* filter takes the range weight from something less noisy than the normals themselves,
+# such as the mean normal of the flattest patch nearby (Zhang et al. 2015). A *rolling guidance* filter takes it from
+# its previous result, which makes it a filter of scale: features narrower than a width are removed, noise or not.
 rough = clean.moved(clean.vertices + displacements(clean, "gaussian", level=0.35, rng=rng))
 names = ("bilateral-normal", "guided-normal", "auto")
 show([cn.denoise(rough, method=name) for name in names], names)

@@ -33,7 +33,7 @@ right.set_title("slopes, which the normals have")
 
 # %%
 # On a mesh the normals of the faces are points on the unit sphere. Those of a cube are six points. Noise spreads each
-# into a cloud, and a filter gathers the clouds again. Here they are seen along the z axis.
+# into a cloud, and a filter contracts the clouds again. Here they are seen along the z axis.
 box = fields.box([0.7, 0.7, 0.7])
 clean = tessellate(box, extent_of(box, rng=rng), faces=5000, sharp=True, tessellation="even", rng=rng)
 noisy = clean.moved(clean.vertices + displacements(clean, "gaussian", level=0.2, rng=rng))
@@ -48,12 +48,12 @@ for axis, (count, normals) in zip(axes, filtered.items(), strict=True):
 
 # %%
 # Filtered normals belong to no surface: three vertices have nine coordinates, but they serve all faces around them.
-# The vertex update (Sun et al. 2007) asks each face to pull its vertices into its plane, and averages the pulls:
+# The vertex update (Sun et al. 2007) projects each vertex onto the planes of its faces, and averages the displacements:
 #
 # .. math:: x_i \leftarrow x_i + \frac{1}{N_i} \sum_{f \ni i} \langle n_f,\, c_f - x_i \rangle\, n_f .
 #
-# Few sweeps leave the noise of the positions. After some twenty nothing more is gained: further ones follow the
-# errors of the filtered normals.
+# Few sweeps leave the noise of the positions. After about twenty the error no longer falls: further ones
+# follow the errors of the filtered normals.
 sweeps = (0, 1, 2, 4, 8, 16, 32, 64)
 angle, off = [], []
 for count in sweeps:
@@ -68,8 +68,8 @@ right.plot(sweeps, off, "o-")
 right.set(xlabel="sweeps", ylabel="distance to the true surface, edges", xscale="symlog")
 
 # %%
-# What a filter can reach is seen by giving the vertex update the *true* normals. What remains then is the price of
-# the second step alone; the difference to the filtered normals is what the first step lacks.
+# Giving the vertex update the *true* normals bounds what a filter can achieve. The remaining error is that of the
+# second step alone; the difference from the result with filtered normals is the error of the first step.
 truth = noisy.moved(recover_vertices(noisy, clean.normals, sweeps=50))
 ours = noisy.moved(recover_vertices(noisy, filtered[10], sweeps=8))
 figure, axes = plt.subplots(1, 3, figsize=(9, 3.2), layout="constrained")

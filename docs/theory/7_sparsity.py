@@ -11,8 +11,8 @@ and between the square and the count lies the sum of the absolute values.
 """
 
 # %%
-# What do the exponents prefer? The same rise in one step, or in many small ones: the square wants it spread, the
-# absolute value does not mind, the count wants it in one place.
+# What do the exponents prefer? The same rise in one step, or in many small ones: the square is least when it is
+# spread, the absolute value is the same for both, the count is least for one step.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -68,7 +68,7 @@ axis.set(xlabel="edges, %", ylabel="angle across the edge, degrees", ylim=(1e-2,
 axis.legend()
 
 # %%
-# Sparsity is a belief about the shape, and on another shape it is wrong: a sphere bends everywhere a little. Counting
+# Sparsity is an assumption about the shape, which a sphere violates: it bends a little everywhere. Counting
 # turns it into facets, and total variation into a staircase of the normals. The learned method has seen both kinds of
 # shapes.
 ball = fields.sphere(radius=0.8)

@@ -9,8 +9,8 @@ face.
 
 # %%
 # A bank of bilateral filters with several spreads and numbers of passes gives each face several filtered normals.
-# Where the surface is flat they agree; near an edge they do not, and how they disagree tells where the face lies. How
-# good is each filter alone, and how good would they be if each face knew which one to trust?
+# Where the surface is flat they agree; near an edge they differ, depending on where the face lies. How good is each
+# filter alone, and how good would they be if each face used the best one?
 import matplotlib.pyplot as plt
 import numpy as np
 from scipy.cluster.vq import kmeans2
@@ -57,7 +57,7 @@ print("mean angle of each filter:", each.mean(axis=1).round(1))
 print("if each face took its best one:", each.min(axis=0).mean().round(1))
 
 # %%
-# The last line is the reason to learn: no single spread is best everywhere. Which one is best depends on the face.
+# The last line motivates learning: no single spread is best everywhere. Which one is best depends on the face.
 best = each.argmin(axis=0) % len(SPREADS)
 figure, axes = plt.subplots(1, 2, figsize=(8, 4), layout="constrained")
 axes[0].imshow(render(noisy, size=(500, 500)))
@@ -112,7 +112,7 @@ axis.tick_params(axis="x", rotation=30)
 axis.set(xlabel="passes × σ_r of a single filter", ylabel="mean angle to the true normals, degrees")
 
 # %%
-# The method of the package does the same with more: wider filters, networks in place of least squares, generated
+# The method of the package extends this: wider filters, networks in place of least squares, generated
 # shapes and many kinds of error for training, and a *cascade*, in which the vertices follow the normals and the next
 # stage starts from the better mesh. The error falls from stage to stage.
 model = cn.Denoiser.shipped("auto").cascade
