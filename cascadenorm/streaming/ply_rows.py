@@ -12,10 +12,10 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.ply_header import Element, parse_header
 
 BLOCK = 1 << 18
-"""Rows that are in memory at once."""
+"""Rows of a block."""
 
 HEAD = 1 << 16
-"""Bytes in which the header has to end."""
+"""Largest size of a header, in bytes."""
 
 CORNERS = ("vertex_indices", "vertex_index")
 NORMALS = ("nx", "ny", "nz")

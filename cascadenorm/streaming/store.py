@@ -27,7 +27,7 @@ FACE = np.dtype([("id", "i8"), ("corners", "i8", (3,))])
 
 
 class Gathered(NamedTuple):
-    """What is known of the whole.
+    """Facts about the whole mesh.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Gathered(NamedTuple):
 
     @property
     def patches(self) -> int:
-        """How many patches there are."""
+        """Number of patches."""
         return 1 << max(0, self.depth - TILES)
 
 

@@ -1,4 +1,4 @@
-"""Mesh files larger than memory, denoised patch by patch; a run that was interrupted goes on with the next one."""
+"""Mesh files larger than memory, denoised patch by patch; an interrupted run resumes with the next one."""
 
 import hashlib
 import json
@@ -41,7 +41,7 @@ SMALLEST = 2000
 """Vertices of a patch at least; halos of smaller ones cost more than the patches."""
 
 IN_MEMORY = ("mask", "fixed", "only")
-"""Controls that are given over the vertices or faces of a file in memory."""
+"""Controls given as arrays over all vertices or faces."""
 
 
 @takes_controls

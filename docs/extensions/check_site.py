@@ -1,4 +1,4 @@
-"""Check a built site: every link leads somewhere, and no page asks anything of the network.
+"""Check a built site: every internal link has a target, and no page loads anything from the network.
 
     python docs/extensions/check_site.py build/site
 

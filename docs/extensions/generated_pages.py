@@ -19,7 +19,7 @@ def write(app: Any) -> None:
 
 
 def redirect(app: Any, error: Exception | None) -> None:
-    """Let the folder of the site open at the first page, which lies in a folder of its own."""
+    """Redirect the root of the site to the first page, which is in a subfolder."""
     page = (
         f'<meta http-equiv="refresh" content="0; url={app.config.root_doc}.html"><title>{app.config.project}</title>\n'
     )

@@ -101,7 +101,7 @@ def _denoised(method: Method, example: Example) -> Mesh:
 
 
 def _picture(results: Mapping[str, Mesh], size: int) -> bytes:
-    """The noisy shapes above what became of them."""
+    """The noisy shapes above their denoised versions."""
     rows = [[example.noisy for example in examples().values()], list(results.values())]
     drawn = [[render(mesh, size=(size, size), transparent=True) for mesh in row] for row in rows]
     return webp(rasterized(stacked([side_by_side(row) for row in drawn]), transparent=True))

@@ -32,7 +32,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take everything back that `register` did."""
+    """Undo `register`."""
     bpy.types.VIEW3D_MT_edit_mesh_vertices.remove(_menu)
     bpy.types.VIEW3D_MT_object.remove(_menu)
     del bpy.types.Object.cascadenorm

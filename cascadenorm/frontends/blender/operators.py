@@ -29,9 +29,9 @@ from cascadenorm.progress import Listener, report_to
 Work = Callable[[Listener], Any]
 
 TICK = 0.1
-"""Seconds between two looks at the work."""
+"""Seconds between two polls of the work."""
 VIEWING = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION"}
-"""Events that turn the view, which is allowed meanwhile."""
+"""Events that change the view, which stay allowed while the work runs."""
 
 
 class Working(bpy.types.Operator):
@@ -45,7 +45,7 @@ class Working(bpy.types.Operator):
         return context.mode in {"OBJECT", "EDIT_MESH"} and bool(targets(context))
 
     def execute(self, context: Any) -> set[str]:
-        """Work, and come back when it is done."""
+        """Do the work and return when it is done."""
         try:
             self.finish(context, self.prepare(context)(_nobody))
         except CascadenormError as error:
@@ -205,4 +205,4 @@ def _denoised(
 
 
 def _nobody(fraction: float) -> None:
-    """Hear of the progress where nobody looks."""
+    """Ignore the progress, where no one can see it."""
