@@ -280,6 +280,31 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
 
 
 @needs_browser
+@pytest.mark.parametrize("level", [4, 2])
+def test_another_mesh_is_opened_after_painting_without_the_paint(page, named, tmp_path, level):
+    save_mesh(tmp_path / "other.ply", noisy(icosphere(level), 0.2))
+    page.at(named).wait()
+    page.js("document.querySelector('.painting input[value=pin]').click()")
+    drag(page, (60, 0), (20, 0))
+    page.begun()
+    assert page.one(".painting > button").text == "Clear all paint"
+    page.drop(tmp_path / "other.ply")
+    page.said("h1", "other.ply")
+    page.begun()
+    after = page.canvas()
+    faces = 20 * 4**level
+    assert f"{faces:,} faces" in page.one(".counts").text and page.one(".bar .buttons > :last-child").is_enabled()
+    assert not page.one(".failed").is_displayed() and not page.one(".painting > button").is_displayed()
+
+    # it looks as it does without another one before it
+    page.at(named).wait()
+    page.drop(tmp_path / "other.ply")
+    page.said("h1", "other.ply")
+    page.begun()
+    assert (page.canvas() == after).all()
+
+
+@needs_browser
 def test_the_address_without_its_token_opens_nothing(page, named):
     page.driver.get("about:blank")
     page.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": f"http://{named.host}", "storageTypes": "all"})

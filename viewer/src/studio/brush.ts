@@ -48,12 +48,14 @@ export class Brush {
   open(count: number): void {
     this.codes = new Uint8Array(count);
     this.tool = "turn";
+    this.field = this.last = null; // the mesh that is still shown is another one
+    if (this.viewer?.stage.state.color === FIELD) this.viewer.change({ color: "", limits: null, range: null });
     this.update();
   }
 
   show(codes: Uint8Array<ArrayBuffer>): void {
     this.codes = codes;
-    this.fill();
+    this.repaint();
     this.update();
   }
 
@@ -92,7 +94,7 @@ export class Brush {
 
   private cleared(): void {
     this.codes = new Uint8Array(this.codes.length);
-    this.fill();
+    this.repaint();
     this.update();
     this.painted();
   }
@@ -108,9 +110,14 @@ export class Brush {
   }
 
   private fill(): void {
-    if (!this.field) return;
     this.codes.forEach((code, i) => (this.values[i] = code === FREE ? NaN : code === PINNED ? 0 : (code - 1) / 100));
-    this.viewer?.repaint(this.field);
+  }
+
+  // Other paint on the mesh that is shown.
+  private repaint(): void {
+    if (!this.field) return;
+    this.fill();
+    this.viewer!.repaint(this.field);
   }
 
   private listen(viewer: Viewer): void {
@@ -133,7 +140,7 @@ export class Brush {
     const move = (event: PointerEvent) => {
       const at = place(event);
       this.follow(at, event.pointerType);
-      if (this.last) this.stroke(at);
+      if (this.last && this.field) this.stroke(at); // a coarse mesh that comes meanwhile has none
     };
     const end = () => {
       if (!this.last) return;
