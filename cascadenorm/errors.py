@@ -4,7 +4,7 @@ The text of an error is written for callers in Python. A front end with other na
 command line, passes its own spelling to `message`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from typing import TypeVar
 
@@ -90,7 +90,19 @@ class ConfigError(CascadenormError, ValueError):
 
 
 class OutputError(CascadenormError, OSError):
-    """An output that exists already or cannot be written; nothing has been changed."""
+    """An output that exists already or cannot be written; nothing has been changed.
+
+    Parameters
+    ----------
+    problem, hint, remedy : as in `CascadenormError`
+    existing : names of the files that are there already
+    """
+
+    def __init__(
+        self, problem: str = "", *, hint: str = "", remedy: tuple[str, object] | None = None, existing: Sequence[str] = ()
+    ) -> None:
+        super().__init__(problem, hint=hint, remedy=remedy)
+        self.existing = list(existing)
 
 
 class DenoiseError(CascadenormError, RuntimeError):

@@ -200,7 +200,7 @@ def test_a_result_is_saved_with_all_that_the_file_holds_as_the_command_line_save
     for name in ("quality", "label"):
         np.testing.assert_array_equal(out[name], source[name])
     status, answer = studio.asked("POST", "/api/save", {"settings": LAPLACIAN, "name": "out.ply"})
-    assert status == 400 and answer["remedy"] == ["force", True]
+    assert status == 400 and answer["remedy"] == ["force", True] and answer["existing"] == ["out.ply"]
     studio.done("/api/save", {"settings": LAPLACIAN, "name": "out.ply", "force": True})
     assert (studio.folder / "out.ply").read_bytes() == saved
 

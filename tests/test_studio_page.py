@@ -150,7 +150,7 @@ def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, 
     page.press_button("Save beside the input")
     page.said(".saving [role=status]", "exists already")
     (tmp_path / "rough_denoised.ply").write_bytes(b"")
-    page.press_button("Replace the file")
+    page.press_button("Replace rough_denoised.ply")
     page.said(".saving [role=status]", "Saved as")
     assert (tmp_path / "rough_denoised.ply").read_bytes() == saved
     cn.denoise_file(tmp_path / "rough.ply", tmp_path / "same.ply")
@@ -302,6 +302,28 @@ def test_another_mesh_is_opened_after_painting_without_the_paint(page, named, tm
     page.said("h1", "other.ply")
     page.begun()
     assert (page.canvas() == after).all()
+
+
+@needs_browser
+def test_the_files_that_are_replaced_are_named(page, named, tmp_path):
+    page.at(named).wait()
+    for tool, place in (("pin", -60), ("mask", 60)):
+        page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
+        drag(page, (place, 0), (0, 20))
+        page.begun()
+    page.press_button("Save…")
+    page.fill("#saving-name", "mine.ply")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "Saved as mine.ply")
+    page.fill("#saving-name", "mine.stl")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", r"^mine_mask.npy and mine_fixed.npy exist already: choose another name")
+    assert not (tmp_path / "mine.stl").exists()
+    before = (tmp_path / "mine.ply").read_bytes()
+    page.press_button("Replace mine_mask.npy and mine_fixed.npy")
+    page.said(".saving [role=status]", "Saved as mine.stl")
+    assert (tmp_path / "mine.stl").exists() and (tmp_path / "mine.ply").read_bytes() == before
+    page.press_button("Close")
 
 
 @needs_browser

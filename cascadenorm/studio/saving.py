@@ -61,8 +61,13 @@ def save(
     asked, result = bench.asked(settings), bench.result(settings, listener)
     painted = _painted(bench, asked, target)
     format = io.output_format(target, bench.file.format)
-    for path in (target, *(path for path, _ in painted.values())):
-        check_output(path, force=force)
+    paths = [target, *(path for path, _ in painted.values())]
+    for path in paths:
+        check_output(path, force=True)
+    existing = [path.name for path in paths if path.is_file()]
+    if existing and not force:
+        problem = f"{' and '.join(existing)} {'exists' if len(existing) == 1 else 'exist'} already"
+        raise OutputError(problem, hint="choose another name", remedy=("force", True), existing=existing)
     check_target(bench.file, target, format=format, force=force)
     opened = Opened(bench.path, target, format, bench.file, bench.mesh, asked.controls)
     done = written_file(

@@ -13,7 +13,7 @@ from threading import Thread
 from time import monotonic
 from typing import Any, NamedTuple
 
-from cascadenorm.errors import CascadenormError, MeshError
+from cascadenorm.errors import CascadenormError, MeshError, OutputError
 from cascadenorm.studio import saving
 from cascadenorm.studio.settings import spelled
 from cascadenorm.studio.workbench import Workbench
@@ -111,6 +111,14 @@ def _serve(connection: Connection, oldest: Any) -> None:
         connection.send(work.done(request))
 
 
+def _about(error: CascadenormError) -> dict[str, Any]:
+    """Return the message of an error, and which files or setting it is about."""
+    told: dict[str, Any] = {"error": error.message(spelled), "remedy": error.remedy}
+    if isinstance(error, OutputError):
+        told["existing"] = error.existing
+    return told
+
+
 class _Work:
     def __init__(self, connection: Connection, oldest: Any) -> None:
         self._connection, self._oldest = connection, oldest
@@ -129,7 +137,7 @@ class _Work:
         except Cancelled:
             return Reply(request.number, "cancelled", None)
         except CascadenormError as error:
-            return Reply(request.number, "failed", {"error": error.message(spelled), "remedy": error.remedy})
+            return Reply(request.number, "failed", _about(error))
         except MemoryError:
             return Reply(request.number, "failed", {"error": "there is not enough memory for this mesh"})
         except Exception as error:

@@ -69,14 +69,9 @@ export interface Saved extends Recipe {
 export class Refused extends Error {
   constructor(
     message: string,
-    readonly remedy: unknown,
+    readonly existing: string[] = [], // names of files that are there, and may be replaced
   ) {
     super(message);
-  }
-
-  // A file is there, which may be replaced.
-  get exists(): boolean {
-    return Array.isArray(this.remedy) && this.remedy[0] === "force";
   }
 }
 
@@ -157,10 +152,10 @@ export class Api {
     try {
       answer = await fetch(`/api/${path}`, { method, body, headers: { authorization: `Bearer ${this.secret}` } });
     } catch {
-      throw new Refused("The studio has ended: start it again.", null);
+      throw new Refused("The studio has ended: start it again.");
     }
     if (answer.ok) return answer;
-    const told = (await answer.json().catch(() => ({}))) as { error?: string; remedy?: unknown };
-    throw new Refused(told.error ?? `The studio answered ${answer.status}.`, told.remedy);
+    const told = (await answer.json().catch(() => ({}))) as { error?: string; existing?: string[] };
+    throw new Refused(told.error ?? `The studio answered ${answer.status}.`, told.existing);
   }
 }

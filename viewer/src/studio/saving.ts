@@ -8,7 +8,7 @@ export class Saving {
   private readonly name = make("input", { type: "text", id: "saving-name", spellcheck: "false", autocomplete: "off" });
   private readonly beside = make("button", { type: "submit" }, "Save");
   private readonly said = make("p", { class: "note", role: "status" });
-  private replaces = ""; // the name of a file that may be replaced, when it is asked for again
+  private replaces: string[] = []; // names of files that may be replaced, when it is asked for again
   private settings: Settings | null = null;
 
   constructor(
@@ -17,7 +17,7 @@ export class Saving {
   ) {
     const download = make("button", { type: "button", click: () => void this.download() }, "Download");
     const close = make("button", { type: "button", click: () => this.dialog.close() }, "Close");
-    this.name.addEventListener("input", () => this.ask(""));
+    this.name.addEventListener("input", () => this.ask([]));
     this.dialog.append(
       make(
         "form",
@@ -38,7 +38,7 @@ export class Saving {
 
   show(settings: Settings): void {
     this.settings = settings;
-    this.ask("");
+    this.ask([]);
     this.said.replaceChildren();
     this.dialog.showModal();
     this.name.setSelectionRange(0, this.name.value.lastIndexOf("."));
@@ -49,24 +49,24 @@ export class Saving {
     return this.name.value;
   }
 
-  private ask(replaces: string): void {
+  private ask(replaces: string[]): void {
     this.replaces = replaces;
-    this.beside.textContent = replaces ? "Replace the file" : "Save beside the input";
+    this.beside.textContent = replaces.length ? `Replace ${replaces.join(" and ")}` : "Save beside the input";
   }
 
   private async save(): Promise<void> {
-    const name = this.name.value;
     this.said.textContent = "Saving…";
     try {
-      const { file, left_out } = await this.api.save(this.settings!, name, this.replaces === name);
+      const { file, left_out } = await this.api.save(this.settings!, this.name.value, this.replaces.length > 0);
       this.done(`Saved as ${file}.`, left_out);
-      this.ask("");
+      this.ask([]);
     } catch (error) {
-      this.said.textContent = (error as Error).message;
-      if (error instanceof Refused && error.exists) {
-        this.said.textContent = `${name} exists already: choose another name, or replace it.`;
-        this.ask(name);
-      }
+      const existing = error instanceof Refused ? error.existing : [];
+      const [verb, them] = existing.length > 1 ? ["exist", "them"] : ["exists", "it"];
+      this.said.textContent = existing.length
+        ? `${existing.join(" and ")} ${verb} already: choose another name, or replace ${them}.`
+        : (error as Error).message;
+      this.ask(existing);
     }
   }
 
