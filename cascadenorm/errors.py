@@ -99,7 +99,12 @@ class OutputError(CascadenormError, OSError):
     """
 
     def __init__(
-        self, problem: str = "", *, hint: str = "", remedy: tuple[str, object] | None = None, existing: Sequence[str] = ()
+        self,
+        problem: str = "",
+        *,
+        hint: str = "",
+        remedy: tuple[str, object] | None = None,
+        existing: Sequence[str] = (),
     ) -> None:
         super().__init__(problem, hint=hint, remedy=remedy)
         self.existing = list(existing)

@@ -327,6 +327,31 @@ def test_the_files_that_are_replaced_are_named(page, named, tmp_path):
 
 
 @needs_browser
+@pytest.mark.parametrize("size", [(1300, 850), (390, 844)], ids=["desk", "phone"])
+def test_an_error_is_in_view_and_its_field_is_marked(page, named, size):
+    page.sized(*size)
+    page.at(named).wait()
+    page.js("document.querySelectorAll('details').forEach(one => one.open = true)")
+    fields = {".strength input[type=number]": "-3", "#controls-creases": "abc"}
+    for selector, value in fields.items():
+        page.js("document.querySelector(arguments[0]).scrollIntoView({block: 'center'})", selector)
+        page.fill(selector, value)
+        page.said(".failed", "“Strength” is -3" if value == "-3" else "abc")
+        for part in (".failed", selector):  # nothing lies over it, and it is on the screen
+            assert page.js(
+                "const e = document.querySelector(arguments[0]), b = e.getBoundingClientRect();"
+                "return e.contains(document.elementFromPoint(b.x + b.width / 2, b.y + b.height / 2))",
+                part,
+            )
+        marked = "return [...document.querySelectorAll('[aria-invalid=true]')].map(e => e.name)"
+        assert page.js(marked) == [page.one(selector).get_attribute("name")]
+        page.fill(selector, "")
+        page.begun()
+        assert page.js(marked) == []
+    page.sized(1200, 800)
+
+
+@needs_browser
 def test_the_address_without_its_token_opens_nothing(page, named):
     page.driver.get("about:blank")
     page.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": f"http://{named.host}", "storageTypes": "all"})

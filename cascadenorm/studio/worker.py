@@ -13,7 +13,7 @@ from threading import Thread
 from time import monotonic
 from typing import Any, NamedTuple
 
-from cascadenorm.errors import CascadenormError, MeshError, OutputError
+from cascadenorm.errors import CascadenormError, MeshError, OutputError, ParameterError
 from cascadenorm.studio import saving
 from cascadenorm.studio.settings import spelled
 from cascadenorm.studio.workbench import Workbench
@@ -114,6 +114,8 @@ def _serve(connection: Connection, oldest: Any) -> None:
 def _about(error: CascadenormError) -> dict[str, Any]:
     """Return the message of an error, and which files or setting it is about."""
     told: dict[str, Any] = {"error": error.message(spelled), "remedy": error.remedy}
+    if isinstance(error, ParameterError):
+        told["parameter"] = error.parameter
     if isinstance(error, OutputError):
         told["existing"] = error.existing
     return told

@@ -54,7 +54,7 @@ export type Told =
   | { type: "progress"; ticket: string; fraction: number; left: number | null }
   | { type: "shown"; ticket: string; scene: number; coarse: boolean; seconds?: number; moved?: number }
   | { type: "cancelled"; ticket: string }
-  | { type: "failed"; ticket: string; error: string };
+  | { type: "failed"; ticket: string; error: string; parameter?: string };
 
 export interface Recipe {
   command: string;

@@ -62,6 +62,14 @@ export class SettingsForm {
     this.update();
   }
 
+  // Mark the field of a setting that is refused, and no other.
+  mark(refused: string): void {
+    for (const field of this.element.querySelectorAll<HTMLInputElement | HTMLSelectElement>("[name]")) {
+      if (field.name === refused) field.setAttribute("aria-invalid", "true");
+      else field.removeAttribute("aria-invalid");
+    }
+  }
+
   private set(change: () => void, over: boolean): void {
     change();
     this.update();

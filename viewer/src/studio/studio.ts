@@ -95,7 +95,7 @@ export class Studio {
     else if (told.ticket !== this.asked?.ticket) return;
     else if (told.type === "progress") this.status.progress(told.fraction, told.left);
     else if (told.type === "shown") void this.attempt(() => this.answer(told));
-    else if (told.type === "failed") this.failed(told.error);
+    else if (told.type === "failed") this.failed(told.error, told.parameter);
     else this.status.cancelled();
   }
 
@@ -163,6 +163,7 @@ export class Studio {
       this.offer();
       this.root.dataset.state = "working";
       this.status.begin();
+      this.form.mark("");
       const painted = this.sent ? codes !== this.sent : codes.some((code) => code !== 0);
       if (painted) await this.api.paint(codes);
       if (painted) this.sent = codes;
@@ -186,8 +187,9 @@ export class Studio {
     this.root.dataset.answers = String(Number(this.root.dataset.answers ?? 0) + 1);
   }
 
-  private failed(error: string): void {
+  private failed(error: string, parameter = ""): void {
     this.status.fail(error);
+    this.form.mark(parameter);
     this.root.dataset.state = "failed";
   }
 
