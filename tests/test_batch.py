@@ -30,7 +30,13 @@ from cascadenorm.worker_processes import Worker, first_ready
 
 BALL = icosphere(2)
 FAST = ["--method", "laplacian"]
-COMMAND = [sys.executable, "-m", "cascadenorm", "batch"]
+START = """
+import signal
+from cascadenorm.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a shell it is ignored
+main()
+"""
+COMMAND = [sys.executable, "-c", START, "batch"]
 
 
 def scans(folder: Path, count: int, **options) -> None:
