@@ -352,6 +352,25 @@ def test_an_error_is_in_view_and_its_field_is_marked(page, named, size):
 
 
 @needs_browser
+def test_pinned_vertices_have_the_colour_of_the_legend_and_weights_another(page, named):
+    page.at(named).wait()
+    page.js("location.hash = 'mode=one&left=before&view=0,0,1,0,0,0,3.2&light=unlit'")
+    page.settle()
+    shown = {}
+    for tool in ("mask", "pin"):
+        page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
+        page.fill(".painting input[type=range][max='120']", "60")
+        drag(page, (0, 0))
+        page.begun()
+        picture = page.canvas()
+        shown[tool] = picture[picture.shape[0] // 2 + 10, picture.shape[1] // 2 + 10]
+    assert page.one(".legend").text.split() == ["Pinned", "Weight", "0", "%", "100", "%"]
+    swatch = page.js("return getComputedStyle(document.querySelector('.legend i')).backgroundColor")
+    assert np.abs(shown["pin"] - np.array(re.findall(r"\d+", swatch), int)).max() <= 2
+    assert np.abs(shown["mask"] - [68, 1, 84]).max() <= 2  # viridis at 0
+
+
+@needs_browser
 def test_the_address_without_its_token_opens_nothing(page, named):
     page.driver.get("about:blank")
     page.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": f"http://{named.host}", "storageTypes": "all"})

@@ -3,6 +3,7 @@
 export type Color = [number, number, number]; // sRGB, 0 to 255
 
 export const STEPS = 256;
+export const PINNED: Color = [240, 100, 30]; // of vertices that stay: none of the colours below
 
 // viridis (van der Walt & Smith 2015, CC0), every sixteenth of its colours
 const VIRIDIS = "44015448186a472d7b4240863b528b33638d2c728e26828e21918c1f9f8827ad813dbc745cc86381d34daadc32d5e21afde725";

@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 import { Field, Surface } from "./model";
-import { fragmentShader, NOTHING, vertexShader, WIDTH } from "./shaders";
+import { fragmentShader, NOTHING, PIN, vertexShader, WIDTH } from "./shaders";
 
 export type Uniforms = Record<string, THREE.IUniform>;
 
@@ -45,7 +45,7 @@ export class Drawn {
 
   paint(field: Field | null, vertexColors: boolean): void {
     const values = field?.values.get(this.surface.name);
-    if (field && values && !this.values.has(field.name)) this.values.set(field.name, texture(known(values), 1));
+    if (field && values && !this.values.has(field.name)) this.values.set(field.name, texture(stored(values, field.pinned), 1));
     this.uniforms.values.value = field && values ? this.values.get(field.name) : null;
     this.uniforms.hasValues.value = Boolean(values);
     this.uniforms.atFaces.value = field?.at === "face";
@@ -54,10 +54,10 @@ export class Drawn {
 
   // Take over values of a field that have changed.
   repaint(field: Field): void {
-    const stored = this.values.get(field.name);
-    if (!stored) return;
-    (stored.image.data as Float32Array).set(known(field.values.get(this.surface.name)!));
-    stored.needsUpdate = true;
+    const held = this.values.get(field.name);
+    if (!held) return;
+    (held.image.data as Float32Array).set(stored(field.values.get(this.surface.name)!, field.pinned));
+    held.needsUpdate = true;
   }
 
   dispose(): void {
@@ -73,8 +73,8 @@ export class Drawn {
   }
 }
 
-function known(values: Float32Array): Float32Array {
-  return values.map((value) => (Number.isNaN(value) ? NOTHING : value));
+function stored(values: Float32Array, pinned?: Uint8Array): Float32Array {
+  return values.map((value, i) => (pinned?.[i] ? PIN : Number.isNaN(value) ? NOTHING : value));
 }
 
 function spread(rows: Float32Array): Float32Array {

@@ -22,6 +22,7 @@ export interface Field {
   against: "input" | "truth" | null; // the other mesh that it needs
   limits: [number, number];
   values: Map<string, Float32Array>; // by the name of the surface; NaN where there is none
+  pinned?: Uint8Array; // 1 for vertices that stay, which have a colour of their own
 }
 
 export interface Model {

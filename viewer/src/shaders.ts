@@ -1,8 +1,11 @@
 // One program draws every surface: three vertices a face without an index, so that faces have values of their own and
 // flat shading needs no normals. What belongs to a vertex or a face lies in textures WIDTH texels wide.
 
+import { PINNED } from "./colors";
+
 export const WIDTH = 2048;
 export const NOTHING = -3e38; // stands for NaN, which a texture need not keep
+export const PIN = -1e38; // stands for a vertex that stays
 
 export const vertexShader = `
 precision highp float;
@@ -28,6 +31,7 @@ out vec3 weights;
 out vec3 vertexColor;
 out float value;
 out float known;
+out float pinned;
 flat out int face;
 
 ivec2 texel(int index) { return ivec2(index % ${WIDTH}, index / ${WIDTH}); }
@@ -43,7 +47,8 @@ void main() {
   vertexColor = hasColors ? texelFetch(colors, vertex, 0).rgb : vec3(0.0);
   float stored = hasValues ? texelFetch(values, atFaces ? texel(face) : vertex, 0).r : ${NOTHING};
   known = stored > ${NOTHING} * 0.5 ? 1.0 : 0.0;
-  value = known > 0.5 ? stored : 0.0;
+  pinned = known > 0.5 && stored < ${PIN} * 0.5 ? 1.0 : 0.0;
+  value = known > 0.5 && pinned < 0.5 ? stored : 0.0;
   gl_Position = projectionMatrix * eye;
 }
 `;
@@ -72,6 +77,7 @@ in vec3 weights;
 in vec3 vertexColor;
 in float value;
 in float known;
+in float pinned;
 flat in int face;
 
 out vec4 color;
@@ -79,6 +85,7 @@ out vec4 color;
 const vec3 CLAY = vec3(0.72, 0.76, 0.82);
 const vec3 INSIDE = vec3(0.80, 0.55, 0.42);
 const vec3 UNKNOWN = vec3(0.62);
+const vec3 PINNED = vec3(${PINNED.join(".0, ")}.0) / 255.0;
 
 vec3 linear(vec3 c) { return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c)); }
 vec3 encoded(vec3 c) {
@@ -116,7 +123,8 @@ void main() {
   if (hasColors) surface = linear(vertexColor);
   if (hasValues) {
     float at = clamp((value - limits.x) / (limits.y - limits.x), 0.0, 1.0);
-    surface = linear(known > 0.999 ? texture(colorMap, vec2((at * 255.0 + 0.5) / 256.0, 0.5)).rgb : UNKNOWN);
+    vec3 coded = pinned > 0.5 ? PINNED : texture(colorMap, vec2((at * 255.0 + 0.5) / 256.0, 0.5)).rgb;
+    surface = linear(known > 0.999 ? coded : UNKNOWN);
     if (hasRange && !(known > 0.999 && value >= range.x && value <= range.y)) {
       surface = mix(vec3(dot(surface, vec3(0.2126, 0.7152, 0.0722))), vec3(0.55), 0.75);
     }

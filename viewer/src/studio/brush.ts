@@ -1,5 +1,6 @@
 // A brush that paints on the vertices of the mesh: how much they move, and which stay.
 
+import { colorMap, PINNED as PIN_COLOR, STEPS } from "../colors";
 import { choice, make } from "../dom";
 import type { Field, Model } from "../model";
 import type { Viewer } from "./viewer";
@@ -22,6 +23,7 @@ export class Brush {
   codes = new Uint8Array(0); // one a vertex; made anew by each stroke, so that others may keep it
   private tool: Tool = "turn";
   private values = new Float32Array(0);
+  private pinned = new Uint8Array(0);
   private field: Field | null = null;
   private viewer: Viewer | null = null;
   private last: { x: number; y: number } | null = null; // of the stroke, in CSS pixels
@@ -34,13 +36,14 @@ export class Brush {
   private readonly choice = choice("Brush", TOOLS, () => this.tool, (tool) => this.take(tool));
   private readonly weighs: HTMLElement;
   private readonly sizes: HTMLElement;
+  private readonly legend = legend();
 
   // `painted` is called when a stroke is over.
   constructor(private readonly painted: () => void) {
     this.sizes = make("label", { class: "row" }, make("span", {}, "Size"), this.size);
     this.weighs = make("label", { class: "row" }, make("span", {}, "Weight"), this.weight, this.percent);
     this.weight.addEventListener("input", () => this.update());
-    this.element = make("section", { class: "painting" }, this.choice.element, this.weighs, this.sizes, this.says, this.clear);
+    this.element = make("section", { class: "painting" }, this.choice.element, this.weighs, this.sizes, this.legend, this.says, this.clear);
     this.update();
   }
 
@@ -65,6 +68,7 @@ export class Brush {
     this.field = null;
     if (surfaces.length < model.surfaces.length) return;
     this.values = new Float32Array(this.codes.length);
+    this.pinned = new Uint8Array(this.codes.length);
     this.field = {
       name: FIELD,
       label: "Painted weight",
@@ -74,6 +78,7 @@ export class Brush {
       against: null,
       limits: [0, 1],
       values: new Map(surfaces.map(({ name }) => [name, this.values])),
+      pinned: this.pinned,
     };
     model.fields.push(this.field);
     this.fill();
@@ -104,13 +109,18 @@ export class Brush {
     this.says.textContent = SAYS[this.tool];
     this.percent.textContent = `${this.weight.value} %`;
     this.weighs.hidden = this.tool !== "mask";
-    this.sizes.hidden = this.tool === "turn";
+    this.sizes.hidden = this.legend.hidden = this.tool === "turn";
     this.clear.hidden = !this.codes.some((code) => code !== FREE);
     if (this.tool === "turn") this.cursor.hidden = true;
   }
 
   private fill(): void {
-    this.codes.forEach((code, i) => (this.values[i] = code === FREE ? NaN : code === PINNED ? 0 : (code - 1) / 100));
+    this.codes.forEach((code, i) => this.set(i, code));
+  }
+
+  private set(vertex: number, code: number): void {
+    this.values[vertex] = code === FREE ? NaN : code === PINNED ? 0 : (code - 1) / 100;
+    this.pinned[vertex] = Number(code === PINNED);
   }
 
   // Other paint on the mesh that is shown.
@@ -177,7 +187,20 @@ export class Brush {
     const radius = stage.lengthAt(picked.point, Number(this.size.value));
     for (const vertex of stage.picker(picked.name).around(picked.face, picked.point, radius)) {
       this.codes[vertex] = code;
-      this.values[vertex] = code === FREE ? NaN : code === PINNED ? 0 : (code - 1) / 100;
+      this.set(vertex, code);
     }
   }
+}
+
+// What the colours of paint mean.
+function legend(): HTMLElement {
+  const map = colorMap(false);
+  const stops = [0, 64, 128, 192, STEPS - 1].map((step) => `rgb(${map.subarray(4 * step, 4 * step + 3).join()})`);
+  const swatch = (background: string, kind: string) => make("i", { class: kind, style: `background:${background}`, "aria-hidden": "true" });
+  return make(
+    "p",
+    { class: "legend note" },
+    make("span", {}, swatch(`rgb(${PIN_COLOR.join()})`, "one"), "Pinned"),
+    make("span", {}, "Weight 0 %", swatch(`linear-gradient(to right,${stops.join()})`, "many"), "100 %"),
+  );
 }
