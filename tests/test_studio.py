@@ -205,6 +205,14 @@ def test_a_result_is_saved_with_all_that_the_file_holds_as_the_command_line_save
     assert (studio.folder / "out.ply").read_bytes() == saved
 
 
+@pytest.mark.parametrize("kind", ["save", "download", "recipe"])
+def test_a_name_without_an_extension_is_refused(studio, kind):
+    before = set(studio.folder.iterdir())
+    status, answer = studio.asked("POST", f"/api/{kind}", {"settings": LAPLACIAN, "name": "out"})
+    assert status == 400 and "the name out has no extension" in answer["error"] and "ply" in answer["error"]
+    assert set(studio.folder.iterdir()) == before
+
+
 def test_the_form_has_every_method_and_control_and_its_defaults_change_nothing(studio):
     form = studio.asked("GET", "/api/form")[1]
     assert [method["name"] for method in form["methods"]] == list(cn.methods())

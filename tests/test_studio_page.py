@@ -161,6 +161,7 @@ def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, 
     page.press_button("Copy as command line")
     command = shlex.split(page.said(".status code", "cascadenorm.*"))
     assert command == ["cascadenorm", "denoise", "rough.ply", "-o", "rough_denoised.ply", "--method", "auto"]
+    assert "It reads" not in page.one(".said").text
     page.press_button("Copy as Python")
     page.said(".status code", r"cn\.denoise_file\('rough.ply', 'rough_denoised.ply', method='auto'\)")
 
@@ -254,6 +255,7 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
     page.press_button("Copy as command line")
     command = shlex.split(page.said(".status code", "cascadenorm.*"))
     assert {"out_mask.npy", "out_fixed.npy"} < set(command)
+    page.said(".said", "It reads out_mask.npy and out_fixed.npy: save first")
     monkeypatch.chdir(tmp_path)
     assert run(command[1:]) == 0
     assert (tmp_path / "out.ply").read_bytes() == files["out.ply"]

@@ -56,11 +56,11 @@ def save(
 
     Raises
     ------
-    OutputError : a file exists and force is not given, or it cannot be written
+    OutputError : a file exists and force is not given, it cannot be written, or its name has no extension
     """
     asked, result = bench.asked(settings), bench.result(settings, listener)
     painted = _painted(bench, asked, target)
-    format = io.output_format(target, bench.file.format)
+    format = io.output_format(target.name)
     paths = [target, *(path for path, _ in painted.values())]
     for path in paths:
         check_output(path, force=True)
@@ -93,14 +93,25 @@ def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: List
     return {**done, **recipe(bench, settings, Path(done["file"]).relative_to(folder)), "name": name, "content": content}
 
 
-def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str, str]:
-    """Return the command and the Python call that make the file; what is painted lies beside it in files."""
+def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str, Any]:
+    """Return what makes the file.
+
+    Returns
+    -------
+    command, python : text; painted : names of the files beside the result that these read, which `save` writes
+
+    Raises
+    ------
+    OutputError : the name has no extension of a format that is written
+    """
+    io.output_format(target.name)
     asked = bench.asked(settings)
     files = {name: str(path) for name, (path, _) in _painted(bench, asked, target).items()}
     named = {**asked.controls, **{name: asked.given.get(name) for name in ("mask", "fixed", "only")}, **files}
     controls = in_words(cast(Controls, named))
     made = Recipe(bench.name, str(target), asked.method.name, asked.parameters, asked.controls["strength"], controls)
-    return {"command": command_line(made), "python": python_call(made)}
+    painted = [Path(path).name for path in files.values()]
+    return {"command": command_line(made), "python": python_call(made), "painted": painted}
 
 
 def _painted(bench: Workbench, asked: Chosen, target: Path) -> dict[str, tuple[Path, NDArray[Any]]]:

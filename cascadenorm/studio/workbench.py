@@ -33,7 +33,7 @@ def suggested_name(file: io.MeshFile, name: Path) -> str:
     """Return a name for the result; a format that is only read gives way to PLY."""
     named = beside(Path(name.name), "denoised")
     try:
-        io.output_format(named, file.format)
+        io.output_format(named)
     except CascadenormError:
         return named.with_suffix(".ply").name
     return named.name

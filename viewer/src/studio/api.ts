@@ -59,6 +59,7 @@ export type Told =
 export interface Recipe {
   command: string;
   python: string;
+  painted: string[]; // names of the files that both read, which are written as the result is saved
 }
 
 export interface Saved extends Recipe {

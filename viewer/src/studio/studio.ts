@@ -212,12 +212,13 @@ export class Studio {
 
   private async copy(kind: "command" | "python"): Promise<void> {
     await this.attempt(async () => {
-      const text = (await this.api.recipe(this.shown!, this.saving.target))[kind];
+      const { [kind]: text, painted } = await this.api.recipe(this.shown!, this.saving.target);
+      const needs = painted.length ? ` It reads ${painted.join(" and ")}: save first, which writes the paint.` : "";
       try {
         await navigator.clipboard.writeText(text);
-        this.status.copied("Copied: ", text);
+        this.status.copied(`Copied.${needs}`, text);
       } catch {
-        this.status.copied("Copy this: ", text);
+        this.status.copied(`Copy this.${needs}`, text);
       }
     });
   }
