@@ -336,13 +336,14 @@ def test_an_error_is_in_view_and_its_field_is_marked(page, named, size):
     page.js("document.querySelectorAll('details').forEach(one => one.open = true)")
     fields = {".strength input[type=number]": "-3", "#controls-creases": "abc"}
     for selector, value in fields.items():
-        page.js("document.querySelector(arguments[0]).scrollIntoView({block: 'center'})", selector)
+        page.js("document.querySelector(arguments[0]).scrollIntoView({block: 'end'})", selector)
         page.fill(selector, value)
         page.said(".failed", "“Strength” is -3" if value == "-3" else "abc")
         for part in (".failed", selector):  # nothing lies over it, and it is on the screen
             assert page.js(
                 "const e = document.querySelector(arguments[0]), b = e.getBoundingClientRect();"
-                "return e.contains(document.elementFromPoint(b.x + b.width / 2, b.y + b.height / 2))",
+                "const at = part => document.elementFromPoint(b.x + b.width / 2, b.y + part * b.height);"
+                "return [0.1, 0.5, 0.9].every(part => e.contains(at(part)))",
                 part,
             )
         marked = "return [...document.querySelectorAll('[aria-invalid=true]')].map(e => e.name)"

@@ -65,8 +65,12 @@ export class SettingsForm {
   // Mark the field of a setting that is refused, and no other.
   mark(refused: string): void {
     for (const field of this.element.querySelectorAll<HTMLInputElement | HTMLSelectElement>("[name]")) {
-      if (field.name === refused) field.setAttribute("aria-invalid", "true");
-      else field.removeAttribute("aria-invalid");
+      if (field.name !== refused) {
+        field.removeAttribute("aria-invalid");
+        continue;
+      }
+      field.setAttribute("aria-invalid", "true");
+      field.scrollIntoView({ block: "nearest" }); // the message may lie over it
     }
   }
 
