@@ -98,7 +98,8 @@ def _filter_face(f, normals, own, rings, weights, steepness, out):  # type: igno
 
     # at length 1
     for r in range(LANES):
-        length = np.sqrt(total[0, r] ** 2 + total[1, r] ** 2 + total[2, r] ** 2)
+        x, y, z = total[0, r], total[1, r], total[2, r]
+        length = np.sqrt(x * x + y * y + z * z)  # powers of numpy 1 are in double precision
         for d in range(3):
             out[f, d, r] = total[d, r] / length if length > zero else normals[f, d, r]
 
