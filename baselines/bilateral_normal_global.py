@@ -17,7 +17,9 @@ from cascadenorm.registry import Parameter, method
 
 LEAST_AREA = 1e-6  # mean areas; a face without area still gets a normal, from its neighbours
 
-Fidelity = Annotated[float, Parameter("λ, weight of the given normals against their smoothness", above=0, maximum=1)]
+Fidelity = Annotated[
+    float, Parameter("λ, weight of fidelity to the given normals against smoothness", above=0, maximum=1)
+]
 
 
 @method("bilateral-normal-global", source="Zheng, Fu, Au, Tai 2011 (global scheme)")

@@ -20,7 +20,7 @@ Scheme = Literal["explicit", "implicit"]
 Step = Annotated[
     float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0, below=math.inf)
 ]
-Moving = Annotated[Region | None, Parameter("(n,) bool, the vertices that move; the others hold the surface there")]
+Moving = Annotated[Region | None, Parameter("(n,) bool, the vertices that move; the others are fixed")]
 
 LARGEST = 2.0  # eigenvalue of -Δ with uniform weights
 MOST_STEPS = 10_000  # explicit steps that a call may be cut into
@@ -169,7 +169,7 @@ def _stable_cuts(largest: float, time: float, iterations: int, order: Order) -> 
     if cuts * iterations > MOST_STEPS:
         share = MOST_STEPS / (cuts * iterations)
         raise ParameterError(
-            f"{iterations} explicit steps of this size take {cuts * iterations} stable ones; {MOST_STEPS} are allowed: "
+            f"{iterations} explicit steps of this size need {cuts * iterations} stable ones; {MOST_STEPS} are allowed: "
             f"make step or iterations at least {1 / share:.3g} times smaller, or use scheme='implicit'"
         )
     if cuts > 1:

@@ -7,7 +7,7 @@ from cascadenorm.geometry.laplacians import Order, Region, Weights
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
-Fairness = Annotated[Order, Parameter("1 membrane, 2 thin plate, 3 minimum variation: that many fixed rings hold it")]
+Fairness = Annotated[Order, Parameter("1 membrane, 2 thin plate, 3 minimum variation; as many fixed rings bound it")]
 
 
 @method("fairing", source="Botsch, Kobbelt 2004; Desbrun et al. 1999")
@@ -37,5 +37,5 @@ def fairing(
     ParameterError : no region is given, or a connected part of the mesh lies in it as a whole, so that nothing holds it
     """
     if region is None:
-        raise ParameterError("fairing needs a region: a mask of the vertices that it may replace")
+        raise ParameterError("fairing needs a region: pass only, mask or fixed to say which vertices it may replace")
     return fair(mesh, region, order=order, weights=weights, iterations=iterations)

@@ -22,7 +22,7 @@ from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Guidance = Annotated[
-    Literal["patch", "gaussian"], Parameter("what tells features from noise: the most consistent patch, or a mean")
+    Literal["patch", "gaussian"], Parameter("guidance normals: of the most consistent patch, or a Gaussian mean")
 ]
 GuideSpread = Annotated[
     float | None,
@@ -34,14 +34,18 @@ GuidedPasses = Annotated[int | None, Parameter("passes; none: 10, or 20 for the 
 Radius = Annotated[
     float | None,
     Parameter(
-        "how far centroids of neighbours may be; none: twice as far as of faces at an edge",
+        "radius around a centroid; none: twice the mean distance of centroids of faces that share an edge",
         "mean edge lengths",
         above=0,
     ),
 ]
 GuidedDistance = Annotated[
     float | None,
-    Parameter("spread over distance; none: as far as centroids of faces at an edge", "mean edge lengths", minimum=1e-6),
+    Parameter(
+        "spread over distance; none: mean distance of centroids of faces that share an edge",
+        "mean edge lengths",
+        minimum=1e-6,
+    ),
 ]
 
 

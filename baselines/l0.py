@@ -22,16 +22,26 @@ ACCURACY = 1e-6  # bound of the root mean square error of each solution, in mean
 MOST_STEPS = 400  # of conjugate gradients at one β; the next one starts where they end, so more change nothing
 
 Operator = Annotated[
-    EdgeOperator, Parameter("area-based edge operator, or cotangent: needles weigh much in the latter")
+    EdgeOperator, Parameter("area-based edge operator, or the cotangent one, which is unstable on thin triangles")
 ]
 Sparsity = Annotated[
-    float, Parameter("λ, price of a bent edge", "squared mean edge lengths × mean dihedral angle", minimum=0)
+    float,
+    Parameter(
+        "λ, weight of the L0 norm: penalty of each edge that is not flat",
+        "squared mean edge lengths × mean dihedral angle",
+        minimum=0,
+    ),
 ]
 Regularity = Annotated[
     float,
-    Parameter("first α, price of uneven triangles; halved each step", "mean dihedral angle", minimum=0, below=math.inf),
+    Parameter(
+        "initial α, weight of the regulariser of triangle shapes; halved each iteration",
+        "mean dihedral angle",
+        minimum=0,
+        below=math.inf,
+    ),
 ]
-Growth = Annotated[float, Parameter("factor by which β grows each step, from 1e-3 to 1e3", minimum=1.01)]
+Growth = Annotated[float, Parameter("factor by which β grows each iteration, from 1e-3 to 1e3", minimum=1.01)]
 
 
 @method("l0", source="He, Schaefer 2013")

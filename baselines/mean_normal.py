@@ -18,9 +18,7 @@ from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[
     float,
-    Parameter(
-        "cosine of the angle between normals up to which they have nothing to do with each other", minimum=-1, below=1
-    ),
+    Parameter("cosine of the angle between normals up to which a neighbour has no weight", minimum=-1, below=1),
 ]
 WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 

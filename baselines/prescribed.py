@@ -30,7 +30,9 @@ def prescribed_mean_curvature(
     threshold: Annotated[
         float,
         Parameter(
-            "turn of the smoothed normals past which a place is a crease", "radians per mean edge length", above=0
+            "change of the smoothed normals above which a vertex lies on a crease",
+            "radians per mean edge length",
+            above=0,
         ),
     ] = 0.15,
     presmoothing: Presmoothing = 1.0,

@@ -18,7 +18,9 @@ from cascadenorm.registry import Parameter, method
 LEAST = 1e-6
 """Area of a face, and distance between two, in mean edges, below which they count as that."""
 
-Width = Annotated[float, Parameter("of the widest feature to remove", "mean edge lengths", minimum=0, below=math.inf)]
+Width = Annotated[
+    float, Parameter("width of the widest feature to remove", "mean edge lengths", minimum=0, below=math.inf)
+]
 Jump = Annotated[
     float, Parameter("σ, change of the guidance normals over the width that counts as an edge", "chord", above=0)
 ]

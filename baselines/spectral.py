@@ -26,7 +26,8 @@ def spectral(
     transfer: Annotated[
         Literal["low-pass", "enhance", "exaggerate"],
         Parameter(
-            "drop what is above the band, or multiply all that is above its start, or the band alone, by the gain"
+            "low-pass drops harmonics above the band; enhance multiplies all from its start, exaggerate only the "
+            "band, by the gain"
         ),
     ] = "low-pass",
     band_start: Annotated[int, Parameter("first harmonic of the band, counted from 0", minimum=0)] = 1,
@@ -53,8 +54,8 @@ def spectral(
     parts = len(np.unique(mesh.topology.face_components))
     if parts >= count and count < available:
         raise ParameterError(
-            f"the mesh has {parts} connected parts, each of which takes a harmonic for its place alone; harmonics is "
-            f"{count}: take more, or leave small parts out"
+            f"the mesh has {parts} connected components, each of which needs a constant harmonic of its own; harmonics "
+            f"is {count}: request more, or remove small components"
         )
     end = count if band_end is None else band_end
     if end > count or (band_start >= end and transfer != "low-pass"):

@@ -63,7 +63,7 @@ def opposite_step(step: float, pass_band: float) -> float:
     """
     if step * pass_band >= 1:
         raise ParameterError(
-            f"step {step:g} and pass_band {pass_band:g} leave no μ below 0: their product must be below 1"
+            f"step {step:g} and pass_band {pass_band:g} give no negative μ: their product must be below 1"
         )
     mu = 1 / (pass_band - 1 / step)
     growth = (1 - 2 * step) * (1 - 2 * mu)

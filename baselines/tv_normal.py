@@ -18,7 +18,10 @@ LEAST_AREA = 1e-6  # squared mean edges; faces without area get a normal from th
 PENALTY = 1.0  # of the tie between differences and normals; sets how fast it converges, not to what
 
 Fidelity = Annotated[
-    float, Parameter("α, weight of the given normals against their variation", "1 / mean edge length", minimum=1e-6)
+    float,
+    Parameter(
+        "α, weight of fidelity to the given normals against total variation", "1 / mean edge length", minimum=1e-6
+    ),
 ]
 Rounds = Annotated[int, Parameter("rounds of the augmented Lagrangian in each minimisation", minimum=0)]
 Repeats = Annotated[int, Parameter("minimisations, each starts from the normals of the last", minimum=0)]

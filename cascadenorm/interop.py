@@ -36,12 +36,12 @@ def adapter(mesh: object) -> Adapter:
     for kind in type(mesh).__mro__:
         library, *inside = kind.__module__.split(".")
         if library == "open3d" and "t" in inside:
-            raise MeshError("tensor meshes of open3d are not known here: give the to_legacy() of it")
+            raise MeshError("tensor meshes of open3d are not supported: pass mesh.to_legacy()")
         if (library, kind.__name__) in ADAPTERS:
             return ADAPTERS[library, kind.__name__]
     kind = type(mesh)
     raise MeshError(
-        f"{kind.__module__}.{kind.__qualname__} is no kind of mesh that is known here: give vertices and faces as "
+        f"{kind.__module__}.{kind.__qualname__} is not a supported kind of mesh: pass vertices and faces as "
         "arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or meshio"
     )
 
@@ -87,7 +87,7 @@ def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 
 def _pyvista_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     if mesh.n_verts or mesh.n_lines or mesh.n_strips or not mesh.is_all_triangles:
-        raise MeshError("the PolyData holds cells that are not triangles: call its triangulate() first")
+        raise MeshError("the PolyData has cells that are not triangles: call its triangulate() first")
     return np.asarray(mesh.points), np.asarray(mesh.regular_faces)
 
 
@@ -102,7 +102,7 @@ def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     numpy_of = import_module("vtkmodules.util.numpy_support").vtk_to_numpy
     polygons = mesh.GetPolys()
     if mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3):
-        raise MeshError("the vtkPolyData holds cells that are not triangles: apply vtkTriangleFilter to it first")
+        raise MeshError("the vtkPolyData has cells that are not triangles: apply vtkTriangleFilter to it first")
     points = numpy_of(mesh.GetPoints().GetData()) if mesh.GetNumberOfPoints() else np.empty((0, 3))
     return points, numpy_of(polygons.GetConnectivityArray()).reshape(-1, 3)
 
@@ -161,7 +161,7 @@ def _open3d_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 def _meshio_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     other = sorted({block.type for block in mesh.cells} - {"triangle", "line", "vertex"})
     if other:
-        raise MeshError(f"the meshio mesh holds cells of type {', '.join(other)}: only triangles can be denoised")
+        raise MeshError(f"the meshio mesh has cells of type {', '.join(other)}: only triangles can be denoised")
     blocks = [block.data for block in mesh.cells if block.type == "triangle"]
     return mesh.points, np.concatenate(blocks) if blocks else np.empty((0, 3), np.int64)
 

@@ -61,7 +61,7 @@ class Denoiser:
         Settings are those of `cascadenorm.denoise` and of the method, such as `sweeps`; method and model are given.
         """
         if given := settings.keys() & {"method", "model"}:
-            raise ParameterError(f"{given.pop()} is given by the Denoiser: leave it out")
+            raise ParameterError(f"{given.pop()} is set by the Denoiser: leave it out")
         return denoise(mesh, faces, method=self.method, model=self.cascade, **settings)
 
 

@@ -97,7 +97,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
     for name in ("mask", "fixed", "only", "creases"):
         given: Any = controls[name]
         if np.ndim(given) or isinstance(given, str | PathLike):
-            raise ParameterError("is of one mesh; here there are several", parameter=name)
+            raise ParameterError("applies to a single mesh, and several are given", parameter=name)
     every = [Given.of(mesh) for mesh in meshes]
     with limit_threads(controls["threads"]):
         moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)

@@ -309,7 +309,7 @@ def test_open3d_comes_back_with_its_colors():
 
 
 def test_other_objects_are_refused():
-    with pytest.raises(cn.MeshError, match=r"builtins\.dict is no kind of mesh"):
+    with pytest.raises(cn.MeshError, match=r"builtins\.dict is not a supported kind of mesh"):
         adapter({})
 
 

@@ -240,9 +240,13 @@ def test_the_largest_file_comes_first_and_results_are_no_input(place):
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["none/*.ply"], 3, "none/*.ply: no mesh file is there"),
-        (["scans", "-o", "scans"], 3, "scans: no mesh file is there, or none outside scans"),
-        (["scans", "--format", "docx"], 5, "'docx' is no mesh format that can be written"),
+        (["none/*.ply"], 3, "none/*.ply: no mesh files were found"),
+        (
+            ["scans", "-o", "scans"],
+            3,
+            "scans: no mesh files were found (those in the output folder scans are not read)",
+        ),
+        (["scans", "--format", "docx"], 5, "'docx' cannot be written as a mesh format"),
         (["scans", "--memory", "much"], 2, "memory is 'much'; it must be an amount of memory"),
         (["scans", "--set", "glow=3"], 2, "laplacian has no parameter 'glow'"),
         (["scans", "-o", "scans/a/0.ply"], 5, "scans/a/0.ply/manifest.jsonl cannot be written"),

@@ -213,7 +213,7 @@ def test_a_copy_is_made_again_from_the_object_it_came_from_also_from_a_saved_fil
     assert positions(copy.data.vertices).tobytes() == denoised().tobytes()
     source = copy.cascadenorm.source
     source.data.clear_geometry()
-    with pytest.raises(RuntimeError, match="has 162 vertices and ball, of which it is a copy, 0: make a new copy"):
+    with pytest.raises(RuntimeError, match="has 162 vertices, but ball, its original, has 0: make a new copy"):
         denoise()
 
 

@@ -156,7 +156,7 @@ def test_no_creases_change_nothing():
         (float("nan"), "creases is nan"),
         ([0, 1], r"creases has shape \(2,\)"),
         ([[0.5, 1]], "creases has shape"),
-        ([[0, 1], [0, 100], [3, 3], [-1, 4]], r"of 4 pairs that are no edges of the mesh \(rows"),
+        ([[0, 1], [0, 100], [3, 3], [-1, 4]], r"of 4 pairs that are not edges of the mesh \(rows"),
     ],
 )
 def test_wrong_creases_are_refused_with_a_reason(creases, message):

@@ -181,7 +181,7 @@ def test_the_pairs_of_the_readme_are_collected_from_clones(tmp_path, monkeypatch
     script.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
     assert (tmp_path / "pairs" / "ball" / "clean.obj").read_bytes() == (tmp_path / "c.obj").read_bytes()
     save_mesh(tmp_path / "c.obj", icosphere(2), force=True)
-    with pytest.raises(cn.ReadError, match=r"c\.obj is another mesh than was published: get it again: git clone"):
+    with pytest.raises(cn.ReadError, match=r"c\.obj differs from the published mesh: get it again: git clone"):
         script.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
 
 

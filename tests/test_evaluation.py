@@ -185,10 +185,10 @@ def test_results_without_a_folder_or_a_name_of_their_own_are_refused(folder, tmp
     with pytest.raises(ReadError, match="is not a folder"):
         evaluate([folder], methods=[], results={"theirs": tmp_path / "absent"})
     for name in (NOISY, "laplacian"):
-        with pytest.raises(ParameterError, match=f"results are called {name}"):
+        with pytest.raises(ParameterError, match=f"the results '{name}' have the name of a method"):
             evaluate([folder], methods=["laplacian"], results={name: tmp_path})
     other = shutil.copytree(folder / "ball", tmp_path / "ball")
-    with pytest.raises(ReadError, match="several pairs are called ball"):
+    with pytest.raises(ReadError, match="several pairs are named ball"):
         evaluate([folder, other], methods=[], results={"theirs": tmp_path})
 
 
@@ -258,9 +258,9 @@ def test_commands_that_cannot_run_are_refused_before_any_work(folder, command, m
 
 
 def test_names_of_rows_differ_and_can_be_those_of_files(folder):
-    with pytest.raises(ParameterError, match="two rows are called one"):
+    with pytest.raises(ParameterError, match="two rows are named 'one'"):
         evaluate(folder, methods=[], commands={"one": "cp {in} {out}"}, results={"one": folder})
-    with pytest.raises(ParameterError, match="a name that a file can have"):
+    with pytest.raises(ParameterError, match="which is not a file name"):
         evaluate(folder, methods=[], commands={"a/b": "cp {in} {out}"})
 
 
@@ -462,10 +462,10 @@ def test_listed_pairs_are_checked_by_digests_that_no_format_changes(tmp_path, mo
     guided = replace(public_sets.PUBLIC_SETS["guided"], listed={"ball": public_sets.Listed("n.off", "c.ply", digests)})
     monkeypatch.setitem(public_sets.PUBLIC_SETS, "guided", guided)
     assert [pair.name for pair in public_pairs("guided", tmp_path)] == ["ball"]
-    with pytest.raises(ParameterError, match="the set guided is for tests alone"):
+    with pytest.raises(ParameterError, match="the set guided has only a test split"):
         public_pairs("guided", tmp_path, split="train")
     save_mesh(tmp_path / "n.off", SHAPES["ball"], force=True)
-    with pytest.raises(ReadError, match=r"n\.off is another mesh than was published"):
+    with pytest.raises(ReadError, match=r"n\.off differs from the published mesh"):
         public_pairs("guided", tmp_path)
     (tmp_path / "n.off").unlink()
     with pytest.raises(ReadError, match=r"n\.off is missing: get the set: git clone"):

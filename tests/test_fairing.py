@@ -96,7 +96,7 @@ def test_what_nothing_holds_is_refused():
     )
     with pytest.raises(ParameterError, match="needs a region"):
         fairing(sphere)
-    with pytest.raises(ParameterError, match=r"whole connected parts.*42 vertices: 42, 43, 44"):
+    with pytest.raises(ParameterError, match=r"whole connected components.*42 vertices: 42, 43, 44"):
         fairing(two, region=np.arange(84) >= 42)
 
 

@@ -185,7 +185,7 @@ def test_heat_reaches_the_end_of_a_long_strip():
 
 @pytest.mark.parametrize(
     "sources, words",
-    [([], "the number of a vertex"), ([0.5], "the number"), ([-1], "holds -1"), (42, "vertices are 0 to 41")],
+    [([], "a vertex index"), ([0.5], "a vertex index"), ([-1], "contains -1"), (42, "vertex indices go from 0 to 41")],
 )
 def test_wrong_sources_are_refused(sources, words):
     ball = icosphere(1)

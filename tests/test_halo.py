@@ -101,12 +101,12 @@ def test_a_shuffled_mesh_agrees_to_rounding():
 def test_methods_that_see_all_of_the_mesh_are_refused():
     whole = cn.Whole.of(BALL.vertices, BALL.faces)
     for name in set(registered()) - set(LOCAL):
-        with pytest.raises(cn.ParameterError, match=f"{name} sees all of the mesh"):
+        with pytest.raises(cn.ParameterError, match=f"{name} depends on the whole mesh"):
             whole.receptive_field(name)
     for given in ({"scheme": "implicit"}, {"weights": "cotan"}):
-        with pytest.raises(cn.ParameterError, match="laplacian sees all of the mesh"):
+        with pytest.raises(cn.ParameterError, match="laplacian depends on the whole mesh"):
             whole.receptive_field("laplacian", **given)
-    with pytest.raises(cn.ParameterError, match="bilateral-normal sees all"):
+    with pytest.raises(cn.ParameterError, match="bilateral-normal depends on the whole mesh"):
         whole.receptive_field("bilateral-normal", fit="least-squares")
     assert whole.receptive_field("taubin", iterations=7) == 14
     assert whole.receptive_field("bilateral-normal", iterations=2, sweeps=3) == 2 + 3 * whole.groups

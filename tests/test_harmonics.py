@@ -122,5 +122,5 @@ def test_many_equal_parts_have_each_eigenvalue_as_often_as_there_are_parts():
 def test_what_cannot_be_told_apart_is_refused(monkeypatch):
     monkeypatch.setattr(harmonics, "RESTARTS", 1)
     monkeypatch.setattr(harmonics, "DENSE", 0)
-    with pytest.raises(ParameterError, match="ask for fewer"):
+    with pytest.raises(ParameterError, match="request fewer"):
         manifold_harmonics(icosphere(3), 100)

@@ -246,7 +246,7 @@ def test_numbers_too_large_for_a_file_are_refused(tmp_path):
     header += [f"element face {len(faces)}", "property list uchar uchar vertex_indices", "end_header"]
     rows = [" ".join(map(str, row)) for row in [*vertices.tolist(), *([3, *face] for face in faces.tolist())]]
     (tmp_path / "small.ply").write_text("\n".join([*header, *rows]) + "\n")
-    with pytest.raises(cn.OutputError, match="references vertices by uchar, which has no number"):
+    with pytest.raises(cn.OutputError, match="stores vertex indices as uchar, too small"):
         fill_holes_file(tmp_path / "small.ply", tmp_path / "out.ply")
     assert not (tmp_path / "out.ply").exists()
 

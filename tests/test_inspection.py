@@ -277,11 +277,11 @@ def test_the_command_speaks_plainly(tmp_path, capsys):
     save_mesh(tmp_path / "far.ply", BALL.moved(BALL.vertices + 5e6))
     assert run(["inspect", str(tmp_path / "far.ply"), "--no-self-intersections"]) == 0
     out = capsys.readouterr().out
-    assert "no defects" in out and "were not looked for" in out and "closed; Euler" in out
+    assert "no defects" in out and "were not checked" in out and "closed; Euler" in out
     save_mesh(tmp_path / "coarse.stl", BALL.moved(BALL.vertices + 5e6))
     assert run(["inspect", str(tmp_path / "coarse.stl")]) == 0
     out = capsys.readouterr().out
-    assert "float32 is too coarse at these coordinates" in out and "splits vertices: it has 960" in out
+    assert "float32 is too coarse at these coordinates" in out and "split at seams: the file has 960" in out
     assert run(["inspect", str(tmp_path / "absent.ply")]) == 3
 
 

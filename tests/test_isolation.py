@@ -112,7 +112,7 @@ def test_by_default_bad_input_is_an_error():
 
 
 def test_nothing_good_is_an_error_as_well():
-    with pytest.raises(cn.MeshError, match="none of 320 faces can be worked on"):
+    with pytest.raises(cn.MeshError, match="none of the 320 faces is valid"):
         isolated(np.full((COUNT, 3), np.nan), BALL.faces)
     with pytest.raises(cn.MeshError, match="the mesh has no faces"):
         isolated(BALL.vertices, [])
@@ -243,7 +243,7 @@ def test_conversion_leaves_out_faces_that_name_nothing_and_says_so(tmp_path, cap
         output = tmp_path / f"out.{suffix}"
         assert run(["denoise", str(source), "-o", str(output), "--method", "laplacian", "--on-bad", "isolate"]) == 0
         err = capsys.readouterr().err
-        assert f"left as they are: 2 vertices that are not finite, {touched.sum()} bad faces" in err
+        assert f"left unchanged: 2 vertices that are not finite, {touched.sum()} bad faces" in err
         assert "2 faces that reference vertices that do not exist" in err
         assert len(cn.read(output).polygons) == len(faces) - 2
 

@@ -105,7 +105,7 @@ def test_a_model_in_a_file_denoises_as_the_default_method_does(tmp_path):
 
 def test_a_denoiser_takes_no_other_method_or_model():
     mesh = noisy(icosphere(2), 0.2)
-    with pytest.raises(cn.ParameterError, match="method is given by the Denoiser"):
+    with pytest.raises(cn.ParameterError, match="method is set by the Denoiser"):
         cn.Denoiser.shipped("cascade").denoise(mesh, method="auto")
     with pytest.raises(cn.ParameterError, match="model is a Denoiser; it must be the path"):
         cn.denoise(mesh, model=cn.Denoiser.shipped("cascade"))

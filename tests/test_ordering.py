@@ -169,5 +169,5 @@ def test_messages_name_vertices_as_they_were_given(always):
         controlled(Method("broken", broken, "", {}), order.mesh, {}, checked({}))
     with pytest.raises(cn.ParameterError, match=r"the first is 5-5\)"):
         cn.denoise(order.mesh, method="taubin", creases=[[5, 5]])
-    with pytest.raises(cn.ParameterError, match=r"1 of 2 pairs that are no edges .* the first is -1-4\)"):
+    with pytest.raises(cn.ParameterError, match=r"1 of 2 pairs that are not edges .* the first is -1-4\)"):
         cn.denoise(order.mesh, method="taubin", creases=[order.mesh.faces[0, :2], [-1, 4]])

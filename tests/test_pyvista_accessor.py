@@ -65,9 +65,9 @@ def test_arrays_are_controls_by_their_names(ball):
     fixed = ball.cascadenorm.denoise(fixed="weight", **METHOD)
     assert fixed.points[RIGHT].tobytes() == ball.points[RIGHT].tobytes()
     assert fixed.points[~RIGHT].tobytes() != ball.points[~RIGHT].tobytes()
-    with pytest.raises(cn.ParameterError, match="mask is 'wait', which is no array of the points; there are: heat"):
+    with pytest.raises(cn.ParameterError, match="mask is 'wait', which is not an array of the points; there are: heat"):
         ball.cascadenorm.denoise(mask="wait")
-    with pytest.raises(cn.ParameterError, match="only is given by 'steel'; it must be a number"):
+    with pytest.raises(cn.ParameterError, match="only is 'steel'; it must be a number"):
         ball.cascadenorm.denoise(only="label=steel")
 
 
@@ -94,7 +94,7 @@ def test_blocks_keep_their_walls_shared_their_names_and_their_nesting():
     assert out["inner"]["right"].points.tobytes() == expected[1].vertices.tobytes()
     assert out["left"].cell_data["label"].all() and list(out.field_data["unit"]) == ["mm"]
     blocks["inner"].append(pyvista.ImageData(dimensions=(2, 2, 2)), "picture")
-    with pytest.raises(cn.MeshError, match=r"^picture: .*ImageData is no kind of mesh"):
+    with pytest.raises(cn.MeshError, match=r"^picture: .*ImageData is not a supported kind of mesh"):
         blocks.cascadenorm.denoise()
 
 

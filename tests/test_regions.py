@@ -70,7 +70,7 @@ def test_the_kind_of_each_mesh_is_kept(halves):
 
 def test_controls_over_the_vertices_of_one_mesh_are_refused(halves):
     _, first, second, *_ = halves
-    with pytest.raises(cn.ParameterError, match="of one mesh"):
+    with pytest.raises(cn.ParameterError, match="applies to a single mesh"):
         cn.denoise_regions([first, second], fixed=[0, 1])
 
 

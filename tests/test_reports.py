@@ -283,7 +283,7 @@ def test_a_million_faces_take_less_than_twelve_million_bytes(place):
 
 @pytest.mark.parametrize(
     ("faces", "said"),
-    [("", "points.obj has no faces"), ("f 1 2 2\n", "none of 1 faces can be worked on")],
+    [("", "points.obj has no faces"), ("f 1 2 2\n", "none of the 1 faces is valid")],
 )
 def test_a_file_without_a_usable_face_has_a_report_in_text(place, capsys, faces, said):
     (place / "points.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 2 0 0\n{faces}")

@@ -43,7 +43,10 @@ def test_materials_and_textures_follow_an_obj(place):
     lost = io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.obj")
     assert names(place / "out") == ["b.obj", "maps/rust and dust.png", "some materials.mtl"]
     assert (place / "out" / "some materials.mtl").read_bytes() == MATERIALS
-    assert sorted(lost) == ["the file '../gloss.png' that it names", "the file 'maps/bumps.png' that it names"]
+    assert sorted(lost) == [
+        "the file '../gloss.png' that it references",
+        "the file 'maps/bumps.png' that it references",
+    ]
 
 
 def test_several_libraries_in_a_line_are_found_and_backslashes_are_slashes(place):
@@ -52,7 +55,7 @@ def test_several_libraries_in_a_line_are_found_and_backslashes_are_slashes(place
     (source / "a.mtl").write_bytes(b"newmtl a\n")
     (source / "a.obj").write_bytes(OBJ.replace(b"some materials.mtl", b".\\a.mtl maps\\b.mtl"))
     assert io.write(io.read(source / "a.obj"), place / "out" / "b.obj") == [
-        "the file 'maps/maps/rust.png' that it names"
+        "the file 'maps/maps/rust.png' that it references"
     ]
     assert names(place / "out") == ["a.mtl", "b.obj", "maps/b.mtl"]
 
@@ -67,7 +70,7 @@ def test_nothing_is_copied_beside_the_input_or_into_another_format(place):
 def test_textures_follow_a_ply(place):
     name = os.fsdecode(b"caf\xe9.png")
     file = io.read(place / "in" / "a.ply")
-    assert io.write(file, place / "out" / "b.ply") == [f"the file {name!r} that it names"]
+    assert io.write(file, place / "out" / "b.ply") == [f"the file {name!r} that it references"]
     (place / "in" / name).write_bytes(b"picture")
     assert io.write(file, place / "out" / "b.ply", force=True) == []
     assert (place / "out" / name).read_bytes() == b"picture"
@@ -75,7 +78,7 @@ def test_textures_follow_a_ply(place):
 
 def test_other_content_in_the_way_is_refused(place):
     (place / "out" / "some materials.mtl").write_bytes(b"precious")
-    with pytest.raises(io.OutputError, match=r"in the way of a copy of 'some materials\.mtl'"):
+    with pytest.raises(io.OutputError, match=r"differs from the referenced file 'some materials\.mtl'"):
         io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.obj")
     assert names(place / "out") == ["some materials.mtl"]
     io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.obj", force=True)

@@ -161,7 +161,7 @@ def test_errors_are_told_by_vtk_with_what_to_do(window):
     plane.Update()
     filter = denoised_by(plane.GetOutput())
     assert (
-        "cascadenorm: the vtkPolyData holds cells that are not triangles: apply vtkTriangleFilter" in window.GetOutput()
+        "cascadenorm: the vtkPolyData has cells that are not triangles: apply vtkTriangleFilter" in window.GetOutput()
     )
     assert isinstance(filter.error, cn.MeshError)
     broken = polydata(BALL.moved(BALL.vertices))

@@ -113,12 +113,9 @@ def denoise_files(
     OutputError : the folder cannot be written, the disk is full, another batch is writing there, or two files have the
         same output path
     """
-    if retries < 0:
-        raise ParameterError(f"is {retries}; it must be at least 0", parameter="retries")
-    if workers is not None and workers < 1:
-        raise ParameterError(f"is {workers}; it must be at least 1", parameter="workers")
-    if watch is not None and not watch >= 0:
-        raise ParameterError(f"is {watch}; it must be at least 0", parameter="watch")
+    for name, value, least in (("retries", retries, 0), ("workers", workers, 1), ("watch", watch, 0)):
+        if value is not None and not value >= least:
+            raise ParameterError(f"is {value}; it must be at least {least}", parameter=name)
     settings, threads, listener = settings_of(method, parameters or {}, controls, format, force=force)
     cores = threads or thread_count()
     budget = int(FREE * available_memory()) if memory is None else memory_size("memory", memory)
@@ -236,7 +233,10 @@ class _Run:
             if self._on_failure is not None:
                 self._on_failure(self.done.failures[-1])
             if outcome.then == "stop":
-                raise OutputError("the disk is full", hint="free some space and run the same again: it goes on there")
+                raise OutputError(
+                    "the disk is full",
+                    hint="free some space and run the same command again: files that are done are kept",
+                )
         del self._attempts[task.job]
         self._ended += task.job.size + COST
         if self._listener is not None:

@@ -61,7 +61,7 @@ def find_jobs(sources: Sources, folder: Path, format: str | None = None) -> list
         if str(output) in outputs:
             raise OutputError(
                 f"{outputs[str(output)]} and {path} would both be written to {output}",
-                hint="rename one, or denoise them in batches of their own",
+                hint="rename one, or denoise them in separate batches",
             )
         outputs[str(output)] = str(path)
         state = _state(path)
@@ -74,8 +74,8 @@ def check_sources(sources: Sources, folder: Path, jobs: Sequence[Job]) -> None:
     if not jobs:
         named = str(sources) if isinstance(sources, str | PathLike) else ", ".join(map(str, sources))
         raise ReadError(
-            f"{named}: no mesh file is there, or none outside {folder}",
-            hint='check the names, and put patterns into quotes, such as "scans/**/*.ply"',
+            f"{named}: no mesh files were found (those in the output folder {folder} are not read)",
+            hint='check the names, and quote patterns, such as "scans/**/*.ply"',
         )
 
 
@@ -113,4 +113,4 @@ def _common(folders: Sequence[Path]) -> Path:
     try:
         return Path(os.path.commonpath(folders))
     except ValueError:  # on several drives
-        raise ReadError("the files lie on several drives: denoise them in batches of their own") from None
+        raise ReadError("the files are on different drives: denoise those of each drive in a separate batch") from None

@@ -49,7 +49,10 @@ def settings_of(
 
 def _weights(method: str, model: Any) -> str:
     if not isinstance(model, str | PathLike | None):
-        raise ParameterError("is no file: processes of their own read it there", parameter="model")
+        raise ParameterError(
+            f"is a {type(model).__name__}; it must be the path of a weights file, which each process reads",
+            parameter="model",
+        )
     file = weights_file(method, None if model is None else Path(model))
     Cascade.load(file)  # what is wrong with it is wrong with every file
     return file_digest(file)

@@ -128,7 +128,7 @@ def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
     )
     if mesh_digest(source) != task.digest:
         output.unlink(missing_ok=True)
-        raise _Changed(f"{source} has changed while it was read", hint="try again when it is complete")
+        raise _Changed(f"{source} changed while it was read", hint="try again when it is complete")
     return Outcome(
         status="done",
         input_digest=task.digest,

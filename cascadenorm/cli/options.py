@@ -10,15 +10,18 @@ import typer
 
 from cascadenorm.controls import CONTROLS, ControlSetting
 
-Method = Annotated[str, typer.Option(help="One of those that `cascadenorm methods` lists.")]
-Model = Annotated[Path | None, typer.Option(help="Weights of your own, for auto or cascade.")]
-Set = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method.")]
+Method = Annotated[str, typer.Option(help="A method; `cascadenorm methods` lists them.")]
+Model = Annotated[Path | None, typer.Option(help="Your own weights file, for auto or cascade.")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method; may be given several times."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 ReportFile = Annotated[
     Path | None,
-    typer.Option("--report", metavar="FILE", help="Write a report as well, an HTML file."),
+    typer.Option("--report", metavar="FILE", help="Also write a report, an HTML file."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, as docs/json.md describes it.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; docs/json.md documents it.")]
 
 OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
 """Controls that the command line has an option for."""

@@ -41,14 +41,14 @@ def print_denoised(done: Report, *, file: TextIO) -> None:
         file=file,
     )
     if done.error is not None:
-        print(f"found: {done.error}", file=file)
+        print(f"kind of error: {done.error}", file=file)
     controls = {"strength": done.strength, **done.controls}
     chosen = [_option(name, value) for name, value in controls.items() if value != OPTIONS[name].default]
     if chosen:
         print(f"controls: {', '.join(chosen)}", file=file)
     if done.isolated_vertices or done.isolated_faces:
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
-        complain(f"left as they are: {vertices}, {counted(done.isolated_faces, 'bad face')}")
+        complain(f"left unchanged: {vertices}, {counted(done.isolated_faces, 'bad face')}")
     print_left_out(done.left_out)
 
 
@@ -57,9 +57,9 @@ def print_batch(done: Batch) -> None:
     denoised = len(done.lines) - len(done.failures)
     seconds = sum(line["seconds"] for line in done.lines)
     method = sum(line["report"]["seconds"] for line in done.lines if line["report"])
-    print(f"{counted(denoised, 'file')} denoised in {seconds:.1f} s of the processes, {method:.1f} s of them denoising")
+    print(f"{counted(denoised, 'file')} denoised; {seconds:.1f} s in all processes, {method:.1f} s of which denoising")
     if done.kept:
-        print(f"{counted(len(done.kept), 'file')} kept, which {'was' if len(done.kept) == 1 else 'were'} done already")
+        print(f"{counted(len(done.kept), 'file')} skipped: done already")
     if done.failures:
         print(f"{counted(len(done.failures), 'file')} failed")
 
@@ -86,7 +86,7 @@ def print_inspection(found: Inspection) -> None:
     print(f"{found.source}: {vertices}, {counted(found.faces, 'face')}, {found.number_type}")
     if copies:
         which = counted(copies, "is a copy", "are copies")
-        print(f"  the file splits vertices: it has {found.file_vertices}, of which {which}")
+        print(f"  vertices are split at seams: the file has {found.file_vertices}, of which {which}")
     if found.lower is not None and found.upper is not None:
         print(f"  connected components: {found.parts}; {kind}; {euler}")
         print(f"  bounding box from {_numbers(found.lower)} to {_numbers(found.upper)}")
@@ -108,7 +108,7 @@ def print_inspection(found: Inspection) -> None:
         more = ", …" if places.count > len(places.first) else ""
         print(f"  {counted(places.count, *FINDINGS[name])}: {first}{more}")
     if found.crossing_faces is None:
-        print("  self-intersections were not looked for: pass --self-intersections")
+        print("  self-intersections were not checked: pass --self-intersections")
     if not found.findings:
         print("  no defects" if found.faces else "  it has no faces")
     else:

@@ -219,7 +219,7 @@ def _finite(method: Method, vertices: Vectors, numbers: Ints) -> Vectors:
     if bad.any():
         raise DenoiseError(
             f"{method.name} returned {bad.sum()} vertices that are not finite (vertices {first_places(bad)})",
-            hint="try milder parameters, and report the mesh",
+            hint="try weaker parameters, and please report the mesh",
         )
     return vertices
 

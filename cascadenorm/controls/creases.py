@@ -120,7 +120,7 @@ def _given(mesh: Mesh, pairs: NDArray[Any], places: Ints | None) -> NDArray[np.b
     if bad.any():
         first = "-".join(map(str, pairs[bad][0]))
         raise ParameterError(
-            f"has {bad.sum()} of {len(bad)} pairs that are no edges of the mesh (rows {first_places(bad)}; the first "
+            f"has {bad.sum()} of {len(bad)} pairs that are not edges of the mesh (rows {first_places(bad)}; the first "
             f"is {first})",
             parameter="creases",
             hint="give the two vertices of an edge, counted from 0",

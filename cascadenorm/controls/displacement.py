@@ -47,7 +47,7 @@ def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float,
     bad = ~np.isfinite(after).all(axis=1)
     if bad.any():
         raise DenoiseError(
-            f"{bad.sum()} vertices would go beyond what {dtype} can hold (vertices {first_places(bad)})",
+            f"{bad.sum()} vertices would exceed the range of {dtype} (vertices {first_places(bad)})",
             hint="scale the mesh down first",
         )
     while True:  # rounding may have passed the limit: come back by single steps of the number type

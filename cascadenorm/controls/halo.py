@@ -15,7 +15,16 @@ from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.shells import shells
-from cascadenorm.mesh import Frame, Mesh, Topology, frame_of, in_good_order, without_lines
+from cascadenorm.mesh import (
+    Frame,
+    Mesh,
+    Topology,
+    first_places,
+    frame_of,
+    in_good_order,
+    repeats_vertex,
+    without_lines,
+)
 from cascadenorm.registry import Method, find
 
 LOCAL = ("strength", "mask", "fixed", "only", "boundary", "max_displacement", "threads", "progress", "halo")
@@ -53,7 +62,10 @@ class Whole:
         """
         mesh = Mesh(vertices, faces)
         if without_lines(mesh) is not mesh:
-            raise MeshError("there are faces that repeat a vertex", hint="drop them first")
+            lines = repeats_vertex(mesh.faces)
+            raise MeshError(
+                f"{lines.sum()} faces repeat a vertex (faces {first_places(lines)})", hint="drop them first"
+            )
         frame = frame_of(mesh)
         seen = frame.of(mesh)
         order = in_good_order(seen)  # the groups are those of the order in which the whole is denoised
@@ -61,7 +73,7 @@ class Whole:
         upright = framed if order.mesh is seen else oriented(seen)
         flipped = (upright.faces != mesh.faces).any(axis=1)
         if shells(framed) is not None:
-            raise MeshError("regions of this mesh share walls, and so see one another: denoise it as a whole")
+            raise MeshError("regions of this mesh share walls, which patches do not support: denoise it as a whole")
         colors = framed.topology.vertex_colors
         group = np.full(len(mesh.vertices), -1, np.int32)
         group[order.numbers[colors.indices]] = colors.rows
@@ -148,17 +160,19 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
     whole = halo.whole
     if len(whole.group) != len(mesh.vertices) or len(whole.flipped) != len(mesh.faces):
         raise ParameterError(
-            f"belongs to {len(whole.group)} vertices and {len(whole.flipped)} faces; the patch has "
+            f"belongs to a patch of {len(whole.group)} vertices and {len(whole.flipped)} faces; this mesh has "
             f"{len(mesh.vertices)} and {len(mesh.faces)}",
             parameter="halo",
+            hint="pass the halo of the same patch",
         )
     rings = check_local(method, parameters, whole.groups, controls)
     near = cut_within(mesh, whole.around, rings) & ~halo.vertices
     if near.any():
         raise ParameterError(
-            f"is too narrow: {near.sum()} vertices are fewer than {rings} edges away from where the patch was cut, "
-            f"which is the receptive field of {method.name}",
+            f"is too narrow: {near.sum()} vertices are fewer than {rings} edges from the cut, which is the receptive "
+            f"field of {method.name}",
             parameter="halo",
+            hint=f"cut the patch with {rings} rings or more",
         )
     return halo
 
@@ -174,11 +188,16 @@ def check_local(method: Method, parameters: Mapping[str, Any], groups: int, cont
     for name, setting in CONTROLS.items():
         given: Any = controls[name]  # type: ignore[literal-required]
         if name not in LOCAL and given is not None and given != setting.default:
-            raise ParameterError("sees all of the mesh, and cannot be kept in a patch", parameter=name)
+            raise ParameterError(
+                "depends on the whole mesh", parameter=name, hint="leave it out, or denoise the mesh as a whole"
+            )
     if controls["strength"] > 1:
-        raise ParameterError("is above 1, where the result is denoised again as a whole", parameter="strength")
+        raise ParameterError(f"is {controls['strength']:g}; it must be at most 1 in a patch", parameter="strength")
     if controls["boundary"] == "smooth":
-        raise ParameterError("is 'smooth', which sees whole boundary loops", parameter="boundary")
+        raise ParameterError(
+            "is 'smooth', which needs whole boundary loops; it must be 'free' or 'fixed' in a patch",
+            parameter="boundary",
+        )
     return rings
 
 
@@ -199,7 +218,7 @@ def _rings(method: Method, parameters: Mapping[str, Any], groups: int) -> int:
     rings = method.receptive_field(parameters, groups)
     if rings is None:
         raise ParameterError(
-            f"{method.name} sees all of the mesh with these parameters: it solves a system of all vertices, or needs "
+            f"{method.name} depends on the whole mesh with these parameters: it solves a system of all vertices, or "
             "averages over all of them",
             hint="denoise it as a whole, or choose another method",
         )

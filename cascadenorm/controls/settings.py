@@ -64,8 +64,8 @@ class Controls(TypedDict, total=False):
     strength: Annotated[
         float,
         Control(
-            help="0 keeps the mesh, 1 applies the method, values between blend linearly; above 1 the method is applied "
-            "again to its own result, and auto removes detail instead, 2 mean edge lengths wider for each 1.",
+            help="0 keeps the mesh, 1 applies the method, values between blend linearly. Above 1 the method is applied "
+            "again to its own result; auto removes features up to 2 (strength − 1) mean edge lengths wide instead.",
             minimum=0,
             below=math.inf,
             default=1.0,

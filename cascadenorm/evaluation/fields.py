@@ -119,8 +119,8 @@ def _values(name: str, key: str, mesh: Mesh, other: Mesh, unit: float) -> Values
         return _errors(mesh, other, unit)[name]
     if against == "input":
         if not np.array_equal(mesh.faces, other.faces):
-            problem = f"has other faces than the mesh that it is compared with, so there is no {name}"
-            raise MeshError(f"{key} {problem}", hint="see its distance")
+            problem = f"does not have the same faces as the mesh that it is compared with, so {name} is not defined"
+            raise MeshError(f"{key} {problem}", hint="use distance")
         return _changes(other, mesh, unit)[name]
     return local_noise(mesh) if name == "noise" else mean_curvature(mesh) / unit
 

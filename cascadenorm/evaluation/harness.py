@@ -101,26 +101,23 @@ def evaluate(
     ReadError : there are no pairs, or no folder of results; results, and several pairs of one name
     """
     checked({"strength": strength, "threads": threads})  # raises for values out of range
-    if workers < 1:
-        raise ParameterError(f"is {workers}; it must be at least 1", parameter="workers")
     settings = {"strength": strength, "threads": threads, **(parameters or {})}
     methods = [methods] if isinstance(methods, str) else methods
     for name in methods:
         find(name).checked(parameters or {})
     programs = {name: checked_command(name, command) for name, command in (commands or {}).items()}
-    if seeds < 1 or (noise is None and seeds > 1):
-        raise ParameterError(f"is {seeds}; it must be at least 1, and 1 without noise", parameter="seeds")
-    if noise is not None and not 0 <= noise < math.inf:
-        raise ParameterError(f"is {noise}; it must be at least 0, finite", parameter="noise")
+    _check_numbers(workers, noise, seeds)
     pairs = _pairs(folders)
     places = {name: Path(place) for name, place in (results or {}).items()}
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
     records = Records(Path(keep)) if keep is not None else None
-    rows: dict[str, dict[str, Any]] = {NOISY: {}}
-    rows |= {name: {"settings": settings} for name in methods}
-    rows |= {name: {"results": place} for name, place in places.items()}
-    rows |= {name: {"command": words} for name, words in programs.items()}
+    rows: dict[str, dict[str, Any]] = {
+        NOISY: {},
+        **{name: {"settings": settings} for name in methods},
+        **{name: {"results": place} for name, place in places.items()},
+        **{name: {"command": words} for name, words in programs.items()},
+    }
     with TemporaryDirectory() as scratch:
         if noise is not None:
             pairs = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
@@ -157,15 +154,24 @@ def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Pro
     progress("evaluating", len(runs), len(runs))
 
 
+def _check_numbers(workers: int, noise: float | None, seeds: int) -> None:
+    if workers < 1:
+        raise ParameterError(f"is {workers}; it must be at least 1", parameter="workers")
+    if seeds < 1 or (noise is None and seeds > 1):
+        raise ParameterError(f"is {seeds}; it must be at least 1, and exactly 1 without noise", parameter="seeds")
+    if noise is not None and not 0 <= noise < math.inf:
+        raise ParameterError(f"is {noise}; it must be at least 0, finite", parameter="noise")
+
+
 def _check_names(names: Sequence[str], methods: Sequence[str]) -> None:
     """Refuse names that stand for two rows, or for no file."""
     for number, name in enumerate(names):
         if name in (NOISY, *methods):
-            raise ParameterError(f"results are called {name}, as a method is: give them another name")
+            raise ParameterError(f"the results {name!r} have the name of a method: choose another name")
         if name in names[:number]:
-            raise ParameterError(f"two rows are called {name}: give one of them another name")
+            raise ParameterError(f"two rows are named {name!r}: rename one")
         if Path(name).name != name:
-            raise ParameterError(f"results are called {name}: give them a name that a file can have")
+            raise ParameterError(f"the results are named {name!r}, which is not a file name: choose another name")
 
 
 def _check_results(places: Mapping[str, Path], pairs: Sequence[Pair]) -> None:
@@ -175,7 +181,9 @@ def _check_results(places: Mapping[str, Path], pairs: Sequence[Pair]) -> None:
             raise ReadError(f"{place} is not a folder: give one that holds a mesh <pair>.* for each pair")
         twice = [pair.name for pair in pairs if Path(pair.name).name != pair.name]
         if twice:
-            raise ReadError(f"several pairs are called {Path(twice[0]).name}: rename one, since results go by name")
+            raise ReadError(
+                f"several pairs are named {Path(twice[0]).name}: rename one, since results are stored by name"
+            )
 
 
 def _mean(method: str, results: Sequence[Result]) -> Result:

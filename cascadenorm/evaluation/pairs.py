@@ -90,7 +90,7 @@ def result_file(folder: Path, pair: Pair) -> Path:
     files = sorted(file for file in folder.iterdir() if file.stem == pair.name and is_mesh_name(file))
     if len(files) != 1:
         found = f"{len(files)} meshes" if files else "no mesh"
-        raise ReadError(f"{folder} holds {found} {pair.name}.*: put one there")
+        raise ReadError(f"{folder} holds {found} {pair.name}.*; it must hold exactly one")
     return files[0]
 
 
@@ -114,7 +114,9 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
     for files in find_pairs(noisy):
         first, true = as_mesh(files.noisy), as_mesh(files.clean)
         if not np.array_equal(first.faces, true.faces):
-            raise MeshError(f"{files.noisy} and {files.clean} have different faces: a training needs the same in both")
+            raise MeshError(
+                f"{files.noisy} and {files.clean} have different faces: training needs the same faces in both"
+            )
         first, true = scaled_alike(first, true)
         true = oriented(true)
         first = Mesh(first.vertices, true.faces)
@@ -172,7 +174,7 @@ def write_pairs(
     MissingDependencyError : scikit-image is not installed
     """
     if find_spec("skimage") is None:
-        raise MissingDependencyError("generating", package="skimage", extra="train")
+        raise MissingDependencyError("generating data", package="skimage", extra="train")
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder} is a file: give the name of a folder")
     if folder.is_dir() and any(folder.iterdir()) and not force:
@@ -203,5 +205,5 @@ def _pair(folder: Path) -> Pair | None:
         if files:
             halves[half] = files[0]
     if len(halves) == 1:
-        raise ReadError(f"{folder} holds {next(iter(halves.values())).name} alone: a pair is noisy.* and clean.*")
+        raise ReadError(f"{folder} holds {next(iter(halves.values())).name} only: a pair needs noisy.* and clean.*")
     return Pair(folder.resolve().name, halves["noisy"], halves["clean"]) if halves else None

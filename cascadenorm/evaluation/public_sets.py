@@ -132,7 +132,7 @@ def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test")
     if wanted.folder:
         return _split_pairs(wanted, root, split)
     if split != "test":
-        raise ParameterError(f"is {split!r}; the set {name} is for tests alone", parameter="split")
+        raise ParameterError(f"is {split!r}; the set {name} has only a test split", parameter="split")
     return [_checked(wanted, pair, root, title) for title, pair in wanted.listed.items()]
 
 
@@ -150,7 +150,7 @@ def _checked(wanted: PublicSet, pair: Listed, root: Path, title: str) -> Pair:
             raise ReadError(f"{file} is missing", hint=f"get the set: {wanted.place}")
     for file, digest in zip(files, pair.digests, strict=bool(pair.digests)):
         if mesh_digest(file) != digest:
-            raise ReadError(f"{file} is another mesh than was published", hint=f"get it again: {wanted.place}")
+            raise ReadError(f"{file} differs from the published mesh", hint=f"get it again: {wanted.place}")
     return Pair(title, noisy, clean)
 
 
@@ -158,7 +158,7 @@ def _split_pairs(wanted: PublicSet, root: Path, split: str) -> list[Pair]:
     """Find the folder of the set in the copy, or the copy itself, and pair what has the same name in it."""
     place = next((one for one in (root / wanted.folder, root) if (one / split).is_dir()), None)
     if place is None:
-        raise ReadError(f"{root} holds no {wanted.folder}/{split}", hint=f"get the set: {wanted.place}")
+        raise ReadError(f"{root} has no folder {wanted.folder}/{split}", hint=f"get the set: {wanted.place}")
     originals = {file.stem: file for file in sorted((place / split / "original").glob("*.obj"))}
     pairs = []
     for file in sorted((place / split / "noisy").glob("*.obj")):

@@ -82,7 +82,7 @@ def _array(setting: str, name: str, data: Any) -> NDArray[Any]:
     if array is None:
         known = [data.GetArrayName(i) for i in range(data.GetNumberOfArrays())]
         raise ParameterError(
-            f"is {name!r}, which is no array of the {'cells' if setting == 'only' else 'points'}; "
+            f"is {name!r}, which is not an array of the {'cells' if setting == 'only' else 'points'}; "
             f"there are: {', '.join(filter(None, known)) or 'none'}",
             parameter=setting,
         )
@@ -93,4 +93,4 @@ def _number(setting: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ParameterError(f"is given by {text!r}; it must be a number", parameter=setting) from None
+        raise ParameterError(f"is {text!r}; it must be a number", parameter=setting) from None

@@ -94,6 +94,6 @@ def _refuse_what_nothing_holds(mesh: Mesh, free: Region) -> None:
     loose = free & ~held[mesh.topology.components]
     if loose.any():
         raise ParameterError(
-            f"the region contains whole connected parts of the mesh ({loose.sum()} vertices: {first_places(loose)}); "
-            "nothing would hold them: leave out some vertices of each part"
+            f"the region contains whole connected components ({loose.sum()} vertices: {first_places(loose)}), where "
+            "the solution is not unique: leave some vertices of each component out of the region"
         )

@@ -39,7 +39,9 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
     mesh, _ = in_frame(without_lines(Mesh(vertices, faces)))
     used = np.flatnonzero(mesh.topology.used_vertices)
     if not 1 <= count <= len(used):
-        raise ParameterError(f"is {count}; it must be 1 to {len(used)}, the vertices with a face", parameter="count")
+        raise ParameterError(
+            f"is {count}; it must be from 1 to {len(used)}, the number of vertices that have a face", parameter="count"
+        )
     if first is not None and first not in used:
         raise ParameterError(f"is {first}; it must be a vertex that a face references", parameter="first")
     return spread(mesh, count, first=int(used[0]) if first is None else first)[0]

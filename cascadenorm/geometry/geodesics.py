@@ -154,8 +154,8 @@ def _checked_sources(sources: ArrayLike, count: int) -> Ints:
     """Return the sources, ascending, each once; raises ParameterError where they are no vertices."""
     given = np.atleast_1d(np.asarray(sources))
     if given.ndim != 1 or not len(given) or given.dtype.kind not in "iu":
-        raise ParameterError("must be the number of a vertex, or several", parameter="sources")
+        raise ParameterError("must be a vertex index or several", parameter="sources")
     wrong = given[(given < 0) | (given >= count)]
     if len(wrong):
-        raise ParameterError(f"holds {wrong[0]}; vertices are 0 to {count - 1}", parameter="sources")
+        raise ParameterError(f"contains {wrong[0]}; vertex indices go from 0 to {count - 1}", parameter="sources")
     return np.unique(given).astype(np.int64)

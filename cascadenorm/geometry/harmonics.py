@@ -112,7 +112,7 @@ def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.fl
 def check_count(count: int, available: int) -> None:
     """Refuse more harmonics than there are."""
     if not 1 <= count <= available:
-        raise ParameterError(f"{count} harmonics are wanted; this mesh has {available}: ask for 1 to {available}")
+        raise ParameterError(f"{count} harmonics were requested; this mesh has {available}: ask for 1 to {available}")
 
 
 def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
@@ -189,5 +189,5 @@ def _count_below(laplacian: Laplacian, value: float) -> int:
 
 def _too_alike() -> ParameterError:
     return ParameterError(
-        "too many eigenvalues of this mesh are equal to tell its harmonics apart: ask for fewer, or approximate them"
+        "too many eigenvalues of this mesh coincide to compute harmonics exactly: request fewer, or approximate them"
     )

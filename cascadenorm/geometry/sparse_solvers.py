@@ -51,7 +51,7 @@ class Factorisation:
         except RuntimeError as error:  # SuperLU: exactly singular
             raise MeshError(
                 f"the equations of this method have no single solution for these {len(positions)} unknowns ({error}): "
-                "some faces have no area, or nothing holds a part; remove them, or take another method"
+                "some faces have no area, or a component has no fixed vertex; remove them, or choose another method"
             ) from None
 
     def solve(self, right: Vector) -> Vector:
@@ -103,7 +103,9 @@ def conjugate_gradients(matrix: Any, right: Vector, precondition: Callable[[Vect
     with one_blas_thread():
         solution, unsolved = cg(matrix, right, rtol=TOLERANCE, M=LinearOperator(matrix.shape, precondition))
         if unsolved:
-            raise MeshError(f"the equations of this mesh were not solved in {unsolved} steps: take weaker settings")
+            raise MeshError(
+                f"conjugate gradients did not converge in {unsolved} iterations: use a smaller step or weight"
+            )
     return np.asarray(solution)
 
 

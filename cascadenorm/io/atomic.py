@@ -34,7 +34,9 @@ def check_output(path: Path, *, force: bool) -> None:
     if stat.S_ISREG(mode) and not force:
         raise OutputError(f"{path} exists already", hint="choose another name", remedy=("force", True))
     if (stat.S_ISREG(mode) or not mode) and not os.access(target.parent, os.W_OK | os.X_OK):
-        raise OutputError(f"nothing can be written in the folder {folder}: choose another one, or ask for access")
+        raise OutputError(
+            f"no permission to write in the folder {folder}: choose another one, or change its permissions"
+        )
 
 
 def is_special(path: str | os.PathLike[str]) -> bool:
@@ -141,7 +143,7 @@ def _rename_to_new(name: str, target: Path) -> None:
     try:
         os.link(name, target)
     except FileExistsError:
-        raise OutputError(f"{target} has appeared while it was being written: nothing was overwritten") from None
+        raise OutputError(f"another process created {target} in the meantime: nothing was overwritten") from None
     except OSError:  # a file system without hard links
         check_output(target, force=False)
         os.replace(name, target)

@@ -133,7 +133,7 @@ class MeshFile(ABC):
                 f"{which} (faces {self._numbers(faces)}; the first references "
                 f"vertex {self.polygons.corners[bad][0] + first}; there are {len(self.positions)}, counted from "
                 f"{first})",
-                hint="drop these faces, write the file again where it came from",
+                hint="drop these faces, export the file again",
                 remedy=("on_bad", "isolate"),
             )
         positions = self._read_positions if len(self.positions) else np.zeros((1, 3))
@@ -156,7 +156,9 @@ class MeshFile(ABC):
         if self._isolates:
             return isolated(self.positions[self._weld[1]], self._welded_triangles)
         if not len(self.polygons):
-            raise MeshError(f"the file has {len(self.positions)} vertices and no faces: points alone are not a mesh")
+            raise MeshError(
+                f"the file has {len(self.positions)} vertices and no faces: reconstruct a surface from the points first"
+            )
         bad = ~np.asarray(np.isfinite(self.positions).all(axis=1))
         if bad.any():
             raise MeshError(

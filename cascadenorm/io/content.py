@@ -56,7 +56,7 @@ class Content:
         bad = np.asarray((np.isinf(single) & np.isfinite(self.positions)).any(axis=1))
         if bad.any():
             raise OutputError(
-                f"{bad.sum()} vertices lie beyond the largest number of this format, 3.4e38 (vertices "
+                f"{bad.sum()} vertices exceed the largest number of this format, 3.4e38 (vertices "
                 f"{first_places(bad)}): write ply, obj or off, or scale the mesh down"
             )
         return single

@@ -62,7 +62,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     name, folder, data = _bytes_of(source)
     try:
         if isinstance(data, str):
-            raise ReadError('the stream gives text: open the file in binary mode, "rb"')
+            raise ReadError('the stream is a text stream: open the file in binary mode, "rb"')
         if not data:
             raise ReadError("the file is empty")
         if not is_binary_stl(data):
@@ -74,8 +74,8 @@ def read(source: Source, format: str | None = None) -> MeshFile:
             if chosen in NEEDS:
                 raise _missing("reading", chosen)
             raise ReadError(
-                f"{f'{chosen!r} is' if chosen else 'the content is'} no mesh format known here ({known}): "
-                "convert it (in Python, its format can be named)"
+                f"{f'{chosen!r} is' if chosen else 'the content is'} not a supported mesh format ({known}): "
+                "convert the file, or name its format if that is one of these"
             )
         return kind(data, folder)
     except ReadError as error:
@@ -101,7 +101,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     OutputError : the target exists and force is not given, or it cannot be written
     """
     if not isinstance(file, MeshFile):
-        raise OutputError(f"a {type(file).__name__} is no file: make one of it with from_arrays")
+        raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
     path = Path(target) if isinstance(target, str | os.PathLike) else None
     chosen = output_format(f".{format}" if format else target, file.format)
     if path:
@@ -192,11 +192,11 @@ def output_format(target: Source, otherwise: str = "") -> str:
         return chosen  # without loading the packages that know others
     known = [*FORMATS, *_meshio_formats(), *trimesh_outputs()]
     if not chosen:
-        raise OutputError(f"the name {target} has no extension that says in which format to write: {', '.join(known)}")
+        raise OutputError(f"{target} has no extension, which selects the format: choose one of {', '.join(known)}")
     if chosen in NEEDS and _kind(chosen) is None:
         raise _missing("writing", chosen)
     if chosen not in known:
-        raise OutputError(f"'{chosen}' is no mesh format that can be written: choose one of {', '.join(known)}")
+        raise OutputError(f"'{chosen}' cannot be written as a mesh format: choose one of {', '.join(known)}")
     return chosen
 
 

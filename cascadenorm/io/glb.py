@@ -21,7 +21,7 @@ class GlbFile(GltfContainer):
     def _unpacked(self) -> tuple[bytes, bytes | None]:
         chunks = dict(reversed(list(_chunks(self.data))))  # of equal ones the first counts
         if JSON not in chunks:
-            raise ReadError("this GLB file has no chunk of JSON: it is damaged; get a complete copy")
+            raise ReadError("this GLB file has no JSON chunk: it is damaged; get a complete copy")
         return chunks[JSON], chunks.get(BIN)
 
     def _packed(self, text: bytes, chunk: bytes | None) -> Iterable[Piece]:
@@ -41,17 +41,17 @@ class GlbFile(GltfContainer):
 def _chunks(data: bytes) -> Iterable[tuple[bytes, bytes]]:
     """Return the chunks of a GLB file by their names; raises ReadError where it is cut or of another version."""
     if data[:4] != MAGIC or len(data) < 20:
-        raise ReadError("this is no GLB file: it does not begin with 'glTF', or ends within its header")
+        raise ReadError("this is not a GLB file: it does not begin with 'glTF', or ends within its header")
     version, length = struct.unpack_from("<II", data, 4)
     if version != 2:
-        raise ReadError(f"this GLB file is of version {version}, and only 2 is known here: export it again")
+        raise ReadError(f"this GLB file has version {version}; only version 2 is supported: export it again")
     if length > len(data):
-        raise ReadError(f"the GLB header promises {length} bytes, but the file has {len(data)}: it is truncated")
+        raise ReadError(f"the GLB header declares {length} bytes, but the file has {len(data)}: it is truncated")
     at = 12
     while at + 8 <= length:
         size, name = struct.unpack_from("<I4s", data, at)
         if at + 8 + size > length:
-            raise ReadError(f"the chunk at byte {at} promises {size} bytes and runs past the end: the file is damaged")
+            raise ReadError(f"the chunk at byte {at} declares {size} bytes and runs past the end: the file is damaged")
         yield name, data[at + 8 : at + 8 + size]
         at += 8 + size
 

@@ -95,7 +95,7 @@ class GltfContainer(MeshFile):
         order = np.argsort(places)
         self._moving_files = self._buffers.files_with(places[order])
         if (places[order][1:] < np.concatenate([self._stored.ends, self._stored_normals.ends])[order][:-1]).any():
-            raise ReadError("positions or normals of this glTF file overlap each other: export it again")
+            raise ReadError("positions and normals of this glTF file overlap in their buffer: export it again")
         if (self._stored.kinds != 0).any():  # whole numbers
             self.moving_loses = ("what is finer than the whole numbers in which it holds positions",)
         self.parts = np.zeros(len(self._stored.at), np.int64)
@@ -107,7 +107,10 @@ class GltfContainer(MeshFile):
             named = np.searchsorted(self._stored_normals.at, primitive.normals.at)
             normals.append(named[primitive.triangles] if len(named) else np.full(primitive.triangles.shape, -1))
         if len(np.unique(self.parts * len(STORED) + self._stored.kinds)) > len(np.unique(self.parts)):
-            raise ReadError("a mesh of this glTF file stores positions in several types, which open seams: use one")
+            raise ReadError(
+                "a mesh of this glTF file stores positions in several component types, so seams would open: "
+                "export it with one"
+            )
         self._corner_normals = np.concatenate(normals[::-1])
         positions = self._stored.read(self._buffers.data)
         return positions, Polygons.from_rows(np.concatenate(triangles[::-1]))
@@ -141,7 +144,7 @@ class GltfContainer(MeshFile):
         if "indices" in primitive:
             found = self._accessors.values(primitive["indices"])
             if found.dtype.kind != "u" or found.shape[1] != 1:
-                raise ReadError("the faces of this glTF file are not named by whole numbers: export it again")
+                raise ReadError("the vertex indices of this glTF file are not integers: export it again")
             corners = found[:, 0].astype(np.int64)
         if mode == STRIP:
             return strips(np.array([len(corners)]), corners).corners.reshape(-1, 3)
@@ -272,7 +275,7 @@ def _explained() -> Iterator[None]:
         raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
         raise ReadError(
-            f"the JSON of this file is no valid glTF 2 ({type(error).__name__}: {error}): export the file again"
+            f"the JSON of this file is not valid glTF 2 ({type(error).__name__}: {error}): export the file again"
         ) from None
 
 

@@ -38,7 +38,7 @@ class Vectors(NamedTuple):
             np.concatenate([none, *(part.at for part in parts)]), return_index=True, return_inverse=True
         )
         if (kinds[first][inverse] != kinds).any():
-            raise ReadError("vectors of this glTF file overlap each other: export it again")
+            raise ReadError("vectors of this glTF file overlap in their buffer: export it again")
         return cls(at, kinds[first])
 
     @property
@@ -98,15 +98,20 @@ class Accessors:
         elif sparse is not None and sparse["count"] == count:
             found = np.full(self._range(sparse["values"], count, size).shape, -1)
         else:
-            raise ReadError(f"accessor {number} of the glTF document has no content: export the file again")
+            raise ReadError(f"accessor {number} of the glTF document has no data: export the file again")
         if sparse is not None:
             where = self._range(sparse["indices"], sparse["count"], self._type(sparse["indices"]).itemsize)
             rows = gathered(self._buffers.data, where, self._type(sparse["indices"]))[:, 0].astype(np.int64)
             if (rows >= len(found)).any():
-                raise ReadError(f"accessor {number} replaces row {rows.max()} of {len(found)}: export the file again")
+                raise ReadError(
+                    f"sparse accessor {number} replaces element {rows.max()} of {len(found)}, counted from 0: "
+                    "export the file again"
+                )
             found[rows] = self._range(sparse["values"], sparse["count"], size)
             if (found < 0).any():
-                raise ReadError(f"accessor {number} of the glTF document has gaps: export the file again")
+                raise ReadError(
+                    f"accessor {number} of the glTF document leaves elements undefined: export the file again"
+                )
         return found
 
     def vectors(self, number: int) -> Vectors:
@@ -114,7 +119,9 @@ class Accessors:
         accessor = self._document["accessors"][number]
         kind, largest = self._type(accessor), self._largest(accessor)
         if accessor["type"] != "VEC3" or (kind, largest) not in STORED:
-            raise ReadError(f"accessor {number} of the glTF document is not of 3 floats: export the file without that")
+            raise ReadError(
+                f"accessor {number} of the glTF document is not VEC3 of a supported type: export the file again"
+            )
         places = self.places(number)
         return Vectors(places, np.full(len(places), STORED.index((kind, largest))))
 
@@ -147,7 +154,9 @@ class Accessors:
         begin, end = self._buffers.place(view["buffer"])
         start, step = view.get("byteOffset", 0) + part.get("byteOffset", 0), view.get("byteStride", size)
         if not all(isinstance(n, int) and n >= 0 for n in (start, step, count)) or (count and step < size):
-            raise ReadError("an accessor of the glTF document has a wrong size: export the file again")
+            raise ReadError(
+                "an accessor of the glTF document has an invalid count, offset or stride: export the file again"
+            )
         if count and start + (count - 1) * step + size > end - begin:
             raise ReadError(
                 f"an accessor runs past the {end - begin} bytes of buffer {view['buffer']}: the glTF file is damaged, "

@@ -61,19 +61,21 @@ class Buffers:
         if uri is None:
             if number == 0 and self._chunk is not None:
                 return self._chunk
-            raise ReadError(f"buffer {number} of the glTF document has no content: export the file again")
+            raise ReadError(f"buffer {number} of the glTF document has no data: export the file again")
         if uri.startswith("data:"):
             return _embedded(uri, number)
         name = relative_name(uri)
         if name is None:
-            raise ReadError(f"buffer {number} lies at {uri[:200]!r}: put it into a file beside this one")
+            raise ReadError(
+                f"buffer {number} is at {uri[:200]!r}, and only relative file names are read: put it beside this file"
+            )
         if self._folder is None:
             raise ReadError(
-                f"the vertices lie in another file, {name!r}, which cannot be found from a stream: "
+                f"the vertices are in another file, {name!r}, which cannot be found from a stream: "
                 "give the name of the glTF file, or export it as GLB"
             )
         if not os.path.isfile(self._folder / name):
-            raise ReadError(f"the vertices lie in another file, {name!r}, which is not beside it: put it there")
+            raise ReadError(f"the vertices are in {name!r}, which does not exist beside this file: put it there")
         try:
             return (self._folder / name).read_bytes()
         except OSError as error:
@@ -106,6 +108,4 @@ def _embedded(uri: str, number: int) -> bytes:
     try:
         return base64.b64decode(text + "=" * (-len(text) % 4), validate=True)
     except (binascii.Error, ValueError) as error:
-        raise ReadError(
-            f"buffer {number} is embedded in base64 that is damaged ({error}): get a complete copy"
-        ) from None
+        raise ReadError(f"buffer {number} is embedded in invalid base64 ({error}): get a complete copy") from None

@@ -49,7 +49,7 @@ class ObjFile(MeshFile):
         self._words = text.columns(self._vertices, 3)
         self._faces = np.sort(np.concatenate([text.lines_with(b"f"), text.lines_with(b"fo")]))
         if not len(self._vertices) and not len(self._faces):
-            raise ReadError("no line begins with v or f: this is no OBJ file")
+            raise ReadError("no line begins with v or f: this is not an OBJ file")
         counts = (text.stop - text.first)[self._faces] - 1
         self._corners = ranges(text.first[self._faces] + 1, counts).astype(text.starts.dtype)
         slashes = np.flatnonzero(text.bytes == ord("/"))

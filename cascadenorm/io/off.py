@@ -34,11 +34,11 @@ class OffFile(MeshFile):
         self._text = text = Text(data, start=magic.end() if magic else 0)
         lines = np.arange(len(text.first))
         if not len(lines):
-            raise ReadError("the OFF file has no line with the numbers of vertices and faces: it is empty or truncated")
+            raise ReadError("the OFF file has no line with the counts of vertices and faces: it is empty or truncated")
         vertex_count, face_count = text.integers(text.columns(lines[:1], 2, start=0)[0]).tolist()
         if min(vertex_count, face_count) < 0 or vertex_count + face_count > len(lines) - 1:
             raise ReadError(
-                f"the OFF header promises {vertex_count} vertices and {face_count} faces, a line each, but only "
+                f"the OFF header declares {vertex_count} vertices and {face_count} faces, a line each, but only "
                 f"{len(lines) - 1} lines follow: the file is truncated, or its header is wrong; get a complete copy"
             )
         self._vertices, self._faces = np.split(lines[1 : 1 + vertex_count + face_count], [vertex_count])
@@ -50,7 +50,9 @@ class OffFile(MeshFile):
         counts = text.integers(text.columns(self._faces, 1, start=0)[:, 0])
         if (counts < 0).any():
             line = text.line_number(text.starts[text.first[self._faces[counts < 0][0]]])
-            raise ReadError(f"line {line}: a face has {counts.min()} corners: the file is damaged; get a complete copy")
+            raise ReadError(
+                f"line {line}: a face has {counts.min()} vertices: the file is damaged; get a complete copy"
+            )
         text.require(self._faces, counts + 1)
         return Polygons.from_counts(counts, text.integers(ranges(text.first[self._faces] + 1, counts)))
 

@@ -67,7 +67,7 @@ class PlyFile(MeshFile):
     def _positions(self) -> NDArray[Any]:
         values = self._read("vertex", XYZ)
         if values is None:
-            raise ReadError("the PLY header has no element 'vertex' with the properties x, y and z: this is no mesh")
+            raise ReadError("the PLY header has no element 'vertex' with the properties x, y and z: this is not a mesh")
         declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
         if self._text is not None and declared == {"f4"}:  # the text may say more than its header admits
             words = np.concatenate([np.asarray(self._columns["vertex", name].offsets) // WORD for name in XYZ])
@@ -214,7 +214,7 @@ class PlyFile(MeshFile):
                 values = patches.triangles
                 if p.kind[0] != "f" and patches.triangles.max(initial=0) > np.iinfo(p.kind).max:
                     raise OutputError(
-                        f"the file references vertices by {NAMES[p.kind]}, which has no number for the last of them: "
+                        f"the file stores vertex indices as {NAMES[p.kind]}, too small for the added vertices: "
                         "write another format, or convert the file first"
                     )
             elif p.count_kind is None and element.name == "face":
@@ -278,6 +278,6 @@ def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
         bad = ~((values == np.rint(values)) & (np.abs(values) < 2**53))
         if bad.any():
             raise ReadError(
-                f"a face references vertex {values[bad][0]}, which is not a whole number: write the file again"
+                f"a face references vertex {values[bad][0]}, which is not a whole number: export the file again"
             )
     return values.astype(np.int64)

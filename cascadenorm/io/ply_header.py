@@ -66,7 +66,7 @@ def parse_header(data: bytes) -> Header:
     """Read the header; raises ReadError that names the line."""
     first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
     if first is None:
-        raise ReadError("this is no PLY file: its first line is not 'ply'")
+        raise ReadError("this is not a PLY file: its first line is not 'ply'")
     end = re.compile(rb"(?:\r\n|\n|\r)end_header[ \t]*(?:" + first[1] + rb"|\Z)").search(data)
     if end is None:
         raise ReadError("the PLY header has no line 'end_header': the file is truncated, or not a PLY file")

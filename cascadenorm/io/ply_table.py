@@ -86,7 +86,7 @@ def columns(body: Body, element: Element, start: int, kinds: list[Kind]) -> tupl
     least = sum((kind.length or kind.value).itemsize for kind in kinds)
     if element.rows * least > len(body) - start:
         raise ReadError(
-            f"the header promises {element.rows} rows of '{element.name}', but the file ends in row "
+            f"the header declares {element.rows} rows of '{element.name}', but the file ends in row "
             f"{(len(body) - start) // least}: it is truncated, or its header is wrong; get a complete copy"
         )
     found, stop = _walk(body, element, start, kinds, min(1, element.rows))

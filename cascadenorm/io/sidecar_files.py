@@ -35,16 +35,20 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
         copy = (there / name).resolve()
         outside = not copy.is_relative_to(there)
         if outside and needed:
-            raise OutputError(f"the file names {name!r}, outside its own folder: write the output beside the input")
+            raise OutputError(
+                f"the file references {name!r}, which is outside its folder: write the output beside the input"
+            )
         if outside or file.folder is None or not os.path.isfile(file.folder / name):
-            missing.append(f"the file {name!r} that it names")
+            missing.append(f"the file {name!r} that it references")
             continue
         content = (file.folder / name).read_bytes()
         if copy.exists() and copy.read_bytes() == content:
             continue
         if copy.exists() and not force:
             raise OutputError(
-                f"{copy} is in the way of a copy of {name!r}", hint="choose another folder", remedy=("force", True)
+                f"{copy} exists already and differs from the referenced file {name!r}",
+                hint="choose another folder",
+                remedy=("force", True),
             )
         copies[copy] = [content]
     return copies, missing

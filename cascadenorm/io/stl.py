@@ -33,8 +33,8 @@ class StlFile(MeshFile):
             count = int.from_bytes(data[80:HEADER], "little")
             if len(data) < HEADER + count * RECORD.itemsize:
                 raise ReadError(
-                    f"the STL header promises {count} triangles, but the file ends within number "
-                    f"{max(len(data) - HEADER, 0) // RECORD.itemsize}: it is truncated, or no STL file"
+                    f"the STL header declares {count} triangles, but the file ends within number "
+                    f"{max(len(data) - HEADER, 0) // RECORD.itemsize}: it is truncated, or not an STL file"
                 )
             self._records = np.frombuffer(data, RECORD, count, HEADER)
             positions: NDArray[Any] = self._records["corners"].reshape(-1, 3).astype(np.float32)
@@ -113,6 +113,6 @@ def _facets(text: Text) -> tuple[Places, Places]:
     wrong = vertices[:1] if corners[0] else facets[corners[1:] != 3]
     if len(wrong):
         line = text.line_number(text.starts[text.first[wrong[0]]])
-        what = "this corner is of no facet" if corners[0] else "this facet does not have three corners"
+        what = "this vertex is outside any facet" if corners[0] else "this facet does not have three vertices"
         raise ReadError(f"line {line}: {what}: the file is damaged; get a complete copy")
     return facets, vertices

@@ -89,7 +89,7 @@ class Text:
             line = lines[short[0]]
             raise ReadError(
                 f"line {self.line_number(self.starts[self.first[line]])} has "
-                f"{self.stop[line] - self.first[line]} words and needs {words[short[0]]}: "
+                f"{self.stop[line] - self.first[line]} values and needs {words[short[0]]}: "
                 "the file is truncated there, or damaged; get a complete copy"
             )
 
@@ -133,7 +133,7 @@ class Text:
                 return np.nan
             raise ReadError(
                 f"line {self.line_number(start)}: {_shown(word)} is not a number: "
-                "correct this line, or write the file again where it came from"
+                "correct this line, or export the file again"
             ) from None
 
 

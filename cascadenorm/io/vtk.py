@@ -36,7 +36,7 @@ class MeshioFile(MeshFile):
             raise ReadError(f"the points of this {self.format} file have {points.shape[-1]} coordinates, not 3")
         other = sorted({block.type for block in self._grid.cells} - {*FACES, *BESIDE})
         if other:
-            raise ReadError(f"the file holds cells of type {', '.join(other)}: extract the surface first")
+            raise ReadError(f"the file has cells of type {', '.join(other)}: extract the surface first")
         blocks = [np.asarray(block.data, np.int64) for block in self._faces()]
         counts = [np.full(len(block), block.shape[1]) for block in blocks]
         none = np.zeros(0, np.int64)

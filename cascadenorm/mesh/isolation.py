@@ -54,7 +54,7 @@ def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
     left = corners[~bad_faces(positions, corners)]
     if len(corners) and not len(left):
         raise MeshError(
-            f"none of {len(corners)} faces can be worked on: each references a vertex that does not exist or is "
-            "not finite, or one vertex twice; write the mesh again where it came from"
+            f"none of the {len(corners)} faces is valid: each references a vertex that does not exist or is not "
+            "finite, or repeats a vertex; export the mesh again"
         )
     return Mesh(np.where(bad_vertices(positions)[:, None], 0.0, positions), left)

@@ -242,7 +242,7 @@ def _checked_vertices(vertices: ArrayLike) -> Vectors:
 def _checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
     array = face_array(faces)
     if not len(array):
-        raise MeshError("the mesh has no faces: points alone cannot be denoised here")
+        raise MeshError("the mesh has no faces: reconstruct a surface from the points first")
     bad = np.asarray(((array < 0) | (array >= vertex_count)).any(axis=1))
     if bad.any():
         which = f"{counted(int(bad.sum()), 'face uses', 'faces use')} vertices that do not exist"

@@ -84,9 +84,9 @@ def _encoder(output: Path, *, turntable: bool) -> Callable[..., bytes]:
     """Return the writer for a file name."""
     suffix = output.suffix.lower()
     if turntable and suffix != ".webp":
-        raise OutputError(f"{output} would hold a turntable: give a name that ends in .webp")
+        raise OutputError(f"{output} cannot hold a turntable: give a name that ends in .webp")
     if suffix not in ENCODERS:
         raise OutputError(
-            f"{output} would hold a picture: give a name that ends in {', '.join(filter(None, ENCODERS))}"
+            f"{output} cannot hold a picture: give a name that ends in {', '.join(filter(None, ENCODERS))}"
         )
     return ENCODERS[suffix]

@@ -54,7 +54,9 @@ def side_by_side(panels: Sequence[Image | Figure], captions: Sequence[str] = (),
     """
     figures = [one if isinstance(one, Figure) else panel(one) for one in panels]
     if not figures or (captions and len(captions) != len(figures)):
-        raise ValueError(f"{len(figures)} pictures and {len(captions)} captions; there must be as many")
+        raise ValueError(
+            f"{len(figures)} pictures and {len(captions)} captions; there must be as many captions as pictures"
+        )
     joined = stacked(figures, gap=gap, side_by_side=True)
     if not captions:
         return joined

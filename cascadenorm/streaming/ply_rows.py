@@ -74,8 +74,11 @@ class PlyTables(NamedTuple):
             corners = rows["corners"].astype(np.int64)
             a, b, c = corners.T
             for wrong, what in (
-                (rows["count"] != 3, "is no triangle"),
-                ((corners < 0).any(axis=1) | (corners >= self.vertices.rows).any(axis=1), "references no vertex"),
+                (rows["count"] != 3, "is not a triangle"),
+                (
+                    (corners < 0).any(axis=1) | (corners >= self.vertices.rows).any(axis=1),
+                    "references a vertex that does not exist",
+                ),
                 ((a == b) | (b == c) | (c == a), "repeats a vertex"),
             ):
                 if wrong.any():
@@ -108,7 +111,7 @@ def ply_tables(path: Path) -> PlyTables:
     try:
         header = parse_header(head)
         if not header.byte_order:
-            raise ReadError("the file is in text, and only binary PLY is read in parts", hint=ELSEWHERE)
+            raise ReadError("the file is ASCII PLY, and only binary PLY can be read in parts", hint=ELSEWHERE)
         start, tables = header.length, dict[str, Table]()
         for element in header.elements:
             if {"vertex", "face"} <= tables.keys():
@@ -116,9 +119,9 @@ def ply_tables(path: Path) -> PlyTables:
             tables[element.name] = Table(start, element.rows, _row(element, header.byte_order))
             start = tables[element.name].end
         if not {"vertex", "face"} <= tables.keys():
-            raise ReadError("the PLY header has no elements 'vertex' and 'face': this is no mesh")
+            raise ReadError("the PLY header has no elements 'vertex' and 'face': this is not a mesh")
         if start > size:
-            raise ReadError(f"the PLY header promises {start} bytes and the file has {size}: it is truncated")
+            raise ReadError(f"the PLY header declares {start} bytes and the file has {size}: it is truncated")
     except ReadError as error:
         raise error.within(str(path)) from error.__cause__
     return PlyTables(path, tables["vertex"], tables["face"])
@@ -138,16 +141,19 @@ def _row(element: Element, byte_order: str) -> np.dtype[Any]:
         elif element.name == "face" and p.name in CORNERS and p.kind in ("i4", "u4"):
             fields += [("count", byte_order + p.count_kind), ("corners", byte_order + p.kind, (3,))]
         else:
-            raise ReadError(f"the element '{element.name}' has lists '{p.name}', of any length", hint=ELSEWHERE)
+            raise ReadError(
+                f"the element '{element.name}' has a list property '{p.name}', so its rows have no fixed size",
+                hint=ELSEWHERE,
+            )
     names = [field[0] for field in fields]
     if element.name == "face" and "corners" not in names:
-        raise ReadError("the faces have no property 'vertex_indices'")
+        raise ReadError("the faces have no list property 'vertex_indices'", hint="export the file again")
     if element.name == "vertex":
         kinds = {p.kind for p in element.properties if p.name in "xyz"}
         if not {"x", "y", "z"} <= set(names) or len(kinds) != 1 or not kinds <= {"f4", "f8"}:
-            raise ReadError("the vertices need x, y and z in one floating type", hint=ELSEWHERE)
+            raise ReadError("x, y and z of the vertices are not all float or all double", hint=ELSEWHERE)
         if set(NORMALS) & set(names):
-            raise ReadError("the file has normals of vertices, which the moved surface would belie", hint=ELSEWHERE)
+            raise ReadError("the file has vertex normals, which are not recomputed in parts", hint=ELSEWHERE)
     return np.dtype(fields)
 
 

@@ -213,4 +213,4 @@ def _check_seams(vertices: NDArray[Any], boundary: NDArray[np.int64], path: Path
     """Refuse vertices at one place on the boundary, which a file in memory has joined; they lie in one tile."""
     mine = vertices[np.isin(vertices["id"], boundary)]
     if len(np.unique(mine["xyz"], axis=0)) < len(mine):
-        raise ReadError("the file splits vertices at seams", hint=ELSEWHERE).within(str(path))
+        raise ReadError("vertices of the file are duplicated along seams", hint=ELSEWHERE).within(str(path))

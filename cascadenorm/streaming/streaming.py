@@ -85,7 +85,7 @@ def denoise_large_file(
     target = beside(Path(source), "denoised") if output is None else Path(output)
     check_output(target, force=force)
     if target.suffix.lower() != ".ply":
-        raise OutputError(f"{target} is no PLY file, and others are not written in parts")
+        raise OutputError(f"{target} is not a .ply file, and no other format can be written in parts")
     folder = _folder(target, _key(tables.path, chosen, given, every))
     store = Store(tables, folder)
     start = time.perf_counter()
@@ -122,11 +122,14 @@ def _rings(method: Method, parameters: Mapping[str, Any], controls: Controls) ->
     """Return the receptive field of a method without vertex update; raises ParameterError for others."""
     for name in IN_MEMORY:
         if controls[name] is not None:  # type: ignore[literal-required]
-            raise ParameterError("is given over all of a mesh, which is not in memory here", parameter=name)
+            raise ParameterError(
+                "needs the whole mesh in memory", parameter=name, hint="leave it out, or denoise in memory"
+            )
     rings = check_local(method, parameters, 1, controls)
     if rings != check_local(method, parameters, 2, controls):
         raise ParameterError(
-            f"{method.name} has a vertex update, whose order is of the whole mesh in memory: take taubin or laplacian"
+            f"{method.name} has a vertex update, which orders the vertices of the whole mesh: use taubin or "
+            "laplacian, or denoise in memory"
         )
     return rings
 

@@ -150,7 +150,7 @@ class Application:
         given = await _json(request)
         target, force = self._target(given.get("name")), given.get("force") is True
         if not (self._session.opened or {}).get("saves"):
-            raise ParameterError("a dropped file is in no folder", hint="download the result")
+            raise ParameterError("a dropped file has no folder to save to", hint="download the result")
         return JSONResponse(await self._session.ask("save", settings=_of(given), target=str(target), force=force))
 
     async def download(self, request: Request) -> Response:
@@ -220,7 +220,7 @@ async def _json(request: Request) -> dict[str, Any]:
     except (ValueError, RecursionError):
         given = None
     if not isinstance(given, dict):
-        raise ParameterError("the request is no object of JSON")
+        raise ParameterError("the request is not a JSON object")
     return given
 
 

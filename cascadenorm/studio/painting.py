@@ -23,10 +23,10 @@ def over_painted(codes: bytes, mesh: Mesh, shown: Display) -> NDArray[np.uint8]:
     given = np.frombuffer(codes, np.uint8)
     if len(given) != len(shown.kept_vertices):
         raise ParameterError(
-            f"{len(given)} vertices are painted, and {len(shown.kept_vertices)} are shown: open it again"
+            f"the paint has {len(given)} codes for {len(shown.kept_vertices)} shown vertices: open the mesh again"
         )
     if ((given > 101) & (given != PINNED)).any():
-        raise ParameterError("a code of the paint has no meaning")
+        raise ParameterError("the paint has a code other than 0 to 101 and 255: open the mesh again")
     if len(given) == len(mesh.vertices):
         return given.copy()
     nearest = cKDTree(mesh.vertices[shown.kept_vertices]).query(mesh.vertices)[1]

@@ -41,7 +41,9 @@ def plain_name(name: object) -> str:
     """Return the name of a file in a folder that is known; raises OutputError for anything else, such as a path."""
     bad = not isinstance(name, str) or name.startswith(".") or not name.strip() or len(name.encode()) > MOST_BYTES
     if bad or any(letter in '/\\\\:*?"<>|' or ord(letter) < 32 for letter in str(name)):
-        raise OutputError(f"{name!r} is no plain file name", hint="give one without folders, such as part_denoised.ply")
+        raise OutputError(
+            f"{name!r} is not a plain file name", hint="give one without folders, such as part_denoised.ply"
+        )
     return str(name)
 
 

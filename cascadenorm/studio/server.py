@@ -96,5 +96,5 @@ def _listening(port: int) -> socket.socket:
     except (OSError, OverflowError) as error:
         listening.close()
         why = getattr(error, "strerror", None) or error
-        raise OutputError(f"port {port} cannot be used: {why}", hint="choose another, or none") from None
+        raise OutputError(f"port {port} cannot be used: {why}", hint="choose another one, or leave it out") from None
     return listening

@@ -59,9 +59,9 @@ def chosen(given: Mapping[str, Any]) -> Chosen:
     for name, value in {**parameters, **controls}.items():
         setting = method.settings.get(name) if name in parameters else CONTROLS.get(name)
         if setting is not None and (not _fits(setting) or _names_a_file(setting, value)):
-            raise ParameterError("is a file, and the studio reads none but the mesh", parameter=name)
+            raise ParameterError("is a file, and the studio reads no file but the mesh", parameter=name)
     if "progress" in controls:
-        raise ParameterError("is not for the studio", parameter="progress")
+        raise ParameterError("cannot be set in the studio", parameter="progress")
     return Chosen(method, method.checked(parameters), checked(controls), controls)
 
 
@@ -104,7 +104,7 @@ def _names_a_file(setting: Setting, value: Any) -> bool:
 def _plain(given: Any) -> dict[str, Any]:
     """Return names with numbers and texts."""
     if not isinstance(given, dict):
-        raise ParameterError(f"settings are given by name, not as a {type(given).__name__}")
+        raise ParameterError(f"settings are a {type(given).__name__}; they must be an object of names and values")
     for name, value in given.items():
         known = isinstance(value, str | int | float | None) and not isinstance(value, bool)
         if not known or len(str(value)) > MOST_LETTERS:

@@ -51,7 +51,7 @@ class Uploads:
             raise
         except OSError as error:
             path.unlink(missing_ok=True)
-            raise OutputError(f"{path.name} cannot be taken: {error.strerror or error}") from error
+            raise OutputError(f"{path.name} cannot be received: {error.strerror or error}") from error
 
 
 def check_size(name: str, size: int, room: int, most: int) -> None:

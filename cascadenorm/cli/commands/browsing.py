@@ -10,13 +10,13 @@ from cascadenorm.cli.app import app
 
 @app.command()
 def studio(
-    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="Mesh file; or drop one on the page.")] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="Mesh file; or drop one onto the page.")] = None,
     *,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="On this machine; 0 takes one that is free.")] = 0,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
-    max_size: Annotated[float, typer.Option(min=0, metavar="MB", help="Size of the largest file.")] = 1000,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    max_size: Annotated[float, typer.Option(min=0, metavar="MB", help="Largest file accepted, in megabytes.")] = 1000,
 ) -> None:
-    """Denoise in the browser: see the answer while you choose, paint what stays, save."""
+    """Denoise in the browser: see the result while you change settings, paint masks, save."""
     from cascadenorm.studio import studio
 
     studio(file, port=port, browser=browser, max_size=max_size)

@@ -18,19 +18,23 @@ def denoise(
     source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],
     *,
     output: Annotated[
-        str | None, typer.Option("-o", "--output", help="File, whose extension selects the format, or - for stdout.")
+        str | None,
+        typer.Option("-o", "--output", help="Output file, whose extension selects the format, or - for stdout."),
     ] = None,
     method: Method = "auto",
     model: Model = None,
     settings: Set = None,
     format: Annotated[
-        str | None, typer.Option("--format", metavar="EXT", help="Format of stdout, such as stl; else that of IN.")
+        str | None,
+        typer.Option("--format", metavar="EXT", help="Format of stdout, such as stl; by default that of IN."),
     ] = None,
     report: ReportFile = None,
-    truth: Annotated[Path | None, typer.Option(metavar="FILE", help="The true mesh, for the report.")] = None,
+    truth: Annotated[Path | None, typer.Option(metavar="FILE", help="Ground truth mesh, for the report.")] = None,
     memory: Annotated[
         str | None,
-        typer.Option(metavar="SIZE", help="Work in patches that take so much memory, such as 4GB; docs/patches.md."),
+        typer.Option(
+            metavar="SIZE", help="Denoise in patches within this much memory, such as 4GB; see docs/patches.md."
+        ),
     ] = None,
     force: Force = False,
     as_json: Json = False,
@@ -43,9 +47,9 @@ def denoise(
     target: Any = output if output is not None else ("-" if source == "-" else None)
     parameters = parameter_values(settings, model)
     if format is not None and target != "-":
-        raise typer.BadParameter("--format is for stdout: the extension of the output selects the format of a file")
+        raise typer.BadParameter("--format applies to stdout only: the extension of --output selects that of a file")
     if truth is not None and report is None:
-        raise typer.BadParameter("--truth is for a report: give --report as well")
+        raise typer.BadParameter("--truth needs --report: the true mesh is used in the report only")
     if report is not None:
         from cascadenorm import reports
 
@@ -90,7 +94,7 @@ def _denoise_large(
     from cascadenorm.streaming.streaming import denoise_large_file
 
     if "-" in (source, target) or any(other is not None for other in others):
-        raise typer.BadParameter("--memory is for files: leave out streams, --format and --report")
+        raise typer.BadParameter("--memory works on files only: leave out -, --format and --report")
     with progress_bars.progress_bar("denoising", time_left=True) as progress:
         done = denoise_large_file(
             source,
@@ -116,30 +120,35 @@ def batch(
         typer.Argument(metavar="IN...", help="Files, folders, or quoted patterns like 'scans/**/*.ply'."),
     ],
     *,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")],
     method: Method = "auto",
     model: Model = None,
     settings: Set = None,
     format: Annotated[
-        str | None, typer.Option("--format", metavar="EXT", help="Format of the results, such as stl; else as given.")
+        str | None,
+        typer.Option(
+            "--format", metavar="EXT", help="Format of the results, such as stl; by default that of each input."
+        ),
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes at most; by default one for each core.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Maximum number of processes; by default one per core.")
+    ] = None,
     memory: Annotated[
         str | None,
-        typer.Option(metavar="SIZE", help="Memory of all processes, like 4GB; else most of what is free."),
+        typer.Option(metavar="SIZE", help="Memory for all processes, such as 4GB; by default most of the free memory."),
     ] = None,
-    retries: Annotated[int, typer.Option(min=0, help="Further attempts where memory was short.")] = 1,
+    retries: Annotated[int, typer.Option(min=0, help="Further attempts for files that ran out of memory.")] = 1,
     watch: Annotated[
         float | None,
         typer.Option(
-            min=0, metavar="SECONDS", help="Go on with files that come; each is taken when unchanged for so long."
+            min=0, metavar="SECONDS", help="Keep watching for new files; each is denoised once unchanged for this long."
         ),
     ] = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
 ) -> None:
-    """Denoise many files into a folder; what is done already is kept, and what fails stops no other."""
+    """Denoise many files into a folder; files already done are skipped, and a failure does not stop the others."""
     from cascadenorm.batch.batch import denoise_files
     from cascadenorm.cli import json_output, progress_bars, tables
 
@@ -173,7 +182,10 @@ def denoise_regions(
     sources: Annotated[list[str], typer.Argument(metavar="IN...", help="Mesh files.")],
     *,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder, where files keep their names.")
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder for the results, which keep the names of their inputs."
+        ),
     ] = None,
     method: Method = "auto",
     model: Model = None,
@@ -204,7 +216,7 @@ def inspect(
     *,
     self_intersections: Annotated[
         bool | None,
-        typer.Option(help="Look for self-intersections, or do not; by default only in meshes of moderate size."),
+        typer.Option(help="Check for self-intersections or not; by default only in meshes of moderate size."),
     ] = None,
     report: ReportFile = None,
     force: Force = False,
@@ -232,15 +244,21 @@ def fill_holes(
     source: Annotated[Path, typer.Argument(metavar="IN", help="Mesh file.")],
     *,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File; by default <stem>_filled<suffix> beside the source.")
+        Path | None,
+        typer.Option("-o", "--output", help="Output file; by default <stem>_filled<suffix> beside the input."),
     ] = None,
-    order: Annotated[int, typer.Option(min=1, max=3, help="1 membrane, 2 goes on smoothly, 3 in curvature too.")] = 2,
+    order: Annotated[
+        int,
+        typer.Option(
+            min=1, max=3, help="Smoothness across the hole's boundary: 1 membrane, 2 tangent planes, 3 curvature."
+        ),
+    ] = 2,
     max_edges: Annotated[
-        int | None, typer.Option(min=3, help="Leave longer holes open, such as the outer boundary.")
+        int | None, typer.Option(min=3, help="Leave holes with more boundary edges open, such as the outer boundary.")
     ] = None,
     force: Force = False,
 ) -> None:
-    """Close the holes of a mesh by patches as dense as what is around them; what is there stays as it is."""
+    """Fill the holes of a mesh with patches as dense as the mesh around; existing vertices and faces stay."""
     from cascadenorm.cli import tables
     from cascadenorm.filled_files import fill_holes_file
     from cascadenorm.io.files import beside

@@ -11,11 +11,11 @@ from cascadenorm.cli.options import Force
 
 @app.command()
 def demo(
-    folder: Annotated[Path, typer.Argument(help="Where to leave meshes and pictures; it is made.")] = Path(
+    folder: Annotated[Path, typer.Argument(help="Folder for meshes and pictures; it is created.")] = Path(
         "cascadenorm-demo"
     ),
 ) -> None:
-    """Denoise three meshes that come with the package; leave meshes and pictures in a folder."""
+    """Denoise three meshes that come with the package, and write meshes and pictures into a folder."""
     from cascadenorm.cli import demo as demonstration
     from cascadenorm.cli import progress_bars, tables
     from cascadenorm.errors import MissingDependencyError
@@ -26,61 +26,79 @@ def demo(
     try:
         demonstration.draw(examples, folder)
     except MissingDependencyError as error:
-        print(f"meshes are in {folder}; for pictures beside them: {error.command}")
+        print(f"the meshes are in {folder}; to draw pictures of them, install Pillow: {error.command}")
     else:
-        print(f"meshes and pictures are in {folder}; look at {folder / demonstration.BEFORE_AFTER} first")
+        print(f"the meshes and pictures are in {folder}; start with {folder / demonstration.BEFORE_AFTER}")
+
+
+Meshes = Annotated[
+    list[str],
+    typer.Argument(metavar="MESH...", help="Mesh files, drawn side by side; from one camera if they overlap."),
+]
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="PNG, WebP, SVG or PDF file.", show_default=False)]
+Turntable = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Animated WebP file in which the meshes turn once around.")
+]
+Size = Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")]
+View = Annotated[
+    str | None,
+    typer.Option(
+        metavar="WHERE",
+        help="Where the camera is: front, back, left, right, top, bottom or three-quarter; or AZIMUTH,ELEVATION in "
+        "degrees; or in the direction X,Y,Z.",
+    ),
+]
+Upward = Annotated[str, typer.Option(metavar="x|y|z", help="Axis of the meshes that is upward.")]
+Target = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y,Z", help="Point in the middle of the picture; by default the middle of the mesh."),
+]
+Distance = Annotated[
+    float | None,
+    typer.Option(help="Distance of the camera from the target, in the unit of the meshes; by default all is visible."),
+]
+Values = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Heat map: normal-error, distance, angle, displacement, normal-displacement, curvature or noise.",
+    ),
+]
+Reference = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Mesh to compare with; by default the first mesh.")
+]
+Limits = Annotated[str | None, typer.Option(metavar="LOW,HIGH", help="Values at the ends of the colours.")]
+Crops = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="X,Y,WIDTH",
+        help="Enlarge a square below each picture: its middle and width as shares of the picture from the upper "
+        "left. May be given several times.",
+    ),
+]
+Smooth = Annotated[bool, typer.Option("--smooth", help="Smooth shading.")]
+Wireframe = Annotated[bool, typer.Option("--wireframe", help="Draw the edges.")]
+Transparent = Annotated[bool, typer.Option("--transparent", help="Transparent background.")]
 
 
 @app.command()
 def render(
-    meshes: Annotated[
-        list[str], typer.Argument(metavar="MESH...", help="Side by side, from one place if they lie alike.")
-    ],
+    meshes: Meshes,
     *,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="PNG, WebP, SVG or PDF file.", show_default=False)
-    ] = None,
-    turntable: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="WebP file in which the meshes turn once around.")
-    ] = None,
-    size: Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")] = 600,
-    view: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WHERE",
-            help="The viewer is at: front, back, left, right, top, bottom or three-quarter; or AZIMUTH,ELEVATION in "
-            "degrees; or in the direction X,Y,Z.",
-        ),
-    ] = None,
-    up: Annotated[str, typer.Option(metavar="x|y|z", help="Axis of the meshes that is upward.")] = "y",
-    target: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Point in the middle of the picture, else that of the mesh.")
-    ] = None,
-    distance: Annotated[
-        float | None, typer.Option(help="Of the viewer from there, in the unit of the meshes; else all is seen.")
-    ] = None,
-    values: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Heat map: normal-error, distance, angle, displacement, normal-displacement, curvature or noise.",
-        ),
-    ] = None,
-    reference: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="What they are measured against; else the first mesh.")
-    ] = None,
-    limits: Annotated[str | None, typer.Option(metavar="LOW,HIGH", help="Values at the ends of the colours.")] = None,
-    crop: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="X,Y,WIDTH",
-            help="Enlarge a square below each picture: its middle and width as shares of the picture from the upper "
-            "left. May be given several times.",
-        ),
-    ] = None,
-    smooth: Annotated[bool, typer.Option("--smooth", help="Smooth shading.")] = False,
-    wireframe: Annotated[bool, typer.Option("--wireframe", help="Draw the edges.")] = False,
-    transparent: Annotated[bool, typer.Option("--transparent", help="No white background.")] = False,
+    output: Output = None,
+    turntable: Turntable = None,
+    size: Size = 600,
+    view: View = None,
+    up: Upward = "y",
+    target: Target = None,
+    distance: Distance = None,
+    values: Values = None,
+    reference: Reference = None,
+    limits: Limits = None,
+    crop: Crops = None,
+    smooth: Smooth = False,
+    wireframe: Wireframe = False,
+    transparent: Transparent = False,
     force: Force = False,
 ) -> None:
     """Draw meshes into a picture, without a GPU or a window."""

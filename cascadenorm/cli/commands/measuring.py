@@ -11,19 +11,20 @@ from cascadenorm.cli.errors import PARTLY, complain, worded
 from cascadenorm.cli.options import Force, Json, ReportFile, Set, named_values, parameter_values, takes_controls
 
 if TYPE_CHECKING:
+    from cascadenorm.evaluation.harness import Evaluation
     from cascadenorm.evaluation.pairs import Pair
 
 
 @app.command()
 def compare(
-    mesh: Annotated[str, typer.Argument(metavar="MESH", help="The mesh to judge, or - for stdin.")],
-    reference: Annotated[str, typer.Argument(metavar="REFERENCE", help="The true mesh.")],
+    mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh to measure, or - for stdin.")],
+    reference: Annotated[str, typer.Argument(metavar="REFERENCE", help="Ground truth mesh.")],
     *,
     report: ReportFile = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Measure a mesh against the true one."""
+    """Measure a mesh against the ground truth."""
     from cascadenorm import api
     from cascadenorm.cli import json_output, tables
 
@@ -43,11 +44,15 @@ def compare(
 @app.command()
 def spectrum(
     mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh file, or - for stdin.")],
-    other: Annotated[str | None, typer.Argument(metavar="[OTHER]", help="Another one, to compare it with.")] = None,
+    other: Annotated[str | None, typer.Argument(metavar="[OTHER]", help="Another mesh to compare it with.")] = None,
     *,
-    count: Annotated[int, typer.Option("-n", "--count", min=1, help="Eigenvalues.")] = 50,
+    count: Annotated[int, typer.Option("-n", "--count", min=1, help="Number of eigenvalues.")] = 50,
     scale: Annotated[
-        str, typer.Option(metavar="area|keep", help="Multiply them by the area, so that size does not matter, or not.")
+        str,
+        typer.Option(
+            metavar="area|keep",
+            help="area multiplies them by the surface area, so that scale does not matter; keep does not.",
+        ),
     ] = "area",
     as_json: Json = False,
 ) -> None:
@@ -65,75 +70,91 @@ def spectrum(
         tables.print_spectrum(found)
 
 
+Folders = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="[DIR...]", help="Folders with noisy.* and clean.*, or folders of these.", show_default=False
+    ),
+]
+Dataset = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="A public data set, read from --from; `list` says where to get them."),
+]
+Copy = Annotated[
+    Path | None,
+    typer.Option("--from", metavar="DIR", help="Your copy of the public set: a clone or an unpacked archive."),
+]
+Split = Annotated[str, typer.Option(metavar="test|train", help="Split of the public set, as published.")]
+Noise = Annotated[
+    float | None,
+    typer.Option(
+        metavar="LEVEL",
+        help="Add Gaussian noise along the normals to clean.* in the place of noisy.*: standard deviation in mean "
+        "edge lengths.",
+    ),
+]
+Seeds = Annotated[int, typer.Option(min=1, help="Noisy versions of each clean mesh; the tables show the spread.")]
+Methods = Annotated[list[str] | None, typer.Option(help="Method to evaluate; may be given several times.")]
+Results = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=DIR", help="Meshes DIR/<pair>.* from another program as a row; may be given several times."
+    ),
+]
+Programs = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="'NAME=PROG {in} {out}'",
+        help="Run another program on each noisy mesh; {in.obj} and {out.obj} are files of that format. "
+        "May be given several times.",
+    ),
+]
+Csv = Annotated[Path | None, typer.Option(metavar="FILE", help="Write all results as CSV.")]
+Markdown = Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as Markdown.")]
+Latex = Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as LaTeX.")]
+Html = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write a page with tables and figures, and one with a 3-D viewer for each pair."),
+]
+Keep = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Keep the denoised meshes in this folder; a later run reuses them. With --html, by default a folder "
+        "beside that file.",
+    ),
+]
+Workers = Annotated[int, typer.Option(min=1, help="Number of processes.")]
+
+
 @app.command()
 @takes_controls("strength", "threads")
 def evaluate(
-    folders: Annotated[
-        list[Path] | None, typer.Argument(metavar="[DIR...]", help="Pairs, or folders of pairs.", show_default=False)
-    ] = None,
+    folders: Folders = None,
     *,
-    dataset: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="A public set, in the copy that --from names; `list` says where to get them."
-        ),
-    ] = None,
-    copy: Annotated[
-        Path | None,
-        typer.Option("--from", metavar="DIR", help="Your copy of the public set: a clone, or what was unpacked."),
-    ] = None,
-    split: Annotated[
-        str, typer.Option(metavar="test|train", help="Part of the public set, as its paper splits it.")
-    ] = "test",
-    noise: Annotated[
-        float | None,
-        typer.Option(
-            metavar="LEVEL",
-            help="Add Gaussian noise along the normals to clean.* in the place of noisy.*: standard deviation in mean "
-            "edge lengths.",
-        ),
-    ] = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Noisy meshes of each clean one; the tables have the spread.")] = 1,
-    method: Annotated[list[str] | None, typer.Option(help="May be given several times.")] = None,
-    result: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=DIR", help="Meshes DIR/<pair>.* from another program as a row; may be given several times."
-        ),
-    ] = None,
-    command: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="'NAME=PROG {in} {out}'",
-            help="Run another program on each noisy mesh; {in.obj} and {out.obj} are files of that format. "
-            "May be given several times.",
-        ),
-    ] = None,
+    dataset: Dataset = None,
+    copy: Copy = None,
+    split: Split = "test",
+    noise: Noise = None,
+    seeds: Seeds = 1,
+    method: Methods = None,
+    result: Results = None,
+    command: Programs = None,
     settings: Set = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="Write all results to a file as well.")] = None,
-    markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables for a page.")] = None,
-    latex: Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables for a paper.")] = None,
-    html: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write tables, figures, and a page with a viewer for each pair.")
-    ] = None,
-    keep: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder for the denoised meshes; run again, what is there is not computed again. With --html it is a "
-            "folder beside that file by default.",
-        ),
-    ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    csv: Csv = None,
+    markdown: Markdown = None,
+    latex: Latex = None,
+    html: Html = None,
+    keep: Keep = None,
+    workers: Workers = 1,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
 ) -> None:
     """Denoise pairs of noisy.* and clean.* by several methods, and measure the results, also of other programs."""
-    from cascadenorm.cli import json_output, progress_bars, tables
+    from cascadenorm.cli import progress_bars, tables
     from cascadenorm.evaluation import harness
-    from cascadenorm.evaluation import tables as texts
-    from cascadenorm.io.atomic import check_output, write_atomically
+    from cascadenorm.io.atomic import check_output
 
     if dataset == "list":
         tables.print_public_sets()
@@ -163,21 +184,37 @@ def evaluate(
         )
         if html is not None:
             report_evaluation(html, done, force=force, progress=progress)
+    _print_results(done, as_json=as_json)
+    _write_tables(done, csv=csv, markdown=markdown, latex=latex, force=force)
+    if done.failures:
+        raise typer.Exit(PARTLY)
+
+
+def _print_results(done: "Evaluation", *, as_json: bool) -> None:
+    from cascadenorm.cli import json_output, tables
+
     for measured in done.results:
         if not measured.same_faces:
-            complain(f"{measured.pair}, {measured.method}: other faces than clean.*; compared with the nearest of them")
+            complain(f"{measured.pair}, {measured.method}: faces differ from clean.*; compared with the nearest faces")
     for failure in done.failures:
         complain(f"{failure.pair}{f', {failure.method}' if failure.method else ''}: {worded(failure.error)}")
     if as_json:
         json_output.print_json("evaluate", json_output.evaluated(done))
     else:
         tables.print_evaluation(done)
-    written = ((csv, texts.comma_separated(done)), (markdown, texts.markdown(texts.all_tables(done))))
-    for target, text in (*written, (latex, texts.latex(texts.all_tables(done)))):
+
+
+def _write_tables(
+    done: "Evaluation", *, csv: Path | None, markdown: Path | None, latex: Path | None, force: bool
+) -> None:
+    from cascadenorm.evaluation import tables
+    from cascadenorm.io.atomic import write_atomically
+
+    every = tables.all_tables(done)
+    texts = ((csv, tables.comma_separated(done)), (markdown, tables.markdown(every)), (latex, tables.latex(every)))
+    for target, text in texts:
         if target is not None:
             write_atomically(target, [text.encode()], force=force)
-    if done.failures:
-        raise typer.Exit(PARTLY)
 
 
 def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[Pair]":
@@ -186,10 +223,12 @@ def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[P
 
     if dataset is None:
         if copy is not None:
-            raise typer.BadParameter("--from is the copy of a public set: name it by --dataset")
+            raise typer.BadParameter("--from needs --dataset, the name of the public set")
         return []
     if copy is None:
-        raise typer.BadParameter(f"give your copy of {dataset} by --from DIR; get it: {public_set(dataset).place}")
+        raise typer.BadParameter(
+            f"--dataset {dataset} needs --from DIR, your copy of the set; to get one: {public_set(dataset).place}"
+        )
     return public_pairs(dataset, copy, split=cast(Literal["train", "test"], split))
 
 

@@ -12,14 +12,14 @@ from cascadenorm.messages import counted
 
 @app.command()
 def generate(
-    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the data set; it is made.")],
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the data set; it is created.")],
     *,
-    count: Annotated[int, typer.Option(min=1, help="Pairs to make.")] = 100,
+    count: Annotated[int, typer.Option(min=1, help="Number of pairs.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same files.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes; the files are the same.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes; the files do not depend on it.")] = 1,
     force: Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")] = False,
 ) -> None:
-    """Make pairs of noisy and clean meshes: generated shapes, many kinds of noise."""
+    """Generate pairs of noisy and clean meshes: random shapes with many kinds of noise."""
     from cascadenorm.cli import progress_bars
     from cascadenorm.evaluation import pairs
 
@@ -32,33 +32,38 @@ def generate(
 @takes_controls("threads")
 def train(
     *,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The weights file to write.")] = Path(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Weights file to write.")] = Path(
         "cascade.safetensors"
     ),
-    config: Annotated[Path | None, typer.Option(help="Settings as TOML; what it leaves out keeps its default.")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="TOML file of settings; missing settings keep their defaults.")
+    ] = None,
     shapes: Annotated[
-        list[Path] | None, typer.Option(help="Clean meshes of your own, a file or folder; may be given several times.")
+        list[Path] | None, typer.Option(help="Your own clean meshes, a file or folder; may be given several times.")
     ] = None,
     noisy: Annotated[
-        list[Path] | None, typer.Option(help="Pairs of your own, noisy.* and clean.*; may be given several times.")
+        list[Path] | None,
+        typer.Option(help="Folder of your own pairs, noisy.* and clean.*; may be given several times."),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A minute's training, to see that it works.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Train for about a minute, to check that training works.")
+    ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="The same seed makes the same file.")] = None,
     log: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write losses and the validation error in degrees after each pass, as .csv or .jsonl; an interrupted "
-            "training goes on with the file.",
+            help="Write losses and the validation error in degrees after each epoch, as .csv or .jsonl; a resumed "
+            "training appends to the file.",
         ),
     ] = None,
     tensorboard: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="The same for TensorBoard, if it is installed.")
+        Path | None, typer.Option(metavar="DIR", help="Write the same for TensorBoard, if it is installed.")
     ] = None,
     force: Force = False,
     **controls: Any,
 ) -> None:
-    """Train a cascade on generated shapes; interrupted and started again, it goes on where it was."""
+    """Train a cascade on generated shapes; an interrupted training resumes when it is started again."""
     from dataclasses import replace
 
     from cascadenorm import models
@@ -67,7 +72,7 @@ def train(
     from cascadenorm.learned.launch import is_main
 
     if config is not None and quick:
-        raise typer.BadParameter("--quick has settings of its own: give it or --config, not both")
+        raise typer.BadParameter("--quick and --config exclude each other, since --quick has its own settings")
     settings = QUICK if quick else TrainConfig() if config is None else read_config(config)
     if seed is not None:
         settings = replace(settings, seed=seed, data=replace(settings.data, seed=seed))
@@ -89,19 +94,21 @@ def train(
 
 @app.command("models")
 def show_model(
-    model: Annotated[str, typer.Argument(help="auto or cascade, which come with the package, or a file.")] = "auto",
+    model: Annotated[str, typer.Argument(help="auto or cascade, which are shipped, or a weights file.")] = "auto",
     *,
     curves: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Show the curves of a training instead, which train --log has written."),
+        typer.Option(metavar="FILE", help="Show the training curves in a file written by `train --log` instead."),
     ] = None,
     hub: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write the card in the format of the Hugging Face Hub, with the digest."),
+        typer.Option(
+            metavar="FILE", help="Write the model card in the format of the Hugging Face Hub, with the digest."
+        ),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Print the card of a model: what it was made of, how, and how well it fits, as JSON."""
+    """Print the card of a model as JSON: training data, settings, validation error."""
     from cascadenorm import models
     from cascadenorm.cli import json_output, tables
     from cascadenorm.learned.training_log import read_passes
@@ -121,12 +128,12 @@ def show_model(
 
 @app.command("export-onnx")
 def export_onnx(
-    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for stage1.onnx and so on; it is made.")],
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for stage1.onnx and so on; it is created.")],
     *,
-    model: Annotated[str, typer.Option(help="auto or cascade, which come with the package, or a file.")] = "auto",
+    model: Annotated[str, typer.Option(help="auto or cascade, which are shipped, or a weights file.")] = "auto",
     force: Force = False,
 ) -> None:
-    """Write the networks of a model as ONNX files, one a stage; docs/models.md has their inputs and outputs."""
+    """Write the networks of a model as ONNX files, one per stage; docs/models.md documents inputs and outputs."""
     from cascadenorm import models
 
     for path in models.export_onnx(models.named(model), folder, force=force):

@@ -46,8 +46,8 @@ def surface_of(object: Any) -> Surface:
     positions = _array(_given(object), "co", np.float32, 3)
     if len(positions) != len(mesh.vertices):
         raise MeshError(
-            f"{object.name} has {len(mesh.vertices)} vertices and {object.cascadenorm.source.name}, of which it is a "
-            f"copy, {len(positions)}: make a new copy"
+            f"{object.name} has {len(mesh.vertices)} vertices, but {object.cascadenorm.source.name}, its original, has "
+            f"{len(positions)}: make a new copy"
         )
     scale = np.abs(np.array(object.matrix_world.to_scale(), np.float64))
     return Surface(positions, _array(mesh.loop_triangles, "vertices", np.int32, 3), np.where(scale == 0, 1, scale))
@@ -63,7 +63,7 @@ def mask_of(object: Any, settings: Any) -> NDArray[np.float32] | None:
     mesh, mask = object.data, None
     if name := settings.vertex_group:
         if name not in object.vertex_groups:
-            raise ParameterError(f"is {name!r}, which {object.name} does not have", parameter="mask")
+            raise ParameterError(f"is {name!r}, which is not a vertex group of {object.name}", parameter="mask")
         index = object.vertex_groups[name].index
         weights = [next((g.weight for g in v.groups if g.group == index), 0.0) for v in mesh.vertices]
         mask = np.clip(np.array(weights, np.float32), 0, 1)
@@ -71,7 +71,7 @@ def mask_of(object: Any, settings: Any) -> NDArray[np.float32] | None:
     if object.mode == "EDIT":
         selected = _array(mesh.vertices, "select", bool)
         if not selected.any():
-            raise ParameterError("no vertex is selected, and Edit mode denoises the selected ones", hint="select some")
+            raise ParameterError("no vertex is selected; Edit Mode denoises only selected vertices", hint="select some")
         mask = selected.astype(np.float32) if mask is None else mask * selected
     return mask
 
