@@ -14,79 +14,111 @@ from numba.extending import intrinsic
 
 from cascadenorm.mesh import Csr
 
+LANES = 4
+"""Filters side by side: numbers of single precision in a vector register."""
+
 
 @intrinsic
 def filter_lanes(context, f, normals, own, rings, weights, steepness, out):  # type: ignore[no-untyped-def]
     """Filter the normals of face f, as `iterated_bilateral` says in plain loops."""
-    count = 4  # filters side by side: numbers of single precision in a vector register
+    return types.void(f, normals, own, rings, weights, steepness, out), _build
 
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+
+def _build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """Write the instructions of `filter_lanes`."""
+    write = _Instructions(context, builder, signature, arguments)
+    face = write.cast("f")
+    mine = write.normals_of(face)
+    totals = write.weighted_sums(face, mine)
+    write.normalized(face, totals, mine)
+    return context.get_dummy_value()
+
+
+class _Instructions:
+    """Instructions on the arguments of `filter_lanes`, given by name, with a filter in each lane of a vector."""
+
+    def __init__(self, context: Any, builder: Any, signature: Any, arguments: Any) -> None:
         names = ("f", "normals", "own", "rings", "weights", "steepness", "out")
         values, kinds = (dict(zip(names, given, strict=True)) for given in (arguments, signature.args))
         for number, part in enumerate(("indptr", "indices")):
             values[part], kinds[part] = builder.extract_value(values["rings"], number), kinds["rings"].types[number]
-        lanes = ir.VectorType(ir.FloatType(), count)
-        axes = [context.get_constant(types.intp, d) for d in range(3)]
+        self.context, self.builder, self.values, self.kinds = context, builder, values, kinds
+        self.lanes = ir.VectorType(ir.FloatType(), LANES)
+        self.zero, self.one = (ir.Constant(self.lanes, [number] * LANES) for number in (0.0, 1.0))
+        self.axes = [context.get_constant(types.intp, d) for d in range(3)]
 
-        def at(name: str, *index: Any) -> Any:
-            """Pointer to an entry of an array."""
-            array = context.make_array(kinds[name])(context, builder, values[name])
-            return cgutils.get_item_pointer(context, builder, kinds[name], array, [*index], wraparound=False)  # type: ignore[no-untyped-call]
+    def cast(self, name: str) -> Any:
+        """Return a number as an index."""
+        return self.context.cast(self.builder, self.values[name], self.kinds[name], types.intp)
 
-        def vector_at(name: str, *index: Any) -> Any:
-            """Pointer to the lanes of an array."""
-            return builder.bitcast(at(name, *index, axes[0]), lanes.as_pointer())
+    def entry(self, name: str, *index: Any) -> Any:
+        """Return an entry of an array."""
+        return self.builder.load(self._at(name, *index))
 
-        def load(place: Any) -> Any:
-            loaded = builder.load(place)
-            loaded.align = 4  # of a number: rows lie anywhere
-            return loaded
+    def vector(self, name: str, *index: Any) -> Any:
+        """Return the lanes of an array."""
+        loaded = self.builder.load(self._vector_at(name, *index))
+        loaded.align = 4  # of a number: rows lie anywhere
+        return loaded
 
-        def splat(number: Any) -> Any:
-            """Return a vector with the number in all lanes."""
-            vector = ir.Constant(lanes, ir.Undefined)
-            for r in range(count):
-                vector = builder.insert_element(vector, number, ir.Constant(ir.IntType(32), r))
-            return vector
+    def splat(self, number: Any) -> Any:
+        """Return a vector with the number in all lanes."""
+        vector = ir.Constant(self.lanes, ir.Undefined)
+        for r in range(LANES):
+            vector = self.builder.insert_element(vector, number, ir.Constant(ir.IntType(32), r))
+        return vector
 
-        def squares(x: Any, y: Any, z: Any) -> Any:
-            return builder.fadd(builder.fadd(builder.fmul(x, x), builder.fmul(y, y)), builder.fmul(z, z))
+    def squares(self, x: Any, y: Any, z: Any) -> Any:
+        """Return x² + y² + z²."""
+        xx, yy, zz = (self.builder.fmul(n, n) for n in (x, y, z))
+        return self.builder.fadd(self.builder.fadd(xx, yy), zz)
 
-        # the sums begin with the face itself
-        zero, one = (ir.Constant(lanes, [number] * count) for number in (0.0, 1.0))
-        face = context.cast(builder, values["f"], kinds["f"], types.intp)
-        mine = [load(vector_at("normals", face, d)) for d in axes]
-        steep, weight = load(vector_at("steepness")), splat(builder.load(at("own", face)))
+    def normals_of(self, face: Any) -> list[Any]:
+        """Return the three components of the normals of a face, a vector each."""
+        return [self.vector("normals", face, d) for d in self.axes]
+
+    def weighted_sums(self, face: Any, mine: list[Any]) -> list[Any]:
+        """Return the sums of the normals of the neighbours by their weights, to which the face itself adds."""
+        builder = self.builder
+        steep, weight = self.vector("steepness"), self.splat(self.entry("own", face))
         sums = [cgutils.alloca_once_value(builder, builder.fmul(weight, n)) for n in mine]  # type: ignore[no-untyped-call]
-
-        first, last = (builder.load(at("indptr", row)) for row in (face, builder.add(face, axes[1])))
-        with cgutils.for_range_slice(builder, first, last, axes[1]) as (k, _):
+        first, last = (self.entry("indptr", row) for row in (face, builder.add(face, self.axes[1])))
+        with cgutils.for_range_slice(builder, first, last, self.axes[1]) as (k, _):
             # squared chord between the normals of the two faces
-            neighbor = context.cast(builder, builder.load(at("indices", k)), kinds["indices"].dtype, types.intp)
-            near = [load(vector_at("normals", neighbor, d)) for d in axes]
-            chord = squares(*(builder.fsub(n, m) for n, m in zip(near, mine, strict=True)))
+            neighbor = self.context.cast(builder, self.entry("indices", k), self.kinds["indices"].dtype, types.intp)
+            near = self.normals_of(neighbor)
+            chord = self.squares(*(builder.fsub(n, m) for n, m in zip(near, mine, strict=True)))
 
             # range weight, (1 - steepness · chord²)^8 or 0, times the spatial weight, which is the same in all lanes
-            share = builder.fsub(one, builder.fmul(steep, chord))
-            share = builder.select(builder.fcmp_ordered(">", share, zero), share, zero)
+            share = builder.fsub(self.one, builder.fmul(steep, chord))
+            share = builder.select(builder.fcmp_ordered(">", share, self.zero), share, self.zero)
             for _ in range(3):
                 share = builder.fmul(share, share)
-            share = builder.fmul(share, splat(builder.load(at("weights", k))))
+            share = builder.fmul(share, self.splat(self.entry("weights", k)))
             for total, n in zip(sums, near, strict=True):
                 builder.store(builder.fadd(builder.load(total), builder.fmul(share, n)), total)
+        return [builder.load(total) for total in sums]
 
-        # at length 1
-        totals = [builder.load(total) for total in sums]
-        root = ir.FunctionType(lanes, [lanes])
-        root = cgutils.get_or_insert_function(builder.module, root, f"llvm.sqrt.v{count}f32")  # type: ignore[no-untyped-call]
-        length = builder.call(root, [squares(*totals)])
-        long = builder.fcmp_ordered(">", length, zero)
+    def normalized(self, face: Any, totals: list[Any], mine: list[Any]) -> None:
+        """Store the sums at length 1 as the normals of a face; where they vanish, its own normals."""
+        builder = self.builder
+        root = ir.FunctionType(self.lanes, [self.lanes])
+        root = cgutils.get_or_insert_function(builder.module, root, f"llvm.sqrt.v{LANES}f32")  # type: ignore[no-untyped-call]
+        length = builder.call(root, [self.squares(*totals)])
+        long = builder.fcmp_ordered(">", length, self.zero)
         for d in range(3):
             normal = builder.select(long, builder.fdiv(totals[d], length), mine[d])
-            builder.store(normal, vector_at("out", face, axes[d])).align = 4
-        return context.get_dummy_value()
+            builder.store(normal, self._vector_at("out", face, self.axes[d])).align = 4
 
-    return types.void(f, normals, own, rings, weights, steepness, out), build
+    def _at(self, name: str, *index: Any) -> Any:
+        """Return the pointer to an entry of an array."""
+        kind = self.kinds[name]
+        array = self.context.make_array(kind)(self.context, self.builder, self.values[name])
+        return cgutils.get_item_pointer(self.context, self.builder, kind, array, [*index], wraparound=False)  # type: ignore[no-untyped-call]
+
+    def _vector_at(self, name: str, *index: Any) -> Any:
+        """Return the pointer to the lanes of an array."""
+        return self.builder.bitcast(self._at(name, *index, self.axes[0]), self.lanes.as_pointer())
 
 
 def equals(plain: Callable[..., None]) -> bool:
