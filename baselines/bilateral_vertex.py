@@ -154,6 +154,7 @@ def _centroid_means(
 ) -> None:
     """Gaussian mean of near centroids; a vertex that nothing weighs stays."""
     for i in range(start, stop):
+        # vectors to near centroids, weighted by area and distance
         x = y = z = total = 0.0
         for k in range(near.indptr[i], near.indptr[i + 1]):
             f = near.indices[k]
@@ -163,6 +164,8 @@ def _centroid_means(
             y += w * way[1]
             z += w * way[2]
             total += w
+
+        # the mean
         total = total if total > 0.0 else 1.0
         means[i, 0] = vertices[i, 0] + x / total
         means[i, 1] = vertices[i, 1] + y / total
@@ -182,7 +185,9 @@ def _projection_means(
     near: Csr,
     out: Vectors,
 ) -> None:
+    """Weighted mean of the projections onto the planes of near faces; a vertex that nothing weighs stays."""
     for i in range(start, stop):
+        # vectors to the planes, weighted by area, distance of the centroid and height over the plane
         x = y = z = total = 0.0
         for k in range(near.indptr[i], near.indptr[i + 1]):
             f = near.indices[k]
@@ -194,6 +199,8 @@ def _projection_means(
             y += w * height * normals[f, 1]
             z += w * height * normals[f, 2]
             total += w
+
+        # the mean
         total = total if total > 0.0 else 1.0
         out[i, 0] = vertices[i, 0] + x / total
         out[i, 1] = vertices[i, 1] + y / total

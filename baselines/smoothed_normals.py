@@ -62,6 +62,7 @@ def _smooth_range(
 ) -> None:
     """One pass; the weight (1 - u/8)^8 stands for e^-u; iteration i alone writes after[i]."""
     for i in range(start, stop):
+        # heights of the neighbours along the direction of the vertex, by the chord between the directions of both
         height, total = 0.0, 1.0
         for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
             j = neighbors.indices[k]
@@ -72,6 +73,8 @@ def _smooth_range(
             weight = max(0.0, 1.0 - 0.125 * spread * chord) ** 8
             height += weight * rise
             total += weight
+
+        # the vertex moves to their mean, in which it counts as one of height 0
         for d in range(3):
             after[i, d] = positions[i, d] + height / total * directions[i, d]
 

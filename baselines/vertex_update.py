@@ -110,10 +110,14 @@ def _sweep_range(
             step = add(step, scaled(pull, normal))
             slopes[k, 0], slopes[k, 1], slopes[k, 2] = cross(normal, subtract(v, u))
             flipped += areas[k] < 0
+
+        # the mean of the pulls, over-relaxed; the published update goes there in any case
         step = divided(step, total / relaxation)
         if not avoid:
             vertices[i, 0], vertices[i, 1], vertices[i, 2] = add(place, step)
             continue
+
+        # else flipped faces unfold, and the step is halved until it flips no further face, four times at most
         if flipped > 0:
             step = add(step, _tangential_pull(vertices, faces, normals, around.indices[first:last], i))
         for _ in range(4):

@@ -230,6 +230,7 @@ def _pass_on(
     queue: Queue,
 ) -> None:
     """Let a window leave a face by a side and enter the others at its edge, unless it was overtaken."""
+    # the part of the side that the window sees, if any
     faces, length, edge = unfolded.faces, unfolded.lengths[side], unfolded.side_edges[side]
     low, high = max(low, 0.0), min(high, length)
     a, b = faces[side // 3, side % 3], faces[side // 3, (side + 1) % 3]
@@ -237,6 +238,8 @@ def _pass_on(
         return
     if _overtaken(distances[a], distances[b], length, low, high, x, y, offset):
         return
+
+    # into the queue at the other sides of the edge, which may run the other way
     nearest = offset + np.hypot(max(low - x, 0.0, x - high), y)
     sides = unfolded.edge_sides
     for n in range(sides.indptr[edge], sides.indptr[edge + 1]):

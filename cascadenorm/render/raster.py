@@ -94,10 +94,14 @@ def _find_nearest(start: int, screen: Floats, samples: int, seen: Ints32) -> Non
         ax, ay, bx, by, cx, cy, double_area = _corners(start, screen, samples, f)
         if double_area == 0:
             continue
+
+        # the cells whose middle lies in the bounding box
         top = max(0, int(np.ceil(max(-1.0, min(ay, by, cy) - 0.5))))
         bottom = min(rows - 1, int(np.floor(min(rows + 1.0, max(ay, by, cy) - 0.5))))
         left = max(0, int(np.ceil(max(-1.0, min(ax, bx, cx) - 0.5))))
         right = min(columns - 1, int(np.floor(min(columns + 1.0, max(ax, bx, cx) - 0.5))))
+
+        # those whose middle lies in the triangle, by barycentric coordinates, if nothing nearer has been there
         for i in range(top, bottom + 1):
             y = i + 0.5
             for j in range(left, right + 1):
@@ -134,6 +138,8 @@ def _shade(
             f = seen[i, j]
             if f < 0:
                 continue
+
+            # barycentric coordinates on the screen
             x = j + 0.5
             ax, ay, bx, by, cx, cy, double_area = _corners(start, screen, samples, f)
             a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / double_area
@@ -155,6 +161,8 @@ def _shade(
             c *= 1.0 + perspective * screen[f, 2, 2]
             whole = a + b + c
             a, b, c = a / whole, b / whole, c / whole
+
+            # the colour of the interpolated value in interpolated light, under the line of an edge
             place = int(np.rint(a * places[f, 0] + b * places[f, 1] + c * places[f, 2]))
             place = min(max(place, 0), len(palette) - 1)
             strength = a * light[f, 0] + b * light[f, 1] + c * light[f, 2]
