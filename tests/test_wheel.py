@@ -7,6 +7,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+import numba
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -71,6 +72,55 @@ def test_it_denoises_from_another_folder(installed, tmp_path, method):
     environment = {**os.environ, "PYTHONPATH": str(installed), "NUMBA_DISABLE_JIT": "1"}  # compiling takes longer
     command = [sys.executable, "-c", LOOK, str(installed), method]
     assert subprocess.run(command, cwd=tmp_path, env=environment).returncode == 0
+
+
+DENOISE = """
+import sys
+from hashlib import sha256
+from pathlib import Path
+import numba.core.event as events
+
+class Listener(events.Listener):
+    def on_start(self, event):
+        print(event.data["dispatcher"])
+
+    def on_end(self, event):
+        pass
+
+events.register("numba:compile", Listener())
+import cascadenorm as cn
+from cascadenorm.api import as_mesh
+whole = as_mesh(Path(cn.__file__).parent / "demo_data" / "part" / "noisy.ply")
+for method in cn.methods():
+    if method != "fairing":
+        found = cn.denoise(whole.vertices, whole.faces[:300], method=method)
+        print(method, sha256(found.tobytes()).hexdigest(), file=sys.stderr)
+"""
+
+
+@pytest.mark.slow  # compiles every kernel, twice
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_with_compiled_kernels_a_first_run_compiles_nothing_and_gives_the_same_bytes(installed, tmp_path):
+    (pure,) = installed.parent.glob("*.whl")
+    make = [sys.executable, ROOT / "release" / "platform_wheel.py", pure, "--output", tmp_path]
+    subprocess.run(make, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    for check in (["twine", "check", "--strict"], ["check_wheel_contents"]):
+        subprocess.run([sys.executable, "-m", *check, wheel], check=True)
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "0", "PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv"], check=True)
+    install = [sys.executable, "-m", "pip", "--python", tmp_path / "venv", "install", "--no-deps", wheel]
+    subprocess.run(install, check=True)
+    (site,) = (tmp_path / "venv").rglob("site-packages")
+    runs = []
+    for folder in (site, installed):
+        environment |= {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(tmp_path / f"kernels{len(runs)}")}
+        command = [sys.executable, "-c", DENOISE]
+        runs.append(subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True))
+    shipped, compiled = runs
+    assert shipped.stderr == compiled.stderr
+    assert shipped.stdout == ""
+    assert len(compiled.stdout.splitlines()) > 100
 
 
 @pytest.mark.slow  # compiles every kernel

@@ -1,6 +1,8 @@
 """Compiled kernels on disk, through classes of numba that may change with any release; `kernels` then does without."""
 
 import os
+import pickle
+import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
@@ -8,6 +10,8 @@ from pickle import UnpicklingError
 from typing import Any
 
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+
+from cascadenorm.mesh.shipped_kernels import shipped_file
 
 
 def _readable(place: type[Any]) -> type[Any]:
@@ -31,7 +35,10 @@ class KernelPlaces(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The compiled forms of a function on disk; a disk that is full or fails keeps none, and so does another numba."""
+    """The compiled forms of a function on disk: those that came with the package, then those compiled here.
+
+    A disk that is full or fails keeps none, and so does another numba.
+    """
 
     _impl_class = KernelPlaces
 
@@ -46,12 +53,27 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, *arguments: Any) -> Any:
         """Return the compiled form for a signature, or None."""
         with suppress(Exception):
-            return super().load_overload(*arguments)
+            shipped = self._shipped(*arguments)
+            return super().load_overload(*arguments) if shipped is None else shipped
 
     def save_overload(self, *arguments: Any) -> None:
         """Keep the compiled form for a signature."""
         with suppress(Exception):
             super().save_overload(*arguments)
+
+    def _shipped(self, signature: Any, context: Any) -> Any:
+        context.refresh()  # what is read below refers to it
+        path = shipped_file(self._py_func, signature, context.codegen().magic_tuple())
+        with suppress(Exception):  # of a file that is absent, or that a disk has damaged
+            return path and self._impl.rebuild(context, pickle.loads(path.read_bytes()))
+
+    def ship(self) -> None:
+        """Copy the forms that were compiled here to those that come with the package."""
+        for (signature, target, _), name in self._cache_file._load_index().items():
+            path = shipped_file(self._py_func, signature, target)
+            assert path is not None, f"kernels are not shipped for {target}"
+            path.parent.mkdir(exist_ok=True)
+            shutil.copy(self._cache_file._data_path(name), path)
 
 
 class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
