@@ -54,7 +54,8 @@ def main() -> None:
     parser.add_argument("millions", type=float, nargs="+", help="million faces")
     parser.add_argument("--memory", default="1GB")
     parser.add_argument("--limit", default="2GB")
-    parser.add_argument("--iterations", type=int, default=10, help="of taubin")
+    parser.add_argument("--method", default="taubin")
+    parser.add_argument("--iterations", type=int, default=10, help="of the method")
     parser.add_argument("--folder", type=Path, help="where the files go, some ten times their size")
     parser.add_argument("--write", action="store_true", help="write the table into docs/patches.md")
     options = parser.parse_args()
@@ -66,7 +67,7 @@ def main() -> None:
     if options.write:
         text = PAGE.read_text(encoding="utf-8")
         before, after = text.partition(BEGIN)[0], text.partition(END)[2]
-        note = f"`taubin` with {options.iterations} iterations, two cores:\n\n"
+        note = f"`{options.method}` with {options.iterations} iterations, two cores:\n\n"
         PAGE.write_text(f"{before}{BEGIN}\n{note}{table}{END}{after}", encoding="utf-8")
 
 
@@ -78,7 +79,7 @@ def measured(millions: float, options: argparse.Namespace) -> tuple[str, ...]:
         source, output = Path(name, "sheet.ply"), Path(name, "smooth.ply")
         write_sheet(source, side)
         command = [sys.executable, "-m", "cascadenorm", "denoise", str(source), "-o", str(output)]
-        command += ["--method", "taubin", "--set", f"iterations={options.iterations}", "--memory", options.memory]
+        command += ["--method", options.method, "--set", f"iterations={options.iterations}", "--memory", options.memory]
         start = time.perf_counter()
         process = subprocess.Popen(command, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_DATA, (limit, limit)))
         _, status, used = os.wait4(process.pid, 0)

@@ -80,6 +80,11 @@ def memory_size(name: str, text: str | int) -> int:
     return size
 
 
+def amount(size: int) -> str:
+    """Return bytes in words."""
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
+
+
 def _kilobytes(table: Path, name: str) -> int:
     """Read a size from a table of the system."""
     lines = table.read_text(encoding="ascii").splitlines()

@@ -17,11 +17,13 @@ class Patches(NamedTuple):
     patch : (m,) the first face of the patch of each
     flipped : (m,) whether its orientation is opposite to that of this one
     at_boundary : (m,) whether one of its edges bounds the patch
+    single_sided : whether some patch cannot be oriented, as a Möbius strip
     """
 
     patch: NDArray[np.int32]
     flipped: NDArray[np.bool_]
     at_boundary: NDArray[np.bool_]
+    single_sided: bool
 
 
 def oriented(mesh: Mesh) -> Mesh:
@@ -47,17 +49,23 @@ def oriented(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, faces)
 
 
-def patches(mesh: Mesh) -> Patches:
-    """Find the patches of a mesh, as `oriented` describes them."""
+def patches(mesh: Mesh, among: NDArray[np.bool_] | None = None) -> Patches:
+    """Find the patches of a mesh, as `oriented` describes them.
+
+    Parameters
+    ----------
+    among : (e,) the edges that connect faces or bound them, where this is a part of a larger mesh; None: all
+    """
     count, around = len(mesh.faces), mesh.topology.edge_faces
-    found = Patches(np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool))
-    _join(mesh.faces, mesh.topology.edges, around, *found)
-    return found
+    among = np.ones(len(mesh.topology.edges), bool) if among is None else among
+    found = np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool)
+    single_sided = _join(mesh.faces, mesh.topology.edges, around, among, *found)
+    return Patches(*found, bool(single_sided))
 
 
 def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
     """Return which faces have to be flipped, (m,)."""
-    count, (patch, flipped, at_boundary) = len(mesh.faces), patches(mesh)
+    count, (patch, flipped, at_boundary, _) = len(mesh.faces), patches(mesh)
     sign = np.where(flipped, -1.0, 1.0)
     wanted = scatter_add(patch, sign, count)
     wanted[wanted == 0] = 1.0
@@ -84,14 +92,21 @@ def _volume_range(start: int, stop: int, vertices: Vectors, faces: Ints32, patch
 
 
 @kernel
-def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Bools, at_boundary: Bools) -> None:
+def _join(
+    faces: Ints32, edges: Ints32, around: Csr, among: Bools, patch: Ints32, flipped: Bools, at_boundary: Bools
+) -> bool:
     """Number each face by the first of its patch, and tell whether its orientation is opposite to that of this one.
+
+    Returns whether a patch has a single side.
 
     Until the end, `patch` leads to an earlier face of the same patch, and `flipped` is relative to that one.
     Union-find with a bit for each face. The connected components of the orientation double cover, of a spanning tree
     where a patch has a single side, are the same, but take scipy eight times as long.
     """
+    single_sided = False
     for e in range(len(edges)):
+        if not among[e]:
+            continue
         a, b = edges[e]
         # an edge is passed where its faces have at most two third vertices: one face, two, or copies of these
         apexes = _count_apexes(faces, around.indices[around.indptr[e] : around.indptr[e + 1]], a, b)
@@ -107,19 +122,22 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Boo
                 # neighbours run along their edge in opposite ways, copies of one face in the same way
                 same = _runs(faces, f, a, b) == _runs(faces, first, a, b)
                 twins = _apex(faces, f, a, b) == _apex(faces, first, a, b)
-                _unite(patch, flipped, first, f, same != twins)
+                single_sided |= _unite(patch, flipped, first, f, same != twins)
     for f in range(len(patch)):
         patch[f], flipped[f] = _find(patch, flipped, np.int32(f))
+    return single_sided
 
 
 @kernel
-def _unite(patch: Ints32, flipped: Bools, f: Index, g: Index, opposed: bool) -> None:
-    """Join the patches of two faces; where they are one already, a contradiction is left."""
+def _unite(patch: Ints32, flipped: Bools, f: Index, g: Index, opposed: bool) -> bool:
+    """Join the patches of two faces; where they are one already, a contradiction is left, and returned as True."""
     root, odd = _find(patch, flipped, f)
     other, other_odd = _find(patch, flipped, g)
     if root != other:
         patch[max(root, other)] = min(root, other)
         flipped[max(root, other)] = odd ^ other_odd ^ opposed
+        return False
+    return bool(odd ^ other_odd ^ opposed)
 
 
 @kernel

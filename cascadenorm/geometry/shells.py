@@ -83,19 +83,13 @@ def shells(mesh: Mesh) -> Shells | None:
     None if no component has such an edge
     """
     distinct = _first_of_twins(mesh.faces)
-    counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))
-    junctions = np.flatnonzero(counts >= 3)
+    junctions = _junctions(mesh, distinct)
     if not len(junctions):
         return None
+    wall = np.unique(patches(mesh).patch, return_inverse=True)[1]
+    region, meets = _regions_at(mesh, junctions, wall, distinct)
 
-    # The region ahead of each wall, its side 2 w, and behind it, 2 w + 1
-    walls, wall = np.unique(patches(mesh).patch, return_inverse=True)
-    pattern_of, votes = _patterns(mesh, junctions, wall, distinct)
-    region, kinds = _regions(len(walls), votes)
-
-    # Components with an edge at which an odd number of walls separates regions
-    separates = {p: len(p) % 2 == 1 and len({region[a] for a, _ in _wedges(p)}) >= 3 for p in kinds}
-    meets = np.array([separates.get(pattern, False) for pattern in pattern_of])
+    # Components with such an edge
     component = mesh.topology.components
     divided = np.zeros(component.max() + 1, bool)
     divided[component[mesh.topology.edges[junctions[meets], 0]]] = True
@@ -105,6 +99,36 @@ def shells(mesh: Mesh) -> Shells | None:
     edges = mesh.topology.edges[junctions]
     parts = _side_by_side(mesh, inside, distinct, region[2 * wall], region[2 * wall + 1])
     return Shells(*parts, edges[divided[component[edges[:, 0]]]])
+
+
+def share_walls(mesh: Mesh, wall: Ints) -> bool:
+    """Whether `shells` finds regions that share walls; all faces at the edges of three faces or more are enough for it.
+
+    Parameters
+    ----------
+    mesh : m faces, consistently oriented on each wall
+    wall : (m,) the number of the wall, or patch, of each face, from 0 on in the order of their first faces
+    """
+    distinct = _first_of_twins(mesh.faces)
+    junctions = _junctions(mesh, distinct)
+    return bool(len(junctions)) and bool(_regions_at(mesh, junctions, wall, distinct)[1].any())
+
+
+def _junctions(mesh: Mesh, distinct: Bools) -> Ints:
+    """Return the edges at which three faces or more meet, those on the same three vertices counted once."""
+    counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))
+    return np.flatnonzero(counts >= 3)
+
+
+def _regions_at(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple[Ints, Bools]:
+    """Return the region of each side of the walls, and at which junctions an odd number of walls separates three.
+
+    The side ahead of wall w is 2 w, that behind it 2 w + 1.
+    """
+    pattern_of, votes = _patterns(mesh, junctions, wall, distinct)
+    region, kinds = _regions(int(wall.max()) + 1, votes)
+    separates = {p: len(p) % 2 == 1 and len({region[a] for a, _ in _wedges(p)}) >= 3 for p in kinds}
+    return region, np.array([separates.get(pattern, False) for pattern in pattern_of])
 
 
 def _side_by_side(

@@ -1,8 +1,9 @@
 """Meshes scaled to about unit size, so that no square overflows or vanishes."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.mesh.arrays import Vectors
 from cascadenorm.mesh.mesh import Mesh
@@ -20,11 +21,14 @@ class Frame(NamedTuple):
     center: Vectors
     exponent: int
 
+    def points(self, positions: NDArray[Any]) -> Vectors:
+        """Return positions, (k, 3), in this frame, exactly."""
+        return np.asarray(np.ldexp(positions.astype(np.float64) - self.center, -self.exponent))
+
     def of(self, mesh: Mesh) -> Mesh:
         """Return the mesh in this frame, exactly; vertices without a face are at the origin."""
         used = mesh.topology.used_vertices[:, None]
-        centered = np.where(used, mesh.vertices, self.center) - self.center
-        return mesh.moved(np.ldexp(centered, -self.exponent))
+        return mesh.moved(self.points(np.where(used, mesh.vertices, self.center)))
 
 
 def frame_between(lower: Vectors, upper: Vectors) -> Frame:

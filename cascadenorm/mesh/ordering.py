@@ -50,9 +50,14 @@ def in_good_order(mesh: Mesh) -> Renumbered:
     places = np.empty(count, np.int64)
     places[numbers] = np.arange(count)
     faces = places[mesh.faces]
-    faces = np.take_along_axis(faces, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+    faces = from_least(faces)
     faces = faces[_sorted(faces[:, 0] * count + faces[:, 1], faces[:, 2])]
     return Renumbered(Mesh(mesh.vertices[numbers], faces), numbers, places)
+
+
+def from_least(faces: Ints) -> Ints:
+    """Return faces, (m, 3), each with its corners from the least number on."""
+    return np.take_along_axis(faces, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
 
 
 def _sorted(keys: NDArray[Any], *further: NDArray[Any]) -> Ints:
@@ -63,14 +68,33 @@ def _sorted(keys: NDArray[Any], *further: NDArray[Any]) -> Ints:
 
 
 def cache_misses(mesh: Mesh) -> float:
-    """Count how often a cache lacks a vertex as one face after the other asks for its own, against the fewest possible.
+    """Count how often a cache lacks a vertex as face after face asks for its own, against the fewest possible."""
+    cache = Cache()
+    cache.ask(mesh.faces)
+    return cache.misses(len(mesh.vertices))
 
-    The cache is direct-mapped: of the lines of memory that have one number modulo LINES it holds the last one used.
-    """
-    lines = mesh.faces.ravel() // LINE
-    order = np.argsort((lines % LINES).astype(np.int16), kind="stable")  # by place in the cache, in order of time
-    misses = 1 + np.count_nonzero(np.diff(lines[order]))
-    return misses * LINE / len(mesh.vertices)
+
+class Cache:
+    """Lines of memory with vertices, direct-mapped: of those that have one number modulo LINES the last one used."""
+
+    def __init__(self) -> None:
+        self._held, self._missed = np.full(LINES, -1, np.int64), 0
+
+    def ask(self, faces: NDArray[Any]) -> None:
+        """Let faces, (m, 3), ask for their vertices, one after the other."""
+        lines = faces.ravel() // LINE
+        slots = (lines % LINES).astype(np.int16)
+        order = np.argsort(slots, kind="stable")  # by place in the cache, in order of time
+        lines, slots = lines[order], slots[order]
+        starts = np.flatnonzero(np.diff(slots, prepend=-1))
+        before = np.roll(lines, 1)
+        before[starts] = self._held[slots[starts]]
+        self._missed += int(np.count_nonzero(lines != before))
+        self._held[slots[starts]] = lines[np.append(starts[1:], len(lines)) - 1]
+
+    def misses(self, vertices: int) -> float:
+        """Return how often a line was not there, against the fewest possible for so many vertices."""
+        return self._missed * LINE / vertices
 
 
 def morton_codes(points: Vectors) -> NDArray[np.uint64]:
@@ -78,7 +102,11 @@ def morton_codes(points: Vectors) -> NDArray[np.uint64]:
 
     The bits of the three coordinates take turns.
     """
-    lower, upper = np.quantile(points, [OUTLIERS, 1 - OUTLIERS], axis=0)
+    return morton_codes_between(points, *np.quantile(points, [OUTLIERS, 1 - OUTLIERS], axis=0))
+
+
+def morton_codes_between(points: Vectors, lower: Vectors, upper: Vectors) -> NDArray[np.uint64]:
+    """Number the cells of a grid between two corners, (3,), of a box, as `morton_codes` does."""
     size = max(float((upper - lower).max()), np.finfo(float).tiny)
     cells = (np.clip((points - lower) / size, 0, 1) * (2**BITS - 1)).astype(np.uint64)
     codes = np.zeros(len(points), np.uint64)

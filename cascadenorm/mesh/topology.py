@@ -145,7 +145,7 @@ class Topology:
         So what moves the vertices of a group, and reads their faces alone, may do so in any order.
         """
         colors = np.full(self.vertex_count, -1, np.int32)
-        color_vertices(self.faces, self.vertex_faces, colors)
+        color_vertices(0, self.vertex_count, self.faces, self.vertex_faces, colors)
         return grouped(colors)
 
     @cached_property

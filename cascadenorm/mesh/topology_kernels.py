@@ -91,9 +91,13 @@ def _sort(values: Ints32) -> None:
 
 
 @kernel
-def color_vertices(faces: Ints32, around: Csr, colors: Ints32) -> None:
-    taken = np.full(len(colors) + 1, -1, np.int32)  # by which vertex a colour was last seen in a neighbour
+def color_vertices(start: int, stop: int, faces: Ints32, around: Csr, colors: Ints32) -> None:
+    """Give each vertex in start … stop, ascending, the least colour that none of its neighbours has; -1 is none."""
+    most = 0
     for i in range(len(colors)):
+        most = max(most, colors[i] + 1)
+    taken = np.full(most + stop - start + 1, -1, np.int32)  # by which vertex a colour was last seen in a neighbour
+    for i in range(start, stop):
         first, last = around.indptr[i], around.indptr[i + 1]
         for k in range(first, last):
             for corner in range(3):

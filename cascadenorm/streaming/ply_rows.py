@@ -1,7 +1,7 @@
 """The tables of a binary PLY file of triangles, read and written in blocks."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,11 +49,18 @@ class PlyTables(NamedTuple):
     ----------
     vertices : with fields x, y, z of one type
     faces : with fields `count`, which is 3, and `corners`
+    source : what messages call it, a file that this one was made of
     """
 
     path: Path
     vertices: Table
     faces: Table
+    source: Path
+
+    @property
+    def kind(self) -> np.dtype[Any]:
+        """Type of the positions, in the byte order of the machine."""
+        return self.vertices.kind["x"].newbyteorder("=")
 
     def vertex_blocks(self) -> Iterator[tuple[int, NDArray[Any]]]:
         """Return the number of the first vertex, and rows, for one block after the other."""
@@ -62,6 +69,11 @@ class PlyTables(NamedTuple):
     def positions(self) -> Iterator[tuple[int, NDArray[Any]]]:
         """Return the number of the first vertex, and positions, (k, 3), for one block after the other."""
         return ((first, positions_of(rows)) for first, rows in self.vertex_blocks())
+
+    def positions_of(self, numbers: NDArray[Any]) -> NDArray[Any]:
+        """Return the positions of some vertices, (k, 3)."""
+        table = self.vertices
+        return positions_of(np.memmap(self.path, table.kind, "r", table.start, (table.rows,))[numbers])
 
     def corners(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
         """Return the number of the first face, and corners, (k, 3), for one block after the other.
@@ -82,7 +94,9 @@ class PlyTables(NamedTuple):
                 ((a == b) | (b == c) | (c == a), "repeats a vertex"),
             ):
                 if wrong.any():
-                    raise ReadError(f"face {first + int(wrong.argmax())} {what}", hint=ELSEWHERE).within(str(self.path))
+                    raise ReadError(f"face {first + int(wrong.argmax())} {what}", hint=ELSEWHERE).within(
+                        str(self.source)
+                    )
             yield first, corners
 
     def moved(self, moved: NDArray[Any]) -> Iterator[bytes]:
@@ -124,7 +138,31 @@ def ply_tables(path: Path) -> PlyTables:
             raise ReadError(f"the PLY header declares {start} bytes and the file has {size}: it is truncated")
     except ReadError as error:
         raise error.within(str(path)) from error.__cause__
-    return PlyTables(path, tables["vertex"], tables["face"])
+    return PlyTables(path, tables["vertex"], tables["face"], path)
+
+
+def write_tables(
+    path: Path,
+    kind: np.dtype[Any],
+    vertices: int,
+    faces: int,
+    positions: Iterable[NDArray[Any]],
+    corners: Iterable[NDArray[Any]],
+) -> None:
+    """Write a mesh of blocks of positions, (k, 3), of a floating type, and of corners, (k, 3)."""
+    face = np.dtype([("count", "u1"), ("corners", "<u4", (3,))])
+    with path.open("wb") as file:
+        file.write(
+            f"ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\n".encode()
+            + b"".join(f"property {'float' if kind.itemsize == 4 else 'double'} {axis}\n".encode() for axis in "xyz")
+            + f"element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n".encode()
+        )
+        for xyz in positions:
+            xyz.astype(kind.newbyteorder("<")).tofile(file)
+        for block in corners:
+            rows = np.empty(len(block), face)
+            rows["count"], rows["corners"] = 3, block
+            rows.tofile(file)
 
 
 def positions_of(rows: NDArray[Any]) -> NDArray[Any]:

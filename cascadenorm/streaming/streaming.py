@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,13 +19,14 @@ from cascadenorm.controls.apply import in_words
 from cascadenorm.controls.halo import check_local
 from cascadenorm.controls.settings import Controls, checked, takes_controls
 from cascadenorm.denoised_files import Report
-from cascadenorm.errors import OutputError, ParameterError
+from cascadenorm.errors import MeshError, OutputError, ParameterError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.files import beside
 from cascadenorm.memory import memory_size
 from cascadenorm.mesh import limit_threads
 from cascadenorm.registry import Method, find
-from cascadenorm.streaming.ply_rows import ply_tables
+from cascadenorm.streaming.ply_rows import ELSEWHERE, ply_tables
+from cascadenorm.streaming.stl_records import moved_records, triangle_count, welded
 from cascadenorm.streaming.store import Store
 
 if TYPE_CHECKING:
@@ -57,15 +58,15 @@ def denoise_large_file(
 ) -> Report:
     """Denoise a mesh file that is larger than memory, in patches, to the same bytes as `denoise_file` in memory.
 
-    The patches lie in a folder beside the output while the work goes on, which needs about twice the size of the file.
+    The patches lie in a folder beside the output while the work goes on, which takes some times the size of the file.
     A run that was interrupted goes on with the patch that it was at; at the end the folder is removed.
 
     Parameters
     ----------
-    source : a binary PLY file of triangles
-    output : as in `denoise_file`, a PLY file
-    memory : that the process should take, as bytes or as text like "4GB"; 6 bytes for each vertex come on top
-    method : one with a receptive field that docs/patches.md states, and without vertex update: "taubin" or "laplacian"
+    source : a binary PLY file of triangles, or a binary STL file
+    output : as in `denoise_file`, a file in the same format
+    memory : that the process should take, as bytes or as text like "4GB"; up to 10 bytes for each vertex come on top
+    method : one with a receptive field that docs/patches.md states, such as "bilateral-normal" or "taubin"
     force, parameters : as in `denoise_file`
 
     Returns
@@ -79,22 +80,20 @@ def denoise_large_file(
     OutputError : as in `denoise_file`
     """
     every, chosen, given = checked(controls), find(method), parameters or {}
-    rings = _rings(chosen, given, every)
-    budget = memory_size("memory", memory) - PROCESS
-    tables = ply_tables(Path(source))
-    target = beside(Path(source), "denoised") if output is None else Path(output)
-    check_output(target, force=force)
-    if target.suffix.lower() != ".ply":
-        raise OutputError(f"{target} is not a .ply file, and no other format can be written in parts")
-    folder = _folder(target, _key(tables.path, chosen, given, every))
-    store = Store(tables, folder)
+    at_once = max(SMALLEST, (memory_size("memory", memory) - PROCESS) // VERTEX)
+    target = check_patches(source, output, chosen, given, every, force=force)
+    folder = _folder(target, _key(Path(source), chosen, given, every))
     start = time.perf_counter()
     with limit_threads(every["threads"]):
-        whole = store.gather(max(SMALLEST, budget // VERTEX))
+        store, rings = _gathered(
+            Path(source), folder, at_once, lambda groups: check_local(chosen, given, groups, every)
+        )
         _denoise_patches(store, folder, method, given, every, rings)
         moved = _joined(store, folder)
     seconds = time.perf_counter() - start
-    write_atomically(target, tables.moved(moved), force=force)
+    tables, whole = store.tables, store.whole
+    pieces = moved_records(Path(source), tables, moved) if _is_stl(target) else tables.moved(moved)
+    write_atomically(target, pieces, force=force)
     count, mean, largest = _moves(store, moved)
     del moved
     shutil.rmtree(folder)
@@ -118,20 +117,75 @@ def denoise_large_file(
     )
 
 
-def _rings(method: Method, parameters: Mapping[str, Any], controls: Controls) -> int:
-    """Return the receptive field of a method without vertex update; raises ParameterError for others."""
+def check_patches(
+    source: str | PathLike[str],
+    output: str | PathLike[str] | None,
+    method: Method,
+    parameters: Mapping[str, Any],
+    controls: Controls,
+    *,
+    force: bool,
+) -> Path:
+    """Return where `denoise_large_file` writes, after what can be refused before the work.
+
+    Raises
+    ------
+    ReadError, ParameterError, OutputError : as there
+    """
     for name in IN_MEMORY:
         if controls[name] is not None:  # type: ignore[literal-required]
             raise ParameterError(
                 "needs the whole mesh in memory", parameter=name, hint="leave it out, or denoise in memory"
             )
-    rings = check_local(method, parameters, 1, controls)
-    if rings != check_local(method, parameters, 2, controls):
-        raise ParameterError(
-            f"{method.name} has a vertex update, which orders the vertices of the whole mesh: use taubin or "
-            "laplacian, or denoise in memory"
-        )
-    return rings
+    check_local(method, parameters, 1, controls)
+    target = beside(Path(source), "denoised") if output is None else Path(output)
+    check_output(target, force=force)
+    stl = _is_stl(Path(source))
+    if stl:
+        triangle_count(Path(source))
+    else:
+        ply_tables(Path(source))
+    if target.suffix.lower() != (".stl" if stl else ".ply"):
+        raise OutputError(f"{target} is not a {'.stl' if stl else '.ply'} file, as {source}: patches keep the format")
+    return target
+
+
+def _is_stl(path: Path) -> bool:
+    return path.suffix.lower() == ".stl"
+
+
+def _gathered(source: Path, folder: Path, at_once: int, rings_of: Callable[[int], int]) -> tuple[Store, int]:
+    """Return the mesh of a file on disk, and the receptive field.
+
+    Parameters
+    ----------
+    at_once : vertices that are held in memory
+    rings_of : from the number of groups of the vertex update to the receptive field
+
+    Raises
+    ------
+    MeshError : one that has to be denoised in memory; nothing is left in the folder then
+    """
+    try:
+        store = Store(welded(source, folder, 3 * at_once) if _is_stl(source) else ply_tables(source), folder)
+        whole = store.gather(at_once, lambda groups: _patch_size(at_once, rings_of(groups)))
+        rings = rings_of(whole.groups)
+        if whole.single_sided and rings != rings_of(whole.groups + 1):
+            single = MeshError("a part of the surface cannot be oriented, like a Möbius strip", hint=ELSEWHERE)
+            raise single.within(str(source))
+    except MeshError:
+        shutil.rmtree(folder)
+        raise
+    return store, rings
+
+
+def _patch_size(at_once: int, rings: int) -> int:
+    """Return the vertices of a patch that has so many, and no less than SMALLEST, once its halo is around it.
+
+    Rings are about as wide as the square root of the vertices in a square: 1 edge has 0.87 of its square.
+    """
+    width = max(0.0, at_once**0.5 - 2 * rings)
+    return max(SMALLEST, int(width**2))
 
 
 def _key(source: Path, method: Method, parameters: Mapping[str, Any], controls: Controls) -> str:
@@ -182,9 +236,10 @@ def _joined(store: Store, folder: Path) -> NDArray[Any]:
     """Return the positions of all vertices, (n, 3), in a file that is mapped into memory."""
     shape = store.tables.vertices.rows, 3
     moved = np.memmap(folder / "moved.bin", store.moved_kind["xyz"].base, "w+", shape=shape)
+    numbers = store.numbers
     for number in range(store.whole.patches):
         rows = np.fromfile(_patch_file(folder, number), store.moved_kind)
-        moved[rows["id"]] = rows["xyz"]
+        moved[rows["id"] if numbers is None else numbers[rows["id"]]] = rows["xyz"]
     return moved
 
 

@@ -55,24 +55,26 @@ class Buckets:
     """
 
     def __init__(self, path: Path, kind: Any, tiles: int) -> None:
-        self._path, self._kind, self._tiles = path, np.dtype(kind), tiles
-        self._places: list[NDArray[np.int64]] = []
-        self._end = 0
+        self._path, self._kind, self.count = path, np.dtype(kind), tiles
+        self._places = np.empty((0, tiles + 1), np.int64)  # of each block
 
     def write(self, blocks: Any) -> None:
         """Write blocks of rows, each with the tile of each row."""
+        places, end = [], 0
         with self._path.open("wb") as file:
             for rows, tile in blocks:
-                counts = np.bincount(tile, minlength=self._tiles)
-                self._places.append(self._end + np.concatenate([[0], np.cumsum(counts)]))
-                self._end += len(rows)
-                rows[np.argsort(tile, kind="stable")].astype(self._kind).tofile(file)
-        np.save(self._index, np.stack(self._places))
+                counts = np.bincount(tile, minlength=self.count)
+                places.append(end + np.concatenate([[0], np.cumsum(counts)]))
+                end += len(rows)
+                rows[np.argsort(tile, kind="stable")].astype(self._kind.base).tofile(file)
+        self._places = np.stack(places)
+        np.save(self._index, self._places)
 
     def read(self, tile: int) -> NDArray[Any]:
         """Return the rows of a tile, in the order in which they came."""
-        places = self._loaded()
-        found = []
+        if not len(self._places):
+            self._places = np.load(self._index)
+        places, found = self._places, []
         with self._path.open("rb") as file:
             for start, end in zip(places[:, tile], places[:, tile + 1], strict=True):
                 if end > start:
@@ -80,11 +82,11 @@ class Buckets:
                     found.append(np.fromfile(file, self._kind, int(end - start)))
         return np.concatenate(found) if found else np.empty(0, self._kind)
 
+    def remove(self) -> None:
+        """Remove the files."""
+        self._path.unlink()
+        self._index.unlink()
+
     @property
     def _index(self) -> Path:
         return self._path.with_suffix(".npy")
-
-    def _loaded(self) -> NDArray[np.int64]:
-        if not self._places:
-            self._places = list(np.load(self._index))
-        return np.stack(self._places)

@@ -54,8 +54,11 @@ def denoise(
         from cascadenorm import reports
 
         reports.check_report(report, force=force)
-    if memory is not None:
-        _denoise_large(source, target, memory, (report, format), method, parameters, force, as_json, controls)
+    size: str | int | None = memory
+    if size is None and report is None and "-" not in (source, target):
+        size = _memory_for_patches(source, target, method, parameters, force, controls)
+    if size is not None:
+        _denoise_large(source, target, size, (report, format), method, parameters, force, as_json, controls)
         return
     with progress_bars.progress_bar("denoising") as progress:
         denoised = api.denoised_file(
@@ -78,10 +81,24 @@ def denoise(
         tables.print_denoised(done, file=out)
 
 
+def _memory_for_patches(
+    source: str, target: str | None, method: str, parameters: dict[str, Any], force: bool, controls: dict[str, Any]
+) -> int | None:
+    """Return the memory of patches for a file that does not fit into memory, and say so."""
+    from cascadenorm.streaming.fitting import memory_for_patches
+
+    found = memory_for_patches(source, target, method=method, force=force, parameters=parameters, controls=controls)
+    if found is None:
+        return None
+    size, why = found
+    complain(f"{source}: {why}: it is denoised in patches (docs/patches.md)")
+    return size
+
+
 def _denoise_large(
     source: str,
     target: str | None,
-    memory: str,
+    memory: str | int,
     others: tuple[object, ...],
     method: str,
     parameters: dict[str, Any],

@@ -1,0 +1,68 @@
+"""Whether a file fits into memory, and the memory for patches where it does not."""
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from cascadenorm.controls.settings import checked
+from cascadenorm.errors import CascadenormError, ParameterError, ReadError
+from cascadenorm.io.atomic import check_output
+from cascadenorm.io.files import beside
+from cascadenorm.memory import amount, available_memory
+from cascadenorm.registry import find, registered
+from cascadenorm.streaming.ply_rows import ply_tables
+from cascadenorm.streaming.stl_records import triangle_count
+from cascadenorm.streaming.streaming import check_patches
+
+FACE = {"auto": 1700, "cascade": 1700}
+"""Bytes of a face at least while a method works, the file included."""
+OTHERS = 500
+"""Of a face in methods that are not named above."""
+FREE = 0.8
+"""Fraction of the free memory that patches take."""
+
+
+def memory_for_patches(
+    source: str | PathLike[str],
+    output: str | PathLike[str] | None,
+    *,
+    method: str,
+    force: bool,
+    parameters: dict[str, Any],
+    controls: dict[str, Any],
+) -> tuple[int, str] | None:
+    """Return the memory that `denoise_large_file` should take for a file that does not fit, and why, in words.
+
+    Returns
+    -------
+    None where it fits, or is no binary PLY or STL file, of which nothing is known before it is read
+
+    Raises
+    ------
+    ParameterError : it does not fit, and cannot be denoised in patches
+    OutputError : nothing can be written there
+    """
+    try:
+        faces = triangle_count(Path(source)) if Path(source).suffix.lower() == ".stl" else _ply_faces(Path(source))
+    except ReadError:
+        return None
+    need, free = faces * FACE.get(method, OTHERS), available_memory()
+    if need <= free:
+        return None
+    chosen, every = find(method), checked(controls)
+    chosen.checked(parameters)
+    check_output(beside(Path(source), "denoised") if output is None else Path(output), force=force)
+    why = f"{method} needs about {amount(need)} for {faces:,} faces, and {amount(free)} are free"
+    try:
+        check_patches(source, output, chosen, parameters, every, force=force)
+    except CascadenormError as error:
+        error.hint, error.remedy = "", None  # other ways out need memory
+        local = ", ".join(name for name, known in registered().items() if known.rings is not None)
+        raise ParameterError(
+            f"{source}: {why}; in patches it cannot be done, since {error}", hint=f"choose one of {local} with --memory"
+        ) from error
+    return max(1, int(FREE * free)), why
+
+
+def _ply_faces(path: Path) -> int:
+    return ply_tables(path).faces.rows
