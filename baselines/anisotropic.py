@@ -31,7 +31,7 @@ Presmoothing = Annotated[
 ]
 
 
-@method("anisotropic-diffusion", source="Clarenz, Diewald, Rumpf 2000; Bajaj, Xu 2003")
+@method("anisotropic-diffusion", source="Clarenz, Diewald, Rumpf 2000; Bajaj, Xu 2003", family="smoothing")
 def anisotropic_diffusion(
     mesh: Mesh,
     *,

@@ -23,7 +23,7 @@ Center = Annotated[
 Passes = Annotated[int, Parameter("passes over the normals", minimum=0)]
 
 
-@method("bilateral-normal", source="Zheng, Fu, Au, Tai 2011 (local scheme)", rings=filter_rings)
+@method("bilateral-normal", source="Zheng, Fu, Au, Tai 2011 (local scheme)", family="normals", rings=filter_rings)
 def bilateral_normal(
     mesh: Mesh,
     *,

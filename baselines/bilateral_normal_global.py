@@ -22,7 +22,7 @@ Fidelity = Annotated[
 ]
 
 
-@method("bilateral-normal-global", source="Zheng, Fu, Au, Tai 2011 (global scheme)")
+@method("bilateral-normal-global", source="Zheng, Fu, Au, Tai 2011 (global scheme)", family="normals")
 def bilateral_normal_global(
     mesh: Mesh,
     *,

@@ -26,7 +26,7 @@ Spatial = Annotated[float, Parameter("spread over the distance to a face", "mean
 Influence = Annotated[float, Parameter("spread over the distance to its plane", "mean edge lengths", minimum=1e-6)]
 
 
-@method("bilateral", source="Fleishman, Drori, Cohen-Or 2003")
+@method("bilateral", source="Fleishman, Drori, Cohen-Or 2003", family="bilateral")
 def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = None, iterations: Steps = 12) -> Vectors:
     """Move each vertex along its normal by the mean height of near vertices over its tangent plane, like heights first.
 
@@ -55,7 +55,7 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
     return mesh.vertices.copy()
 
 
-@method("non-iterative-bilateral", source="Jones, Durand, Desbrun 2003")
+@method("non-iterative-bilateral", source="Jones, Durand, Desbrun 2003", family="bilateral")
 def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Influence = 1.0) -> Vectors:
     """Move each vertex, once, to the mean of its projections on the planes of near faces, near planes first.
 

@@ -9,7 +9,7 @@ from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 
-@method("mean-curvature-flow", source="Desbrun, Meyer, Schröder, Barr 1999")
+@method("mean-curvature-flow", source="Desbrun, Meyer, Schröder, Barr 1999", family="smoothing")
 def mean_curvature_flow(
     mesh: Mesh,
     *,

@@ -37,7 +37,7 @@ def _rings(given: Mapping[str, Any], _: int) -> int | None:
     return order * iterations * _stable_cuts(LARGEST, given["step"], iterations, order)
 
 
-@method("laplacian", source="Desbrun, Meyer, Schröder, Barr 1999", rings=_rings)
+@method("laplacian", source="Desbrun, Meyer, Schröder, Barr 1999", family="smoothing", rings=_rings)
 def laplacian(
     mesh: Mesh,
     *,

@@ -10,7 +10,7 @@ from cascadenorm.registry import Parameter, ParameterError, method
 Fairness = Annotated[Order, Parameter("1 membrane, 2 thin plate, 3 minimum variation; as many fixed rings bound it")]
 
 
-@method("fairing", source="Botsch, Kobbelt 2004; Desbrun et al. 1999")
+@method("fairing", source="Botsch, Kobbelt 2004; Desbrun et al. 1999", family="smoothing")
 def fairing(
     mesh: Mesh,
     *,

@@ -49,7 +49,7 @@ GuidedDistance = Annotated[
 ]
 
 
-@method("guided-normal", source="Zhang, Deng, Zhang, Bouaziz, Liu 2015")
+@method("guided-normal", source="Zhang, Deng, Zhang, Bouaziz, Liu 2015", family="normals")
 def guided_normal(
     mesh: Mesh,
     *,

@@ -44,7 +44,7 @@ Regularity = Annotated[
 Growth = Annotated[float, Parameter("factor by which β grows each iteration, from 1e-3 to 1e3", minimum=1.01)]
 
 
-@method("l0", source="He, Schaefer 2013")
+@method("l0", source="He, Schaefer 2013", family="sparsity")
 def l0(
     mesh: Mesh,
     *,

@@ -23,7 +23,7 @@ Threshold = Annotated[
 WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 
 
-@method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", rings=filter_rings)
+@method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
 def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit: Fit = "sweeps") -> Vectors:
     """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges.
 
@@ -39,7 +39,7 @@ def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit:
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
-@method("unilateral-normal", source="Sun, Rosin, Martin, Langbein 2007", rings=filter_rings)
+@method("unilateral-normal", source="Sun, Rosin, Martin, Langbein 2007", family="normals", rings=filter_rings)
 def unilateral_normal(
     mesh: Mesh, *, threshold: Threshold = 0.4, iterations: Passes = 10, sweeps: Sweeps = 10, fit: Fit = "sweeps"
 ) -> Vectors:
@@ -64,6 +64,7 @@ def unilateral_normal(
 @method(
     "random-walk-normal",
     source="Sun, Rosin, Martin, Langbein 2008",
+    family="normals",
     rings=lambda given, groups: fit_rings(given, groups, given["length"] * given["iterations"]),
 )
 def random_walk_normal(

@@ -18,7 +18,7 @@ Median = Annotated[
 ]
 
 
-@method("median-normal", source="Yagou, Ohtake, Belyaev 2002", rings=filter_rings)
+@method("median-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
 def median_normal(
     mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10, fit: Fit = "sweeps"
 ) -> Vectors:

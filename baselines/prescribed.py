@@ -17,7 +17,7 @@ SMOOTHINGS = 5  # implicit steps that the diffusion of the curvature is made of
 SHARPNESS = 10.0  # r of the paper's edge weight: how fast it falls past the crease threshold
 
 
-@method("prescribed-mean-curvature", source="Hildebrandt, Polthier 2004")
+@method("prescribed-mean-curvature", source="Hildebrandt, Polthier 2004", family="smoothing")
 def prescribed_mean_curvature(
     mesh: Mesh,
     *,

@@ -27,7 +27,7 @@ Jump = Annotated[
 Rounds = Annotated[int, Parameter("filters of the given normals, each guided by the result of the last", minimum=0)]
 
 
-@method("rolling-guidance-normal", source="after Wang, Fu, Liu, Tong, Liu, Guo 2015")
+@method("rolling-guidance-normal", source="after Wang, Fu, Liu, Tong, Liu, Guo 2015", family="normals")
 def rolling_guidance_normal(
     mesh: Mesh,
     *,

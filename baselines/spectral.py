@@ -18,7 +18,7 @@ Transfer = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From the (k,) eigenvalues to their (k,) weights."""
 
 
-@method("spectral", source="Vallet, Lévy 2008; Nasikun, Brandt, Hildebrandt 2018")
+@method("spectral", source="Vallet, Lévy 2008; Nasikun, Brandt, Hildebrandt 2018", family="smoothing")
 def spectral(
     mesh: Mesh,
     *,

@@ -13,7 +13,7 @@ from cascadenorm.registry import Parameter, ParameterError, method
 LARGEST_GROWTH = 10.0
 
 
-@method("taubin", source="Taubin 1995", rings=lambda given, _: 2 * given["iterations"])
+@method("taubin", source="Taubin 1995", family="smoothing", rings=lambda given, _: 2 * given["iterations"])
 def taubin(
     mesh: Mesh,
     *,

@@ -27,7 +27,7 @@ Rounds = Annotated[int, Parameter("rounds of the augmented Lagrangian in each mi
 Repeats = Annotated[int, Parameter("minimisations, each starts from the normals of the last", minimum=0)]
 
 
-@method("tv-normal", source="Zhang, Wu, Zhang, Deng 2015")
+@method("tv-normal", source="Zhang, Wu, Zhang, Deng 2015", family="sparsity")
 def tv_normal(
     mesh: Mesh,
     *,

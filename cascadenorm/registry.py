@@ -119,10 +119,44 @@ class Setting:
 
 
 @dataclass(frozen=True)
+class Family:
+    """Methods that work alike: what they are called, and what they do in plain words."""
+
+    title: str
+    about: str
+
+
+FAMILIES: Mapping[str, Family] = {
+    "learned": Family(
+        "Learned",
+        "Networks that were trained on shapes with known noise. The most accurate on most meshes, not the fastest.",
+    ),
+    "normals": Family(
+        "Filters of face normals",
+        "Even out the directions of neighbouring faces, then move the vertices to fit. Sharp edges can stay sharp.",
+    ),
+    "sparsity": Family(
+        "Sparsity", "Look for few, sharp bends between flat faces. For machine parts and other shapes with flat sides."
+    ),
+    "bilateral": Family(
+        "Bilateral filters of the vertices",
+        "Move each vertex toward its neighbours, those across an edge counting less. Fast, for little noise.",
+    ),
+    "smoothing": Family(
+        "Diffusion, flows and spectra",
+        "Smooth the whole surface alike. Simple and fast; sharp edges become round, and some methods shrink the mesh.",
+    ),
+    "own": Family("Added methods", "Registered by your own code."),
+}
+"""Families of methods by name, in the order in which users see them."""
+
+
+@dataclass(frozen=True)
 class Method:
     """A registered method: its name, its source, its parameters, whether its own result changes little under it.
 
-    `rings` tells how far from a vertex the mesh decides on its place; None where all of the mesh does.
+    `rings` tells how far from a vertex the mesh decides on its place; None where all of the mesh does. `family` is one
+    of the keys of FAMILIES.
     """
 
     name: str
@@ -131,6 +165,7 @@ class Method:
     settings: Mapping[str, Setting]
     converges: bool = False
     rings: "Rings | None" = None
+    family: str = "own"
 
     @property
     def summary(self) -> str:
@@ -185,7 +220,7 @@ _methods: dict[str, Method] = {}
 
 
 def method(
-    name: str, *, source: str, converges: bool = False, rings: Rings | None = None
+    name: str, *, source: str, family: str = "own", converges: bool = False, rings: Rings | None = None
 ) -> "Callable[[Callable[..., Vectors]], Callable[..., Vectors]]":
     """Register a function from a mesh to its new vertices under a name.
 
@@ -193,13 +228,16 @@ def method(
     ----------
     name : as users type it, lower case with hyphens
     source : authors and year of the paper that the rule comes from
+    family : a key of FAMILIES, under which users find it
     converges : applied to its own result it changes little; a strength above 1 removes detail instead
     rings : from all parameters, and the number of groups of the vertex update, to the edges that a vertex sees; None
         for a method that sees all of the mesh, and its result where the parameters make it do so
     """
 
     def register(function: "Callable[..., Vectors]") -> "Callable[..., Vectors]":
-        _methods[name] = Method(name, function, source, _settings(function), converges, rings)
+        if family not in FAMILIES:
+            raise ParameterError(f"there is no family {family!r}; there are: {', '.join(FAMILIES)}")
+        _methods[name] = Method(name, function, source, _settings(function), converges, rings, family)
         return function
 
     return register
@@ -220,6 +258,12 @@ def find(name: str) -> Method:
 def registered() -> dict[str, Method]:
     """Every method, by name."""
     return dict(sorted(_methods.items()))
+
+
+def by_family() -> dict[Family, list[Method]]:
+    """Every method under its family; families in the order of FAMILIES, methods in that of their names."""
+    found = {key: [one for one in registered().values() if one.family == key] for key in FAMILIES}
+    return {FAMILIES[key]: members for key, members in found.items() if members}
 
 
 def declared(name: str, hint: Any) -> tuple[Any, Any]:

@@ -25,10 +25,9 @@ import method_pages  # noqa: E402
 
 
 def test_every_method_has_a_page_with_formula_and_limits():
-    names = [name for group in method_pages.GROUPS.values() for name in group]
-    assert sorted(names) == sorted(name for name in cn.methods() if name != "still")
-    for name in names:
-        method = cn.methods()[name]
+    for name, method in cn.methods().items():
+        if method.family == "own":  # registered by a test
+            continue
         formula, limits = method.section("Formula"), method.section("Limits")
         assert "←" in formula or "=" in formula or "minimise" in formula, name
         assert limits.endswith("."), name

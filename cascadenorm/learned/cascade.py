@@ -149,7 +149,7 @@ Model = Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm tr
 Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the processor, or a GPU through torch")]
 
 
-@method("auto", source="after Wang, Liu, Tong 2016", converges=True)
+@method("auto", source="after Wang, Liu, Tong 2016", family="learned", converges=True)
 def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device = "cpu") -> Vectors:
     """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, in three stages.
 
@@ -169,7 +169,7 @@ def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device
     return safeguarded(mesh, without_drift(mesh, vertices))
 
 
-@method("cascade", source="Wang, Liu, Tong 2016")
+@method("cascade", source="Wang, Liu, Tong 2016", family="learned")
 def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device = "cpu") -> Vectors:
     """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages.
 

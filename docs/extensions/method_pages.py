@@ -15,25 +15,11 @@ from cascadenorm.data_gen.surface import extent_of
 from cascadenorm.data_gen.tessellation import tessellate
 from cascadenorm.data_gen.views import view
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import Method, Setting
+from cascadenorm.registry import Method, Setting, by_family
 from cascadenorm.render import rasterized, render, side_by_side, stacked, webp
 
 SIZE, SMALL = 320, 150
 """Width and height of a picture on a method's page and on the list of methods, in pixels."""
-GROUPS = {
-    "Learned": ("auto", "cascade"),
-    "Filters of face normals": (
-        "mean-normal", "median-normal", "unilateral-normal", "random-walk-normal", "bilateral-normal",
-        "bilateral-normal-global", "guided-normal", "rolling-guidance-normal",
-    ),
-    "Sparsity": ("l0", "tv-normal"),
-    "Bilateral filters of the vertices": ("bilateral", "non-iterative-bilateral"),
-    "Diffusion, flows and spectra of the vertices": (
-        "laplacian", "taubin", "mean-curvature-flow", "anisotropic-diffusion", "prescribed-mean-curvature", "spectral",
-        "fairing",
-    ),
-}  # fmt: skip
-"""The methods in the order of the pages."""
 INDEX = """\
 # All methods
 
@@ -76,16 +62,16 @@ def write_pages(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     known = cn.methods()
     parts = [INDEX]
-    for title, names in GROUPS.items():
+    for family, members in by_family().items():
         rows = []
-        for name in names:
+        for name in (one.name for one in members):
             results = {shape: _denoised(known[name], example) for shape, example in examples().items()}
             (folder / f"{name}.webp").write_bytes(_picture(results, SIZE))
             (folder / f"{name}-small.webp").write_bytes(_small(results))
             (folder / f"{name}.md").write_text(method_page(known[name], results), encoding="utf-8")
             rows.append((f"[{name}]({name}.md)", known[name].summary, f"![]({name}-small.webp)"))
-        parts += [f"## {title}\n", table(("method", "what it does", "cube and statue"), rows)]
-    every = "\n".join(name for names in GROUPS.values() for name in names)
+        parts += [f"## {family.title}\n\n{family.about}\n", table(("method", "what it does", "cube and statue"), rows)]
+    every = "\n".join(one.name for members in by_family().values() for one in members)
     parts.append(f"```{{toctree}}\n:hidden:\n\n{every}\n```\n")
     (folder / "index.md").write_text("\n".join(parts), encoding="utf-8")
 
