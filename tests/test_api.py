@@ -7,11 +7,12 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.controls import checked
-from cascadenorm.controls.apply import controlled
+from cascadenorm.controls.apply import controlled, step_key
 from cascadenorm.geometry.volume import closed_parts, is_closed, with_volume_of
 from cascadenorm.interop import adapter
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import Method, ParameterError
+from cascadenorm.registry import FAMILIES, Method, ParameterError
+from cascadenorm.registry import method as register
 
 BALL = noisy(icosphere(2), 0.2)
 METHOD = {"method": "bilateral-normal"}
@@ -33,6 +34,27 @@ def test_strength_times_weight_counts_applications(strength, weight):
     once = apply(shifted)[:, 0] - BALL.vertices[:, 0]
     np.testing.assert_allclose(out[:, 0] - BALL.vertices[:, 0], strength * weight * once, atol=1e-12)
     np.testing.assert_array_equal(out[:, 1:], BALL.vertices[:, 1:])
+
+
+@pytest.mark.parametrize("converges", [False, True])
+def test_another_strength_of_the_same_key_blends_what_is_known_and_gives_the_same_bytes(converges):
+    calls = []
+
+    def halved(mesh):
+        calls.append(mesh)
+        return 0.5 * mesh.vertices
+
+    method = Method("stand-in", halved, "", {}, converges)
+    steps = {}
+    for strength in (1.0, 0.3, 0.8, 2.5, 2.0, 1.5):
+        controls = checked({"strength": strength})
+        known = steps.setdefault(step_key(method, strength), [])
+        made = len(calls) + max(0, int(np.ceil(min(strength, 1.0) if converges else strength)) - len(known))
+        out = controlled(method, BALL, {}, controls, steps=known)
+        assert len(calls) == made
+        assert out.tobytes() == controlled(method, BALL, {}, controls).tobytes()
+        del calls[made:]
+    assert len(steps) == (4 if converges else 1)
 
 
 def test_progress_goes_from_nothing_to_all_and_can_end_the_work():
@@ -349,7 +371,10 @@ def test_methods_list_parameters_with_ranges_and_sources():
     sigma = cn.methods()["bilateral-normal"].settings["sigma_s"]
     assert sigma.about.unit == "mean edge lengths" and sigma.about.admits(1) and not sigma.about.admits(0)
     for method in cn.methods().values():
-        assert method.summary.endswith(".") and method.source
+        assert method.summary.endswith(".") and method.source and method.family in FAMILIES
+    with pytest.raises(cn.ParameterError, match="there is no family 'magic'; there are: learned"):
+        register("never", source="", family="magic")(shifted)
+    assert "never" not in cn.methods()
 
 
 def test_public_names_all_load():

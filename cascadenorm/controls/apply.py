@@ -39,7 +39,13 @@ Step = Callable[[Mesh], Vectors]
 
 
 def controlled(
-    method: Method, mesh: Mesh, parameters: Mapping[str, Any], controls: Controls, *, dtype: Any = np.float64
+    method: Method,
+    mesh: Mesh,
+    parameters: Mapping[str, Any],
+    controls: Controls,
+    *,
+    dtype: Any = np.float64,
+    steps: list[Vectors] | None = None,
 ) -> NDArray[Any]:
     """Apply a method to a mesh under controls.
 
@@ -52,6 +58,8 @@ def controlled(
     ----------
     controls : all of them, as `checked` returns them
     dtype : floating type of the result
+    steps : what the applications of the method gave in an earlier call, which are not made again; others are added. The
+        calls have the same arguments but for a strength of the same `step_key`
 
     Returns
     -------
@@ -78,12 +86,17 @@ def controlled(
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
         removed = _detail_to_remove(method, controls, framed, exponent)
         step = _step(method, framed, order, parts, checked, controls, detail, removed)
-        displacement = _accumulated(step, framed, strength * weights)
+        displacement = _accumulated(step, framed, strength * weights, steps)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, parts, displacement, weights)
     if controls["progress"] is not None:
         controls["progress"](1.0)
     return displaced(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
+
+
+def step_key(method: Method, strength: float) -> float:
+    """Return what of a strength decides on the result of each application of a method; the rest only blends them."""
+    return max(strength, 1.0) if method.converges else 1.0
 
 
 def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells | None, int]:
@@ -224,13 +237,18 @@ def _finite(method: Method, vertices: Vectors, numbers: Ints) -> Vectors:
     return vertices
 
 
-def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64]) -> Vectors:
-    """Repeat a step on its own result; return the displacement of each vertex over as many steps as its strength."""
+def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64], known: list[Vectors] | None = None) -> Vectors:
+    """Repeat a step on its own result; return the displacement of each vertex over as many steps as its strength.
+
+    Results that are known are taken, and others are added to them.
+    """
     has_lengths = mesh.mean_edge_length**2 > 0  # else the vertices of each face coincide
     times = math.ceil(strengths.max()) if has_lengths else 0
     displacement = np.zeros_like(mesh.vertices)
     for time in track(times):
-        vertices = step(mesh)
+        vertices = step(mesh) if known is None or time == len(known) else known[time]
+        if known is not None and time == len(known):
+            known.append(vertices)
         displacement += np.clip(strengths - time, 0.0, 1.0)[:, None] * (vertices - mesh.vertices)
         mesh = mesh.moved(vertices)
     return displacement
