@@ -176,6 +176,38 @@ def test_colors_of_values_are_those_of_the_viewer_and_even():
     assert np.ptp(signed[127]) < 0.02 and signed[0, 2] > signed[0, 0] + 0.3 and signed[-1, 0] > signed[-1, 2] + 0.3
 
 
+@pytest.mark.parametrize(
+    "seen",  # linear light as eyes without red or green cones see it (Viénot, Brettel, Mollon 1999)
+    [
+        [(0.11238, 0.88762, 0), (0.11238, 0.88762, 0), (0.00401, -0.00401, 1)],
+        [(0.29275, 0.70725, 0), (0.29275, 0.70725, 0), (-0.02234, 0.02234, 1)],
+    ],
+    ids=["protanopia", "deuteranopia"],
+)
+def test_colors_of_values_are_told_apart_by_the_color_blind(seen):
+    """In OKLab: values an eighth of the scale apart, and for signed ones those of equal size on both sides of 0."""
+    cones = [
+        (0.41222147, 0.53633254, 0.05144599),
+        (0.2119035, 0.68069955, 0.10739696),
+        (0.08830246, 0.28171884, 0.6299787),
+    ]
+    lab = [
+        (0.21045426, 0.79361778, -0.00407205),
+        (1.9779985, -2.42859221, 0.45059371),
+        (0.02590404, 0.78277177, -0.80867577),
+    ]
+
+    def perceived(signed):
+        light = np.clip(linear(color_map(signed=signed)) @ np.transpose(seen), 0, 1)
+        return np.cbrt(light @ np.transpose(cones)) @ np.transpose(lab)
+
+    colors = perceived(signed=False)
+    apart = np.linalg.norm(colors[32:] - colors[:-32], axis=1)
+    assert apart.min() > 0.05
+    below, above = (perceived(signed=True)[side][:96] for side in (np.s_[:], np.s_[::-1]))
+    assert np.linalg.norm(below - above, axis=1).min() > 0.05
+
+
 def test_a_value_has_its_color_at_faces_and_between_vertices():
     square = grid(1, 1)
     view = parallel(square)
