@@ -22,7 +22,9 @@ from cascadenorm.io.polygons import Polygons
 from cascadenorm.mesh import Mesh
 from cascadenorm.reports import report_denoised
 from cascadenorm.reports.display import display
+from cascadenorm.reports.given import given
 from cascadenorm.reports.packing import in_steps, packed, packed_faces
+from cascadenorm.reports.scene import Comparison, scene
 
 CLEAN = icosphere(3)
 ROUGH = noisy(CLEAN, 0.2)
@@ -156,6 +158,62 @@ def test_colors_and_the_numbers_of_faces_are_those_of_the_file(place):
 # quantities
 
 
+def test_what_completes_a_scene_holds_what_the_scene_of_both_holds(place):
+    result = cn.denoise(ROUGH, method="laplacian")
+    before, after = given("before", ROUGH), given("after", result)
+    comparison = Comparison(before)
+    first, rest, whole = comparison.first, comparison.with_result(after), scene([before, after], [])
+    assert rest["completes"] and [mesh["name"] for mesh in rest["meshes"]] == ["after"]
+    assert [field["name"] for field in rest["fields"]] == [field["name"] for field in whole["fields"]]
+
+    lower, extent = np.array(first["lower"]), np.array(first["extent"])
+    codes = unpacked(first["meshes"][0]["positions"]) + unpacked(rest["meshes"][0]["positions"])
+    np.testing.assert_allclose(lower + codes / first["levels"] * extent, result.vertices, atol=extent.max() / 65_000)
+
+    def values(field, name):
+        pack = field["values"][field["of"][name]]
+        return pack["start"] + pack["step"] * (unpacked(pack["codes"]) - 1), pack["step"]
+
+    alone = {field["name"]: field for field in first["fields"]}
+    for field, same in zip(rest["fields"], whole["fields"], strict=True):
+        assert field["limits"] == pytest.approx(same["limits"])
+        for name in same["of"]:
+            there = field if name in field["of"] else alone[field["name"]]
+            (found, step), (wanted, other) = values(there, name), values(same, name)
+            np.testing.assert_allclose(found, wanted, atol=step + other)
+    assert "before" not in next(field for field in rest["fields"] if field["name"] == "curvature")["of"]
+
+
+def test_a_result_that_leaves_the_box_has_a_scene_of_its_own():
+    comparison = Comparison(given("before", ROUGH))
+    large = ROUGH.moved(3 * ROUGH.vertices)
+    found = comparison.with_result(given("after", large))
+    assert [mesh["name"] for mesh in found["meshes"]] == ["before", "after"] and found["extent"][0] > 5
+
+
+def test_what_has_no_room_has_coarser_values_and_then_fewer_faces(monkeypatch):
+    shown = [given("before", ROUGH), given("after", CLEAN)]
+
+    def made(most):
+        monkeypatch.setattr("cascadenorm.reports.scene.MOST_TEXT", most)
+        found = scene(shown, [])
+        arrays = re.findall(r'"data": "([^"]*)"', json.dumps(found))
+        assert sum(map(len, arrays)) <= most
+        angle = next(field for field in found["fields"] if field["name"] == "angle")["values"][0]
+        return sum(map(len, arrays)), angle["step"], angle["codes"]["shape"][0]
+
+    size, step, faces = made(10**6)
+    assert faces == len(ROUGH.faces)
+    smaller, coarser, as_many = made(size - 1)
+    assert smaller < size and coarser == pytest.approx(250 / 64 * step) and as_many == faces
+    assert made(smaller - 1)[2] < faces
+
+
+def test_a_mesh_that_is_in_no_file_has_none_in_the_scene(place):
+    named, unnamed = given("before", "rough.ply"), given("after", CLEAN)
+    assert [mesh["file"] for mesh in scene([named, unnamed], [])["meshes"]] == ["rough.ply", ""]
+
+
 def test_a_lifted_plane_has_moved_along_its_normal_by_its_height():
     plane = grid(3, 4)
     lifted = plane.moved(plane.vertices + np.array([0, 0, -0.25]))
@@ -272,12 +330,13 @@ def test_a_report_never_replaces_a_file_unasked(place):
 
 
 @pytest.mark.slow  # a million faces
-def test_a_million_faces_take_less_than_twelve_million_bytes(place):
+@pytest.mark.parametrize("with_truth", [False, True])
+def test_a_million_faces_take_less_than_twelve_million_bytes(place, with_truth):
     ball = icosphere(8)  # in no regular order
     lowest = np.sort(np.argsort(ball.centroids[:, 2])[:1_000_000])
     used, faces = np.unique(ball.faces[lowest], return_inverse=True)
     clean = Mesh(ball.vertices[used], faces.reshape(-1, 3))
-    cn.report("r.html", noisy(clean, 0.2), clean)
+    cn.report("r.html", noisy(clean, 0.2), noisy(clean, 0.02), truth=clean if with_truth else None)
     assert (place / "r.html").stat().st_size < 12e6
 
 

@@ -1,6 +1,7 @@
 """Quantities on the faces and vertices of meshes, to be seen as heat maps."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -75,14 +76,18 @@ class Field(NamedTuple):
         return (-usual if self.quantity.signed else 0.0, usual)
 
 
-def fields(meshes: Mapping[str, Mesh], unit: float) -> list[Field]:
+def fields(
+    meshes: Mapping[str, Mesh], unit: float, *, known: Mapping[str, Mapping[str, Values]] = MappingProxyType({})
+) -> list[Field]:
     """Return the quantities that can be computed from the meshes of a report.
 
     Parameters
     ----------
     meshes : "before", "after", "truth" or "mesh", scaled alike to about unit size
     unit : length of 1 in the unit of the files
+    known : noise and curvature of some of them, by the names of the quantity and the mesh, which are not computed again
     """
+    noise, curvature = known.get("noise", {}), known.get("curvature", {})
     judged = {key: mesh for key, mesh in meshes.items() if key != "truth"}
     found: dict[str, dict[str, Values]] = {}
     if {"before", "after"} <= set(meshes) and np.array_equal(meshes["before"].faces, meshes["after"].faces):
@@ -91,8 +96,10 @@ def fields(meshes: Mapping[str, Mesh], unit: float) -> list[Field]:
     if "truth" in meshes:
         away = {key: _errors(mesh, meshes["truth"], unit) for key, mesh in judged.items()}
         found |= {name: {key: one[name] for key, one in away.items()} for name in ("normal-error", "distance")}
-    found["noise"] = {key: local_noise(mesh) for key, mesh in judged.items()}
-    found["curvature"] = {key: mean_curvature(mesh) / unit for key, mesh in meshes.items()}
+    found["noise"] = {key: noise[key] if key in noise else local_noise(mesh) for key, mesh in judged.items()}
+    found["curvature"] = {
+        key: curvature[key] if key in curvature else mean_curvature(mesh) / unit for key, mesh in meshes.items()
+    }
     return [Field(name, values) for name, values in found.items()]
 
 

@@ -23,8 +23,8 @@ class Steps(NamedTuple):
     step: float
 
 
-def in_steps(values: NDArray[np.float64]) -> Steps:
-    """Round values, of which NaN are none, to steps of 1 / STEPS of their usual range.
+def in_steps(values: NDArray[np.float64], steps: int = STEPS) -> Steps:
+    """Round values, of which NaN are none, to steps of 1 / `steps` of their usual range.
 
     The step is longer where the largest value would need more than CODES, so no value is cut off.
     """
@@ -33,7 +33,7 @@ def in_steps(values: NDArray[np.float64]) -> Steps:
         return Steps(np.zeros(values.shape, np.int64), 0.0, 1.0)
     start, stop = float(values[known].min()), float(values[known].max())
     usual = float(np.quantile(np.abs(values[known]), 0.99))
-    step = max(usual / STEPS, (stop - start) / (CODES - 2)) or 1.0
+    step = max(usual / steps, (stop - start) / (CODES - 2)) or 1.0
     codes = np.rint((np.where(known, values, start) - start) / step).astype(np.int64) + 1
     return Steps(np.where(known, codes, 0), start, step)
 

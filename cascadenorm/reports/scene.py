@@ -1,94 +1,226 @@
 """Everything that the viewer shows, as one object of JSON."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.evaluation.fields import Field, fields
+from cascadenorm.evaluation.fields import Field, Values, fields
 from cascadenorm.io.colors import CHANNELS, channels
-from cascadenorm.mesh import scale_between, scaled_alike
+from cascadenorm.mesh import Mesh, Vectors, scale_between, scaled_alike
 from cascadenorm.render import Camera
-from cascadenorm.reports.display import Display, display
+from cascadenorm.reports.display import MOST_FACES, Display, display
 from cascadenorm.reports.given import Given
-from cascadenorm.reports.packing import in_steps, packed, packed_faces
+from cascadenorm.reports.packing import STEPS, in_steps, packed, packed_faces
 from cascadenorm.reports.places import Place
 
 FORMAT = 1
 LEVELS, FINE_LEVELS = (1 << 16) - 1, (1 << 24) - 1
 FEWEST = 30
 """Levels along a mean edge below which FINE_LEVELS are used: a part far away makes the bounding box large."""
+MOST_TEXT = 11_200_000
+"""Characters of all arrays, so that a page with viewer and picture has less than 12 MB."""
+FEWER_STEPS = 64
+"""Steps of the usual range of a quantity where there is no room for more."""
+LITTLE = 0.02
+"""Share of the box by which a result may stick out of it; the viewer draws what is somewhat beyond."""
+
+
+class _Frame(NamedTuple):
+    """The box in which positions are whole numbers.
+
+    Parameters
+    ----------
+    lower, extent : (3,) of the scaled meshes
+    levels : whole numbers along each side
+    unit : length of 1 of the scaled meshes in the unit of the files
+    """
+
+    lower: NDArray[np.float64]
+    extent: NDArray[np.float64]
+    levels: int
+    unit: float
+
+    def codes(self, vertices: Vectors) -> NDArray[np.int64]:
+        """Return positions as whole numbers, (n, 3); 0 along a side without length."""
+        place = np.divide(vertices - self.lower, self.extent, out=np.zeros_like(vertices), where=self.extent > 0)
+        return np.rint(place * self.levels).astype(np.int64)
+
+    def holds(self, mesh: Mesh) -> bool:
+        """Whether a mesh lies in the box, or sticks out by little."""
+        used = mesh.vertices[mesh.topology.used_vertices]
+        beyond = np.maximum(self.lower - used.min(axis=0), used.max(axis=0) - self.lower - self.extent)
+        return bool((beyond <= LITTLE * self.extent).all())
+
+
+class _Drawn(NamedTuple):
+    """A mesh as it is shown: scaled, its faces, and the codes of its vertices."""
+
+    mesh: Mesh
+    shown: Display
+    codes: NDArray[np.int64]
 
 
 def scene(shown: Sequence[Given], places: Sequence[Place], *, own: Field | None = None) -> dict[str, Any]:
     """Pack meshes, what is known of their faces and vertices, values of the caller's own, and places to look at.
 
     Positions are whole numbers from 0 to LEVELS, or FINE_LEVELS, in each direction of the bounding box of all meshes;
-    a mesh with the faces of an earlier one is that one and the displacements of its vertices.
+    a mesh with the faces of an earlier one is that one and the displacements of its vertices. What would have more than
+    MOST_TEXT characters has coarser values; where that is not enough, meshes with fewer faces are shown.
     """
     meshes = dict(zip((given.key for given in shown), scaled_alike(*(given.mesh for given in shown)), strict=True))
-    unit = scale_between(shown[0].mesh, meshes[shown[0].key])
-    corners = np.concatenate([mesh.vertices[mesh.topology.used_vertices] for mesh in meshes.values()])
-    lower, extent = corners.min(axis=0), np.ptp(corners, axis=0)
-    edge = min(mesh.mean_edge_length for mesh in meshes.values())
-    levels = LEVELS if edge * LEVELS >= FEWEST * extent.max() else FINE_LEVELS
-    displays: dict[str, Display] = {}
-    packed_meshes, codes = [], dict[str, NDArray[np.int64]]()
-    for given in shown:
-        mesh = meshes[given.key]
-        like = next((key for key in codes if np.array_equal(meshes[key].faces, mesh.faces)), None)
-        displays[given.key] = drawn = displays[like] if like else display(mesh)
-        place = np.divide(mesh.vertices - lower, extent, out=np.zeros_like(mesh.vertices), where=extent > 0)
-        codes[given.key] = np.rint(place[drawn.kept_vertices] * levels).astype(np.int64)
-        packed_meshes.append(
-            {
-                "name": given.key,
-                "label": given.label,
-                "file": given.name,
-                "faces": len(mesh.faces),
-                "like": like,
-                "positions": packed(codes[given.key] - codes[like])
-                if like
-                else packed(codes[given.key], differences=True),
-                "triangles": None if like else packed_faces(drawn.faces),
-                "colors": _colors(given, drawn),
-                "numbers": _numbers(given, drawn),
-            }
-        )
-    camera = Camera.looking_at(meshes[shown[-1].key])
-    with np.errstate(over="ignore"):  # what is too large for a number is no value
-        quantities = [*fields(meshes, unit), *([own] if own else [])]
+    frame = _frame(meshes.values(), scale_between(shown[0].mesh, meshes[shown[0].key]))
+    quantities = [*_fields(meshes, frame), *([own] if own else [])]
+    most, steps = MOST_FACES, STEPS
+    while True:
+        packed_meshes, drawn = _packed_meshes(shown, meshes, frame, most=most)
+        packed_fields = [_packed_field(field, drawn, steps=steps) for field in quantities]
+        size = _characters([packed_meshes, packed_fields])
+        if size <= MOST_TEXT:
+            break
+        if steps == STEPS:
+            steps = FEWER_STEPS
+        else:
+            most = int(0.97 * MOST_TEXT / size * max(len(one.shown.faces) for one in drawn.values()))
     return {
-        "format": FORMAT,
-        "lower": (lower * unit).tolist(),
-        "extent": (extent * unit).tolist(),
-        "levels": levels,
-        "view": {
-            "from": camera.axes[2].tolist(),
-            "target": (camera.center * unit).tolist(),
-            "reach": [reach * unit for reach in camera.reach],
-        },
+        **_about(frame, meshes[shown[-1].key]),
         "meshes": packed_meshes,
-        "fields": [_packed_field(field, displays) for field in quantities],
+        "fields": packed_fields,
         "places": [place._asdict() for place in places],
     }
 
 
-def _packed_field(field: Field, displays: Mapping[str, Display]) -> dict[str, Any]:
-    """Pack a field; meshes that have the same values share them."""
+def _characters(packs: Any) -> int:
+    """Count the characters of all packed arrays."""
+    if isinstance(packs, Mapping):
+        return sum(len(value) if key == "data" else _characters(value) for key, value in packs.items())
+    return sum(map(_characters, packs)) if isinstance(packs, list) else 0
+
+
+class Comparison:
+    """Scenes of a mesh and of results that have its faces; what they share is computed once.
+
+    Parameters
+    ----------
+    before : the mesh
+    """
+
+    def __init__(self, before: Given) -> None:
+        self._given = before
+        (mesh,) = scaled_alike(before.mesh)
+        self._frame = _frame([mesh], scale_between(before.mesh, mesh))
+        packed_meshes, self._drawn = _packed_meshes([before], {before.key: mesh}, self._frame)
+        self._known = {field.name: field.values for field in _fields({before.key: mesh}, self._frame)}
+        self.first = {
+            **_about(self._frame, mesh),
+            "meshes": packed_meshes,
+            "fields": [_packed_field(Field(*one), self._drawn) for one in self._known.items()],
+            "places": [],
+        }
+        """The scene of the mesh alone."""
+
+    def with_result(self, after: Given) -> dict[str, Any]:
+        """Return what completes the first scene to one of both meshes; a whole scene where it does not fit its box."""
+        before, mesh = scaled_alike(self._given.mesh, after.mesh)
+        unit = scale_between(self._given.mesh, before)
+        if unit != self._frame.unit or not self._frame.holds(mesh):
+            return scene([self._given, after], [])
+        meshes = {self._given.key: self._drawn[self._given.key].mesh, after.key: mesh}
+        packed_meshes, drawn = _packed_meshes([after], meshes, self._frame, self._drawn)
+        return {
+            "format": FORMAT,
+            "completes": True,
+            "meshes": packed_meshes,
+            "fields": [_packed_field(one, drawn, self._known) for one in _fields(meshes, self._frame, self._known)],
+        }
+
+
+def _frame(meshes: Iterable[Mesh], unit: float) -> _Frame:
+    corners = np.concatenate([mesh.vertices[mesh.topology.used_vertices] for mesh in meshes])
+    lower, extent = corners.min(axis=0), np.ptp(corners, axis=0)
+    edge = min(mesh.mean_edge_length for mesh in meshes)
+    levels = LEVELS if edge * LEVELS >= FEWEST * extent.max() else FINE_LEVELS
+    return _Frame(lower, extent, levels, unit)
+
+
+def _about(frame: _Frame, seen: Mesh) -> dict[str, Any]:
+    """Return the frame, and from where a mesh is seen at first."""
+    camera = Camera.looking_at(seen)
+    return {
+        "format": FORMAT,
+        "lower": (frame.lower * frame.unit).tolist(),
+        "extent": (frame.extent * frame.unit).tolist(),
+        "levels": frame.levels,
+        "view": {
+            "from": camera.axes[2].tolist(),
+            "target": (camera.center * frame.unit).tolist(),
+            "reach": [reach * frame.unit for reach in camera.reach],
+        },
+    }
+
+
+def _packed_meshes(
+    shown: Sequence[Given],
+    meshes: Mapping[str, Mesh],
+    frame: _Frame,
+    known: Mapping[str, _Drawn] | None = None,
+    *,
+    most: int = MOST_FACES,
+) -> tuple[list[dict[str, Any]], dict[str, _Drawn]]:
+    """Pack meshes; return them, and how they are drawn together with those that are drawn already."""
+    packs, drawn = [], dict(known or {})
+    for given in shown:
+        mesh = meshes[given.key]
+        like = next((key for key, one in drawn.items() if np.array_equal(one.mesh.faces, mesh.faces)), None)
+        faces = drawn[like].shown if like else display(mesh, most=most)
+        codes = frame.codes(mesh.vertices)[faces.kept_vertices]
+        drawn[given.key] = _Drawn(mesh, faces, codes)
+        packs.append(
+            {
+                "name": given.key,
+                "label": given.label,
+                "file": given.name if given.from_file else "",
+                "faces": len(mesh.faces),
+                "like": like,
+                "positions": packed(codes - drawn[like].codes) if like else packed(codes, differences=True),
+                "triangles": None if like else packed_faces(faces.faces),
+                "colors": _colors(given, faces),
+                "numbers": _numbers(given, faces),
+            }
+        )
+    return packs, drawn
+
+
+def _fields(
+    meshes: Mapping[str, Mesh], frame: _Frame, known: Mapping[str, Mapping[str, Values]] | None = None
+) -> list[Field]:
+    with np.errstate(over="ignore"):  # what is too large for a number is no value
+        return fields(meshes, frame.unit, known=known or {})
+
+
+def _packed_field(
+    field: Field,
+    drawn: Mapping[str, _Drawn],
+    known: Mapping[str, Mapping[str, Values]] | None = None,
+    *,
+    steps: int = STEPS,
+) -> dict[str, Any]:
+    """Pack a field, without the values that are known already; meshes that have the same values share them."""
     quantity = field.quantity
     packs: list[dict[str, Any]] = []
     rows: list[NDArray[np.float64]] = []
     of_mesh = {}
     for key, values in field.values.items():
+        if (known or {}).get(field.name, {}).get(key) is values:
+            continue
         row = next((i for i, known in enumerate(rows) if known is values), len(rows))
         of_mesh[key] = row
         if row == len(rows):
             rows.append(values)
-            drawn = displays[key]
-            steps = in_steps(values[drawn.kept_faces if quantity.at == "face" else drawn.kept_vertices])
-            packs.append({"start": steps.start, "step": steps.step, "codes": packed(steps.codes)})
+            shown = drawn[key].shown
+            whole = in_steps(values[shown.kept_faces if quantity.at == "face" else shown.kept_vertices], steps)
+            packs.append({"start": whole.start, "step": whole.step, "codes": packed(whole.codes)})
     about = {"name": field.name, **quantity._asdict(), "limits": field.limits}
     return {**about, "values": packs, "of": of_mesh}
 
