@@ -199,6 +199,21 @@ def test_the_cell_draws_the_meshes(browser, tmp_path, values):
 
 
 @needs_browser
+def test_a_cell_offers_only_what_leads_to_the_view_again(browser, tmp_path):
+    """A frame has no address, and a mesh in memory no file."""
+    save_mesh(tmp_path / "rough.ply", ROUGH)
+    for mesh, offers in (
+        (ROUGH, {"Whole mesh"}),
+        (tmp_path / "rough.ply", {"Whole mesh", "Copy view as command line"}),
+    ):
+        opened_cell(browser, tmp_path, cn.view(mesh))
+        browser.driver.switch_to.frame(0)
+        buttons = browser.driver.find_elements("css selector", ".panel > section > .buttons button")
+        assert {button.text for button in buttons} == offers
+        browser.driver.switch_to.default_content()
+
+
+@needs_browser
 def test_the_cell_draws_again_when_it_is_turned(browser, tmp_path):
     browser.sized(1000, 700)
     opened_cell(browser, tmp_path, cn.view(cube(3)))

@@ -215,7 +215,10 @@ def test_a_name_without_an_extension_is_refused(studio, kind):
 
 def test_the_form_has_every_method_and_control_and_its_defaults_change_nothing(studio):
     form = studio.asked("GET", "/api/form")[1]
-    assert [method["name"] for method in form["methods"]] == list(cn.methods())
+    assert sorted(method["name"] for method in form["methods"]) == list(cn.methods())
+    families = [method["family"] for method in form["methods"]]
+    assert families[0] == "Learned" and len(set(families)) >= 5
+    assert families == sorted(families, key=families.index)  # those of a family follow each other
     assert [control["name"] for control in form["controls"]] == [n for n, c in CONTROLS.items() if not c.about.hidden]
     for method in form["methods"]:
         registered = cn.methods()[method["name"]]
@@ -235,11 +238,15 @@ def test_what_is_out_of_range_is_said_in_the_words_of_the_form(studio):
         assert "there is no method 'magic'" in until(events, ticket="none", type="failed")["error"]
 
 
-def test_the_scene_of_a_result_holds_both_meshes(studio):
+def test_the_scene_of_a_result_completes_that_of_the_open_mesh(studio):
     with studio.told() as events:
+        opened = until(events, type="opened")
         shown = denoised(studio, events, settings(strength=0.25))
+        first = studio.asked("GET", f"/api/scene/{opened['scene']}")[1]
     status, scene = studio.asked("GET", f"/api/scene/{shown['scene']}")
-    assert status == 200 and [mesh["name"] for mesh in scene["meshes"]] == ["before", "after"]
+    assert status == 200 and [mesh["name"] for mesh in first["meshes"]] == ["before"]
+    assert scene["completes"] and [mesh["name"] for mesh in scene["meshes"]] == ["after"]
+    assert [mesh["file"] for mesh in (*first["meshes"], *scene["meshes"])] == ["scan.ply", "scan_denoised.ply"]
     assert studio.asked("GET", f"/api/scene/{shown['scene']}", authorization="Bearer wrong")[0] == 401
     assert studio.asked("GET", "/api/scene/99999")[0] == 404
 
@@ -265,6 +272,28 @@ def test_a_dropped_file_with_another_that_it_names_is_downloaded_with_it(studio,
         assert status == 400 and "download the result" in answer["error"]
     finally:
         assert studio.drop(studio.folder / "scan.ply")[0] == 200
+
+
+def test_paint_is_downloaded_with_the_result(studio):
+    codes = np.zeros(len(ROUGH.vertices), np.uint8)
+    codes[:10], codes[10:30] = 255, 51
+    try:
+        studio.done("/api/paint", codes.tobytes())
+        status, packed = studio.asked("POST", "/api/download", {"settings": LAPLACIAN, "name": "new.ply"})
+        about = json.loads(unquote(studio.headers["x-about"]))
+        assert status == 200 and about["name"] == "new.zip"
+        assert about["files"] == ["new.ply", "new_fixed.npy", "new_mask.npy"]
+        with ZipFile(io.BytesIO(packed)) as archive:
+            assert sorted(archive.namelist()) == about["files"]
+            fixed, mask = (np.load(io.BytesIO(archive.read(f"new_{name}.npy"))) for name in ("fixed", "mask"))
+            (studio.folder / "new.ply").write_bytes(archive.read("new.ply"))
+        np.testing.assert_array_equal(np.flatnonzero(fixed), np.arange(10))
+        np.testing.assert_array_equal(np.flatnonzero(mask == 0.5), np.arange(10, 30))
+        source, out = (cn.read(studio.folder / name).mesh.vertices for name in ("scan.ply", "new.ply"))
+        assert np.flatnonzero((source == out).all(axis=1)).tolist() == list(range(10))
+    finally:
+        (studio.folder / "new.ply").unlink(missing_ok=True)
+        studio.done("/api/paint", bytes(len(ROUGH.vertices)))
 
 
 BAD = {
@@ -343,8 +372,12 @@ def test_a_coarse_preview_comes_first_newer_requests_end_older_ones_and_a_crash_
         coarse, whole = (until(events, ticket="first", type="shown") for _ in range(2))
         assert coarse["coarse"] and not whole["coarse"]
         few, many = (large.asked("GET", f"/api/scene/{one['scene']}")[1]["meshes"] for one in (coarse, whole))
-        assert few[0]["positions"]["shape"][0] < many[0]["positions"]["shape"][0] / 2
-        assert few[0]["faces"] == many[0]["faces"] == 81920
+        assert few[-1]["positions"]["shape"][0] < many[-1]["positions"]["shape"][0] / 2
+        assert few[-1]["faces"] == many[-1]["faces"] == 81920
+
+        # another strength only blends what is known, so that no coarse mesh comes before it
+        large.done("/api/denoise", {"settings": {**LAPLACIAN, "controls": {"strength": "0.25"}}, "ticket": "weak"})
+        assert not until(events, ticket="weak", type="shown")["coarse"]
 
         # a newer one, and cancelling
         large.done("/api/denoise", {"settings": SLOW, "ticket": "old"})

@@ -16,6 +16,7 @@ from studios import Studio
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.interop import save_mesh
+from cascadenorm.registry import FAMILIES, by_family
 
 ROUGH = noisy(icosphere(3), 0.2)
 DROP = """
@@ -211,7 +212,7 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
     page.js("location.hash = 'mode=one&left=before&view=0,0,1,0,0,0,3.2'")
     page.settle()
     plain = page.canvas()
-    height = page.one("canvas").rect["height"]
+    height = min(page.one("canvas").rect[side] for side in ("width", "height"))
 
     def take(tool):
         page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
@@ -235,7 +236,7 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
     drag(page, (0, 0))
     page.begun()
     pinned = page.canvas()
-    assert (np.abs(pinned - plain)[int(height / 2)] > 20).any()
+    assert (np.abs(pinned - plain)[len(plain) // 2] > 20).any()
     files, kept = saved()
     away = under_the_brush(60, height)
     assert set(files) == {"out.ply", "out_fixed.npy"} and kept.sum() > 5
@@ -255,7 +256,7 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
     page.press_button("Copy as command line")
     command = shlex.split(page.said(".status code", "cascadenorm.*"))
     assert {"out_mask.npy", "out_fixed.npy"} < set(command)
-    page.said(".said", "It reads out_mask.npy and out_fixed.npy: save first")
+    page.said(".said", "It reads out_mask.npy and out_fixed.npy: save the result first")
     monkeypatch.chdir(tmp_path)
     assert run(command[1:]) == 0
     assert (tmp_path / "out.ply").read_bytes() == files["out.ply"]
@@ -279,6 +280,18 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
     page.press_button("Redo")
     page.begun()
     assert set(saved()[0]) == {"out.ply", "out_fixed.npy"}
+
+
+@needs_browser
+def test_a_page_that_is_loaded_again_has_no_paint_and_neither_has_its_result(page, named):
+    page.at(named).wait()
+    page.js("document.querySelector('.painting input[value=pin]').click()")
+    drag(page, (60, 0), (20, 0))
+    page.begun()
+    moved = f"{len(ROUGH.vertices)} vertices moved"
+    assert moved not in page.one(".said").text
+    page.at(named).wait()
+    assert not page.one(".painting > button").is_displayed() and moved in page.one(".said").text
 
 
 @needs_browser
@@ -416,3 +429,94 @@ def test_nothing_sticks_out_on_a_phone_and_controls_have_names(page, named, dark
     )
     assert nameless == []
     page.sized(1200, 800)
+
+
+@needs_browser
+def test_methods_are_listed_by_family_and_said_in_plain_words(page, named):
+    page.at(named).wait()
+    listed = page.js(
+        "return [...document.querySelectorAll('.settings > label option')]"
+        ".map(e => [e.parentElement.label ?? '', e.value, e.textContent])"
+    )
+    assert listed[0] == ["", "auto", "auto (recommended)"]
+    assert [name for _, name, _ in listed[1:]] == [
+        method.name for members in by_family().values() for method in members if method.name != "auto"
+    ]
+    assert {group for group, *_ in listed[1:]} == {family.title for family in by_family()}
+    page.fill(".settings select", "taubin")
+    page.begun()
+    assert page.one(".about").text == FAMILIES["smoothing"].about
+    assert "Taubin 1995" in page.one(".settings .note").text
+
+
+@needs_browser
+def test_colours_are_those_of_the_last_result_and_a_face_stays_picked(page, named):
+    page.at(named).wait()
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    page.js("location.hash = 'mode=one&left=before&light=unlit&color=displacement&limits=0,0.2&view=0,0,1,0,0,0,3.2'")
+    page.settle()
+    webdriver.ActionChains(page.driver).move_to_element(page.one("canvas")).click().perform()
+    page.settle()
+
+    def displacement():
+        shown = dict(zip(*(page.js(f"return [...document.querySelectorAll('.figures {e}')].map(e => e.innerText)")
+                           for e in ("dt", "dd")), strict=True))  # fmt: skip
+        return shown["Before"], float(shown["Displacement"].split()[0])
+
+    face, moved = displacement()
+    strong = page.canvas()
+    page.fill(".strength input[type=range]", "0.25")
+    page.begun()
+    assert displacement() == (face, pytest.approx(moved / 4, rel=0.05))
+    weak = page.canvas()
+    middle = np.s_[len(weak) // 2 - 60 : len(weak) // 2 + 60, weak.shape[1] // 2 - 60 : weak.shape[1] // 2 + 60]
+    assert weak[middle].mean() < strong[middle].mean() - 10  # viridis is the darker, the less a vertex has moved
+
+
+@needs_browser
+def test_the_view_is_copied_as_a_command_that_says_what_it_reads(page, named, tmp_path, monkeypatch):
+    page.at(named).wait()
+    page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
+    page.press_button("Copy view as command line")
+    said = page.said(".panel [role=status]", "(?s)cascadenorm render.*")
+    command, needs = said.split(" It reads ")
+    assert needs == "rough_denoised.ply: save the result first."
+    page.press_button("Save…")
+    page.fill("#saving-name", "mine.ply")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "Saved as mine.ply")
+    page.press_button("Close")
+    page.press_button("Copy view as command line")
+    command = shlex.split(page.said(".panel [role=status]", "(?s)cascadenorm render.*"))
+    assert command[:4] == ["cascadenorm", "render", "rough.ply", "mine.ply"]
+    monkeypatch.chdir(tmp_path)
+    assert run(command[1:]) == 0 and (tmp_path / "view.png").exists()
+
+
+@needs_browser
+def test_on_a_phone_the_page_is_as_wide_as_the_phone_and_its_head_is_low(page, named):
+    page.sized(390, 844)
+    try:
+        page.at(named).wait()
+        assert page.js("return document.documentElement.scrollWidth") <= 390
+        assert page.one("h1").rect["height"] < 40 and page.one(".bar").rect["height"] < 110
+        assert page.one(".stage").rect["width"] > 380
+    finally:
+        page.sized(1200, 800)
+
+
+@needs_browser
+def test_controls_of_the_studio_have_names_and_are_reached_by_keys(page, named):
+    page.at(named).wait()
+    nameless = page.js(
+        "return [...document.querySelectorAll('input, select, button, progress, canvas, dialog, [role]')].filter(e => !"
+        "(e.ariaLabel || e.labels?.length || e.textContent.trim() || e.getAttribute('aria-labelledby')"
+        " || ['status', 'alert'].includes(e.role))).map(e => e.outerHTML)"
+    )
+    assert nameless == []
+    seen = set()
+    for _ in range(60):
+        webdriver.ActionChains(page.driver).send_keys(Keys.TAB).perform()
+        seen.add(page.js("const e = document.activeElement; return e.textContent || e.ariaLabel || e.name || e.type"))
+    assert {"Open…", "Save…", "Strength", "Copy as Python", "Place of the split", "Whole mesh"} <= seen

@@ -285,6 +285,53 @@ def test_side_by_side_both_show_the_same_place(browser, report):
 
 
 @needs_browser
+def test_fingers_turn_the_mesh_come_nearer_and_pick_a_face(browser, report):
+    browser.sized(390, 844)
+    browser.open(report, f"mode=one&{FACE_ON}")
+    box = browser.one("canvas").rect
+    x, y = (box[at] + box[side] / 2 for at, side in (("x", "width"), ("y", "height")))
+
+    def touch(kind, *places):
+        points = [{"x": x + dx, "y": y + dy, "id": i} for i, (dx, dy) in enumerate(places)]
+        browser.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def gesture(*moments):
+        for kind, places in zip(("touchStart", *("touchMove",) * (len(moments) - 1)), moments, strict=True):
+            touch(kind, *places)
+        touch("touchEnd")
+        browser.settle()
+        return np.array(list(map(float, browser.state()["view"].split(","))))
+
+    turned = gesture([(0, 0)], [(30, 0)], [(60, 0)])
+    assert turned[0] < -0.2 and turned[6] == pytest.approx(3.2, rel=1e-3)
+    nearer = gesture([(-20, 0), (20, 0)], [(-30, 0), (30, 0)], [(-60, 0), (60, 0)])
+    assert nearer[6] < 2.5
+    gesture([(0, 0)])
+    assert browser.js("return document.querySelectorAll('.figures dt').length") > 3
+    browser.sized(1200, 800)
+
+
+@needs_browser
+@pytest.mark.parametrize("size", [(1200, 800), (390, 844)])
+def test_side_by_side_the_whole_mesh_is_seen(browser, report, size):
+    browser.sized(*size)
+    browser.open(report, "mode=split")
+    browser.js("[...document.querySelectorAll('input[value=side]')][0].click()")  # as a user, from another mode
+    browser.settle()
+    clicked = browser.canvas()
+    browser.open(report, "mode=side")
+    picture = browser.canvas()
+    browser.sized(1200, 800)
+    assert same_pixels(picture, clicked).mean() > 0.99
+    half = picture.shape[1] // 2
+    for pane in (picture[45:, :half], picture[45:, half : 2 * half]):
+        drawn = ~same_pixels(pane, pane[-1, 2])
+        assert drawn.mean() > 0.1
+        for edge in (drawn[:, :2], drawn[:, -2:], drawn[:2], drawn[-2:]):
+            assert not edge.any()
+
+
+@needs_browser
 def test_the_view_is_copied_as_a_command_that_draws_it(browser, tmp_path, monkeypatch):
     """The mesh covers the same pixels, and a face has the same colour."""
     far = np.array([50.0, -20.0, 7.0])

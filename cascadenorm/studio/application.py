@@ -158,7 +158,7 @@ class Application:
         given = await _json(request)
         name = plain_name(given.get("name"))
         done = await self._session.ask("download", settings=_of(given), name=name)
-        about = {key: done[key] for key in ("name", "left_out", "command", "python")}
+        about = {key: done[key] for key in ("name", "files", "left_out", "command", "python")}
         return Response(
             done["content"],
             media_type="application/octet-stream",

@@ -1,21 +1,16 @@
 """Scenes of the viewer as the bytes of a JSON file."""
 
 import json
-from collections.abc import Sequence
-
-from cascadenorm.reports.given import Given
-from cascadenorm.reports.scene import scene
+from collections.abc import Mapping
+from typing import Any
 
 
-def packed_scene(meshes: Sequence[Given], *, faces: int | None = None) -> bytes:
-    """Return the scene of meshes.
+def packed_scene(scene: Mapping[str, Any], *, faces: int | None = None) -> bytes:
+    """Return a scene, or what completes one.
 
     Parameters
     ----------
-    faces : of the mesh that the given coarse ones approximate; the viewer then shows this number
+    faces : of the mesh that coarse ones approximate; the viewer then shows this number
     """
-    packed = scene(meshes, [])
-    if faces is not None:
-        for mesh in packed["meshes"]:
-            mesh["faces"] = faces
-    return json.dumps(packed, separators=(",", ":"), allow_nan=False).encode()
+    meshes = [mesh if faces is None else {**mesh, "faces": faces} for mesh in scene["meshes"]]
+    return json.dumps({**scene, "meshes": meshes}, separators=(",", ":"), allow_nan=False).encode()

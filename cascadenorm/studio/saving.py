@@ -80,7 +80,10 @@ def save(
 
 
 def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:
-    """Return what `save` does for a file of that name, and its bytes; those of a ZIP file if others belong to it."""
+    """Return what `save` does for a file of that name, and its bytes; those of a ZIP file if others belong to it.
+
+    `files` has the names of all.
+    """
     with TemporaryDirectory() as folder:
         done = save(bench, settings, Path(folder) / name, listener, force=False)
         files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
@@ -92,7 +95,9 @@ def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: List
                 for path in files:
                     archive.write(path, path.relative_to(folder))
             content = stream.getvalue()
-    return {**done, **recipe(bench, settings, Path(done["file"]).relative_to(folder)), "name": name, "content": content}
+    names = [path.relative_to(folder).as_posix() for path in files]
+    made = recipe(bench, settings, Path(done["file"]).relative_to(folder))
+    return {**done, **made, "name": name, "files": names, "content": content}
 
 
 def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ PATIENCE = 3.0
 """Seconds after which work that was cancelled and does not end is ended with its process."""
 
 Event = dict[str, Any]
-"""Sent to the pages, as JSON: `type` is one of "opened", "unopened", "progress", "shown", "cancelled", "failed"."""
+"""Sent to the pages, as JSON: `type` is "opening", "opened", "unopened", "progress", "shown", "cancelled", "failed"."""
 
 
 class RequestFailed(Exception):
@@ -60,7 +60,9 @@ class Session:
         self._tell(self.opened)
 
     async def open_given(self, path: Path, name: str) -> None:
-        """Open the file that the studio is started with, and send the outcome to the pages."""
+        """Open the file that the studio is started with, and send the pages that it is read, and the outcome."""
+        self.opened = {"type": "opening", "name": Path(name).name}
+        self._tell(self.opened)
         try:
             await self.open(path, name, saves=True)
         except RequestFailed as error:

@@ -5,12 +5,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cascadenorm.api import DEFAULT_METHOD, methods
+from cascadenorm.api import DEFAULT_METHOD
 from cascadenorm.controls import CONTROLS
 from cascadenorm.controls.selection import FILES
 from cascadenorm.controls.settings import Controls, checked
 from cascadenorm.errors import ParameterError
-from cascadenorm.registry import Method, Setting, find
+from cascadenorm.registry import Method, Setting, by_family, find
 
 MOST_LETTERS = 10_000
 """Longest text of a setting, in characters."""
@@ -26,18 +26,21 @@ class Chosen(NamedTuple):
 
 
 def form() -> dict[str, Any]:
-    """Return the description of the form: every method with its parameters, and the controls, in their order."""
+    """Return the description of the form: the methods by family, with their parameters, and the controls in order."""
     offered = [control for control in CONTROLS.values() if not control.about.hidden]
     return {
         "default": DEFAULT_METHOD,
         "methods": [
             {
                 "name": method.name,
+                "family": family.title,
+                "about": family.about,
                 "summary": method.summary,
                 "source": method.source,
                 "settings": [_input(setting) for setting in method.given_by_name if _fits(setting)],
             }
-            for method in methods().values()
+            for family, members in by_family().items()
+            for method in members
         ],
         "controls": [{**_input(control), "example": _text(control.about.example)} for control in offered],
     }

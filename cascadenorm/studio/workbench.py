@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.controls.apply import controlled
+from cascadenorm.controls.apply import controlled, step_key
 from cascadenorm.controls.selection import selected
 from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import CascadenormError, MeshError
 from cascadenorm.interop import mesh_of_file
 from cascadenorm.io.files import beside
-from cascadenorm.mesh import limit_threads
+from cascadenorm.mesh import Vectors, limit_threads
 from cascadenorm.progress import Listener
 from cascadenorm.reports.display import display
 from cascadenorm.reports.given import Given
+from cascadenorm.reports.scene import Comparison, scene
 from cascadenorm.studio.packed_scenes import packed_scene
 from cascadenorm.studio.painting import over_painted, with_paint
 from cascadenorm.studio.previews import Coarse, coarse
@@ -44,6 +45,13 @@ class Result(NamedTuple):
 
     vertices: NDArray[Any]
     seconds: float
+
+
+class Steps(NamedTuple):
+    """What a method gave on the whole mesh and on the coarse one, as `controlled` takes and fills them."""
+
+    whole: list[Vectors]
+    coarse: list[Vectors]
 
 
 class Workbench:
@@ -72,27 +80,26 @@ class Workbench:
                 raise
             self.file = self.file.isolating()
             self.mesh, self.notice = mesh_of_file(self.file, name), error.problem
+        self.target = str(Path(name).with_name(suggested_name(self.file, Path(name))))
         self.shown = display(self.mesh)
+        self.scenes = Comparison(Given("before", self.name, self.file))
         self.coarse = coarse(self.mesh)
         self.paint = np.zeros(len(self.mesh.vertices), np.uint8)
         self._results: dict[str, Result] = {}
+        self._steps: dict[float, Steps] = {}
+        self._steps_key = ""
 
     def about(self) -> dict[str, Any]:
         """Return the facts about the file that the page shows, and its scene."""
         return {
             "name": Path(self.name).name,
-            "suggested": suggested_name(self.file, Path(self.name)),
+            "suggested": Path(self.target).name,
             "vertices": len(self.mesh.vertices),
             "faces": len(self.mesh.faces),
             "painted": len(self.shown.kept_vertices),
             "notice": self.notice,
-            "scene": packed_scene([self.before]),
+            "scene": packed_scene(self.scenes.first),
         }
-
-    @property
-    def before(self) -> Given:
-        """The mesh as it is in the file."""
-        return Given("before", self.name, self.file)
 
     def take_paint(self, codes: bytes) -> None:
         """Set the paint from codes of the shown vertices; each other vertex gets the code of the nearest one."""
@@ -109,14 +116,14 @@ class Workbench:
         preview : called with a scene of the coarse mesh
         """
         asked = self.asked(settings)
-        if self.coarse is not None and self._key(settings) not in self._results:
+        if self.coarse is not None and self._key(settings) not in self._results and not self._steps_of(asked).whole:
             preview(self._preview(self.coarse, asked, listener))
         result = self.result(settings, listener)
         listener(1.0)
         after = self.file.with_vertices(result.vertices)
         moved = int((result.vertices != self.mesh.vertices).any(axis=1).sum())
-        scene = packed_scene([self.before, Given("after", "denoised", after)])
-        return {"seconds": result.seconds, "moved": moved, "scene": scene}
+        scene = self.scenes.with_result(Given("after", self.target, after))
+        return {"seconds": result.seconds, "moved": moved, "scene": packed_scene(scene)}
 
     def asked(self, settings: dict[str, Any]) -> Chosen:
         """Return the settings with the controls as arrays over the mesh, those that are painted among them."""
@@ -144,15 +151,31 @@ class Workbench:
         controls: Controls = {**asked.controls, "progress": listener}
         dtype = self.file.positions.dtype
         with limit_threads(controls["threads"]):
-            return controlled(asked.method, self.mesh, asked.parameters, controls, dtype=dtype)
+            steps = self._steps_of(asked).whole
+            return controlled(asked.method, self.mesh, asked.parameters, controls, dtype=dtype, steps=steps)
 
     def _preview(self, coarse: Coarse, asked: Chosen, listener: Listener) -> bytes:
         controls: Controls = {**coarse.controls(asked.controls, self.mesh), "progress": listener}
         with limit_threads(controls["threads"]):
-            vertices = controlled(asked.method, coarse.mesh, asked.parameters, controls)
+            steps = self._steps_of(asked).coarse
+            vertices = controlled(asked.method, coarse.mesh, asked.parameters, controls, steps=steps)
         before, after = (io.from_arrays(v, coarse.mesh.faces) for v in (coarse.mesh.vertices, vertices))
-        meshes = [Given("before", self.name, before), Given("after", "denoised", after)]
-        return packed_scene(meshes, faces=len(self.mesh.faces))
+        meshes = [Given("before", self.name, before), Given("after", self.target, after)]
+        return packed_scene(scene(meshes, []), faces=len(self.mesh.faces))
 
     def _key(self, settings: dict[str, Any]) -> str:
         return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())
+
+    def _steps_of(self, asked: Chosen) -> Steps:
+        """Return what is known of these settings: another strength only blends it.
+
+        The results of other settings are dropped, and of strengths above 1 all but the last.
+        """
+        others = {name: value for name, value in asked.given.items() if name != "strength"}
+        key = self._key({"method": asked.method.name, "parameters": asked.parameters, "controls": others})
+        if key != self._steps_key:
+            self._steps_key, self._steps = key, {}
+        step = step_key(asked.method, asked.controls["strength"])
+        if step not in self._steps:
+            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {step: Steps([], [])}
+        return self._steps[step]

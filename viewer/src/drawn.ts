@@ -8,7 +8,7 @@ export type Uniforms = Record<string, THREE.IUniform>;
 
 export class Drawn {
   readonly object: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
-  private readonly values = new Map<string, THREE.DataTexture>();
+  private readonly values = new Map<string, { of: Float32Array; texture: THREE.DataTexture }>(); // by field
   private normals: THREE.DataTexture | null = null;
 
   constructor(
@@ -45,8 +45,7 @@ export class Drawn {
 
   paint(field: Field | null, vertexColors: boolean): void {
     const values = field?.values.get(this.surface.name);
-    if (field && values && !this.values.has(field.name)) this.values.set(field.name, texture(stored(values, field.pinned), 1));
-    this.uniforms.values.value = field && values ? this.values.get(field.name) : null;
+    this.uniforms.values.value = field && values ? this.held(field, values) : null;
     this.uniforms.hasValues.value = Boolean(values);
     this.uniforms.atFaces.value = field?.at === "face";
     this.uniforms.hasColors.value = vertexColors && this.surface.colors !== null;
@@ -54,15 +53,25 @@ export class Drawn {
 
   // Take over values of a field that have changed.
   repaint(field: Field): void {
-    const held = this.values.get(field.name);
+    const held = this.values.get(field.name)?.texture;
     if (!held) return;
     (held.image.data as Float32Array).set(stored(field.values.get(this.surface.name)!, field.pinned));
     held.needsUpdate = true;
   }
 
+  private held(field: Field, values: Float32Array): THREE.DataTexture {
+    const known = this.values.get(field.name);
+    if (known?.of === values) return known.texture;
+    known?.texture.dispose(); // of a result before
+    const made = texture(stored(values, field.pinned), 1);
+    this.values.set(field.name, { of: values, texture: made });
+    return made;
+  }
+
   dispose(): void {
     const { positions, colors } = this.uniforms;
-    for (const held of [positions.value, colors.value, this.normals, ...this.values.values()]) held?.dispose();
+    const values = [...this.values.values()].map(({ texture }) => texture);
+    for (const held of [positions.value, colors.value, this.normals, ...values]) held?.dispose();
     this.object.geometry.dispose();
     this.object.material.dispose();
   }

@@ -50,6 +50,14 @@ export interface PackedScene {
   places: Place[];
 }
 
+// What completes the scene of a mesh to that of the mesh and a result: what both have in common is there already.
+export interface Completion {
+  format: number;
+  completes: true;
+  meshes: PackedMesh[];
+  fields: PackedField[];
+}
+
 async function inflated(text: string): Promise<Uint8Array> {
   const letters = atob(text);
   const bytes = new Uint8Array(letters.length);

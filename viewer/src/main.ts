@@ -13,7 +13,7 @@ async function start(root: HTMLElement, data: HTMLElement): Promise<void> {
   try {
     const model = await modelOf(JSON.parse(data.textContent!) as PackedScene);
     data.remove();
-    new Viewer(root, model);
+    new Viewer(root, model, { linked: !document.body.classList.contains("frame") }); // a frame has no address of its own
     root.dataset.state = "ready";
   } catch (error) {
     note.textContent = "The meshes cannot be turned here, as the browser offers no WebGL 2. The picture and the text are complete.";

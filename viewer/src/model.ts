@@ -1,17 +1,21 @@
 // The meshes of a report and the quantities on them, unpacked, in a frame of about unit size around the origin.
 
-import { PackedMesh, PackedScene, Place, unpacked, unpackedTriangles } from "./format";
+import { Completion, PackedField, PackedMesh, PackedScene, Place, unpacked, unpackedTriangles } from "./format";
 
 export interface Surface {
   name: string;
   label: string;
-  file: string;
+  file: string; // empty for a mesh that is in none
   faces: number; // of the file; fewer are shown of a large one
   positions: Float32Array; // (n, 3)
   triangles: Uint32Array; // (m, 3)
   colors: Uint8Array | null; // (n, 4)
   numbers: Int32Array | null; // (m,) of the faces in the file, where they do not count from 0
+  codes: Int32Array; // the positions as they are packed, column by column
 }
+
+// The box in which positions are packed.
+type Box = Pick<PackedScene, "lower" | "extent" | "levels">;
 
 export interface Field {
   name: string;
@@ -26,6 +30,7 @@ export interface Field {
 }
 
 export interface Model {
+  box: Box;
   surfaces: Surface[];
   fields: Field[];
   places: Place[];
@@ -35,34 +40,19 @@ export interface Model {
   view: { from: number[]; target: number[]; reach: [number, number] }; // half of the width and height to be seen
 }
 
-export async function modelOf(scene: PackedScene): Promise<Model> {
-  const codes = new Map<string, Int32Array>();
-  const surfaces: Surface[] = [];
-  const size = Math.max(...scene.extent) || 1;
-  for (const mesh of scene.meshes) {
-    const like = surfaces.find((surface) => surface.name === mesh.like);
-    const code = await unpacked(mesh.positions);
-    if (like) {
-      const base = codes.get(like.name)!;
-      for (let i = 0; i < code.length; i++) code[i] += base[i];
-    }
-    codes.set(mesh.name, code);
-    surfaces.push({
-      name: mesh.name,
-      label: mesh.label,
-      file: mesh.file,
-      faces: mesh.faces,
-      positions: placed(code, scene, size),
-      triangles: like ? like.triangles : await unpackedTriangles(mesh.triangles!),
-      colors: await colorsOf(mesh),
-      numbers: mesh.numbers && (await unpacked(mesh.numbers)),
-    });
+// The model of a scene, or of one that completes that of the model `first`, of which it takes what is the same.
+export async function modelOf(scene: PackedScene | Completion, first?: Model): Promise<Model> {
+  if ("completes" in scene) {
+    const surfaces = await surfacesOf(scene.meshes, first!.box, first!.surfaces);
+    return { ...first!, surfaces, fields: await fieldsOf(scene.fields, first!.fields) };
   }
+  const size = Math.max(...scene.extent) || 1;
   const center = scene.lower.map((low, axis) => low + scene.extent[axis] / 2) as Model["center"];
   const { from, target, reach } = scene.view;
   return {
-    surfaces,
-    fields: await fieldsOf(scene),
+    box: scene,
+    surfaces: await surfacesOf(scene.meshes, scene, []),
+    fields: await fieldsOf(scene.fields, []),
     places: scene.places,
     center,
     size,
@@ -75,12 +65,34 @@ export async function modelOf(scene: PackedScene): Promise<Model> {
   };
 }
 
-function placed(code: Int32Array, scene: PackedScene, size: number): Float32Array {
-  const count = code.length / 3;
-  const out = new Float32Array(code.length);
+async function surfacesOf(meshes: PackedMesh[], box: Box, known: Surface[]): Promise<Surface[]> {
+  const surfaces = [...known];
+  for (const mesh of meshes) {
+    const like = surfaces.find((surface) => surface.name === mesh.like);
+    const codes = await unpacked(mesh.positions);
+    if (like) for (let i = 0; i < codes.length; i++) codes[i] += like.codes[i];
+    surfaces.push({
+      name: mesh.name,
+      label: mesh.label,
+      file: mesh.file,
+      faces: mesh.faces,
+      positions: placed(codes, box),
+      triangles: like ? like.triangles : await unpackedTriangles(mesh.triangles!),
+      colors: await colorsOf(mesh),
+      numbers: mesh.numbers && (await unpacked(mesh.numbers)),
+      codes,
+    });
+  }
+  return surfaces;
+}
+
+function placed(codes: Int32Array, { extent, levels }: Box): Float32Array {
+  const size = Math.max(...extent) || 1;
+  const count = codes.length / 3;
+  const out = new Float32Array(codes.length);
   for (let axis = 0; axis < 3; axis++) {
-    const length = scene.extent[axis] / size;
-    for (let i = 0; i < count; i++) out[3 * i + axis] = (code[axis * count + i] / scene.levels - 0.5) * length;
+    const length = extent[axis] / size;
+    for (let i = 0; i < count; i++) out[3 * i + axis] = (codes[axis * count + i] / levels - 0.5) * length;
   }
   return out;
 }
@@ -94,15 +106,17 @@ async function colorsOf(mesh: PackedMesh): Promise<Uint8Array | null> {
   return out;
 }
 
-async function fieldsOf(scene: PackedScene): Promise<Field[]> {
+async function fieldsOf(packed: PackedField[], known: Field[]): Promise<Field[]> {
   const fields: Field[] = [];
-  for (const { values, of, ...about } of scene.fields) {
+  for (const { values, of, ...about } of packed) {
     const arrays = await Promise.all(
       values.map(async ({ start, step, codes }) =>
         Float32Array.from(await unpacked(codes), (code) => (code === 0 ? NaN : start + step * (code - 1))),
       ),
     );
-    fields.push({ ...about, values: new Map(Object.entries(of).map(([name, row]) => [name, arrays[row]])) });
+    const before = known.find(({ name }) => name === about.name)?.values ?? [];
+    const rows = Object.entries(of).map(([name, row]) => [name, arrays[row]] as const);
+    fields.push({ ...about, values: new Map([...before, ...rows]) });
   }
   return fields;
 }

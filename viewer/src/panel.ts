@@ -17,6 +17,12 @@ const KEYS: [string, string][] = [
   ["F", "the whole mesh"],
 ];
 
+// What the page around the viewer is.
+export interface Where {
+  linked: boolean; // whether its address leads to the same view again
+  unsaved?: () => boolean; // whether a file of the last surface is still to be written
+}
+
 export class Panel {
   readonly element = make("div", { class: "panel" });
   private readonly updates: (() => void)[] = [];
@@ -27,11 +33,11 @@ export class Panel {
     private readonly model: Model,
     private readonly stage: Stage,
     private readonly change: (change: Partial<State>) => void,
-    linked: boolean,
+    private readonly where: Where,
   ) {
     this.histogram = new Histogram((range) => change({ range }));
     if (model.surfaces.length > 1) this.element.append(this.compared());
-    this.element.append(this.painted(), this.lit(), this.picked(), this.links(linked), keys());
+    this.element.append(this.painted(), this.lit(), this.picked(), this.links(), keys());
   }
 
   private get state(): State {
@@ -158,14 +164,14 @@ export class Panel {
     );
   }
 
-  private links(linked: boolean): HTMLElement {
+  private links(): HTMLElement {
     const said = make("p", { class: "note", role: "status" });
-    const copy = async (text: string) => {
+    const copy = async (text: string, needs = "") => {
       try {
         await navigator.clipboard.writeText(text);
-        said.textContent = "Copied.";
+        said.textContent = `Copied.${needs}`;
       } catch {
-        said.replaceChildren("Copy this: ", make("code", {}, text));
+        said.replaceChildren("Copy this: ", make("code", {}, text), needs);
       }
     };
     const file = (name: string) => this.model.surfaces.find((one) => one.name === name)?.file ?? null;
@@ -178,12 +184,16 @@ export class Panel {
       const there = target.map((value, axis) => Number((value * size + center[axis]).toPrecision(9)));
       return renderCommand(files(), { from, target: there, distance: distance * size }, this.state, reference);
     };
+    const unsaved = () => {
+      const last = this.model.surfaces[this.model.surfaces.length - 1].file;
+      return this.where.unsaved?.() && files().includes(last) ? ` It reads ${last}: save the result first.` : "";
+    };
     const buttons = [make("button", { type: "button", click: () => this.stage.look(this.stage.home()) }, "Whole mesh")];
-    if (linked) {
-      buttons.push(
-        make("button", { type: "button", click: () => void copy(location.href) }, "Copy link to this view"),
-        make("button", { type: "button", click: () => void copy(command()) }, "Copy as command line"),
-      );
+    if (this.where.linked) {
+      buttons.push(make("button", { type: "button", click: () => void copy(location.href) }, "Copy link to this view"));
+    }
+    if (this.model.surfaces.every((surface) => surface.file)) {
+      buttons.push(make("button", { type: "button", click: () => void copy(command(), unsaved()) }, "Copy view as command line"));
     }
     return make("section", {}, make("div", { class: "buttons" }, ...buttons), said);
   }

@@ -8,7 +8,8 @@ import { Field, Model } from "./model";
 import { Picker } from "./picking";
 import { LIGHTS, State, View } from "./state";
 
-const FIELD_OF_VIEW = 30; // degrees
+const FIELD_OF_VIEW = 30; // degrees, over the shorter side of what is seen, as `render` takes it
+const SLOPE = Math.tan((FIELD_OF_VIEW / 2) * (Math.PI / 180));
 
 export interface Pane {
   name: string; // of the surface
@@ -113,11 +114,16 @@ export class Stage {
   home(): View {
     this.fit();
     const aspect = this.panes()[0].width / Math.max(this.canvas.clientHeight, 1) || 1;
-    const slope = Math.tan((FIELD_OF_VIEW / 2) * (Math.PI / 180));
     const { from, target, reach } = this.model.view;
     const [width, height] = reach;
-    const far = Math.max(width / (slope * aspect), height / slope) || this.model.radius;
+    const far = Math.max(width / Math.max(aspect, 1), height / Math.max(1 / aspect, 1)) / SLOPE || this.model.radius;
     return { from, target, distance: 1.08 * far + 0.7 * Math.max(width, height) }; // what is nearer looks larger
+  }
+
+  // Whether the mesh is seen as a whole, from where it is seen at first.
+  get atHome(): boolean {
+    const [now, home] = [this.view(), this.home()].map(({ from, target, distance }) => [...from, ...target, distance]);
+    return now.every((value, i) => Math.abs(value - home[i]) < 1e-3 * Math.max(1, home[6]));
   }
 
   look({ from, target, distance }: View): void {
@@ -185,9 +191,9 @@ export class Stage {
 
   // How long a length on the screen, in CSS pixels, is in the frame where a point is.
   lengthAt(point: THREE.Vector3, pixels: number): number {
-    const slope = Math.tan((FIELD_OF_VIEW / 2) * (Math.PI / 180));
     const depth = point.clone().applyMatrix4(this.camera.matrixWorldInverse).z;
-    return (pixels * 2 * slope * -depth) / Math.max(this.canvas.clientHeight, 1);
+    const { width } = this.panes()[0];
+    return (pixels * 2 * SLOPE * -depth) / Math.max(Math.min(width, this.canvas.clientHeight), 1);
   }
 
   mark(picked: { name: string; face: number } | null): void {
@@ -230,15 +236,24 @@ export class Stage {
     });
   }
 
+  // Draw the surfaces of a model; one that is drawn already stays as it is.
   private hold(model: Model): void {
-    for (const drawn of this.drawn.values()) {
+    const before = this.drawn;
+    this.model = model;
+    this.drawn = new Map();
+    for (const surface of model.surfaces) {
+      const known = before.get(surface.name);
+      const drawn = known?.surface === surface ? known : new Drawn(surface, this.shared);
+      if (drawn !== known) this.pickers.delete(surface.name);
+      this.drawn.set(surface.name, drawn);
+      this.scene.add(drawn.object);
+    }
+    for (const [name, drawn] of before) {
+      if (this.drawn.get(name) === drawn) continue;
       this.scene.remove(drawn.object);
       drawn.dispose();
+      if (!this.drawn.has(name)) this.pickers.delete(name);
     }
-    this.pickers.clear();
-    this.model = model;
-    this.drawn = new Map(model.surfaces.map((surface) => [surface.name, new Drawn(surface, this.shared)]));
-    for (const drawn of this.drawn.values()) this.scene.add(drawn.object);
   }
 
   private moved(): void {
@@ -296,7 +311,8 @@ export class Stage {
     const reach = 1.05 * this.model.radius;
     this.camera.near = Math.max(away - reach, 0.02 * this.camera.position.distanceTo(this.controls.target));
     this.camera.far = away + reach;
-    this.camera.aspect = pane.width / Math.max(this.canvas.clientHeight, 1);
+    this.camera.aspect = pane.width / Math.max(this.canvas.clientHeight, 1) || 1;
+    this.camera.fov = (360 / Math.PI) * Math.atan(SLOPE / Math.min(this.camera.aspect, 1));
     this.camera.updateProjectionMatrix();
     this.camera.updateMatrixWorld();
   }

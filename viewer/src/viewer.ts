@@ -4,7 +4,7 @@ import { Vector3 } from "three";
 import { make } from "./dom";
 import { Place } from "./format";
 import { Field, Model } from "./model";
-import { Panel } from "./panel";
+import { Panel, Where } from "./panel";
 import { Stage } from "./stage";
 import { fromHash, State, toHash } from "./state";
 
@@ -24,12 +24,13 @@ export class Viewer {
   private readonly rings = make("div", { class: "rings", "aria-hidden": "true" });
   private readonly decimated = make("p", { class: "decimated" });
   private place: Vector3 | null = null;
+  private picked: { name: string; face: number } | null = null;
   private saving = 0;
 
   constructor(
     root: HTMLElement,
     private model: Model,
-    private readonly linked = true, // whether its address and the names of its files lead to the same view again
+    private readonly where: Where = { linked: true },
   ) {
     this.stage = new Stage(model, initial(model));
     this.panel = this.newPanel();
@@ -56,6 +57,8 @@ export class Viewer {
   show(model: Model, samePlace: boolean): void {
     const before = this.model.surfaces.map(({ name }) => name).join();
     const { mode, left, right } = initial(model);
+    const faces = (of: Model) => of.surfaces.find(({ name }) => name === this.picked?.name)?.triangles;
+    if (faces(model) !== faces(this.model)) this.picked = null;
     this.model = model;
     this.place = null;
     this.stage.show(model, samePlace);
@@ -65,6 +68,8 @@ export class Viewer {
     const panel = this.newPanel();
     this.panel.element.replaceWith(panel.element);
     this.panel = panel;
+    this.stage.mark(this.picked);
+    this.panel.describe(this.picked);
     this.noteDecimated();
     this.change({});
   }
@@ -76,14 +81,16 @@ export class Viewer {
   }
 
   change(change: Partial<State>): void {
+    const whole = "mode" in change && this.stage.atHome; // it stays whole in panes of another width
     Object.assign(this.stage.state, change);
+    if (whole) this.stage.look(this.stage.home());
     this.panel.update();
     this.stage.draw();
     this.save();
   }
 
   private newPanel(): Panel {
-    return new Panel(this.model, this.stage, (change) => this.change(change), this.linked);
+    return new Panel(this.model, this.stage, (change) => this.change(change), this.where);
   }
 
   private noteDecimated(): void {
@@ -96,9 +103,10 @@ export class Viewer {
   private readHash(): void {
     const { surfaces, fields } = this.model;
     const colors = ["", "vertex", ...fields.map(({ name }) => name)];
-    const home = { ...this.stage.state, view: this.stage.home() };
-    this.stage.state = fromHash(location.hash, home, surfaces.map(({ name }) => name), colors);
-    this.stage.look(this.stage.state.view);
+    const before = this.stage.state;
+    this.stage.state = fromHash(location.hash, before, surfaces.map(({ name }) => name), colors);
+    const { view } = this.stage.state;
+    this.stage.look(view === before.view ? this.stage.home() : view);
     this.panel.update();
   }
 
@@ -162,9 +170,9 @@ export class Viewer {
   }
 
   private pick(x: number, y: number): void {
-    const picked = this.stage.pick(x, y);
-    this.stage.mark(picked);
-    this.panel.describe(picked);
+    this.picked = this.stage.pick(x, y);
+    this.stage.mark(this.picked);
+    this.panel.describe(this.picked);
   }
 
   private key(event: KeyboardEvent): void {

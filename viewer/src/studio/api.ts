@@ -1,6 +1,6 @@
 // Requests to the server, each with the token, and what the server tells.
 
-import type { PackedScene } from "../format";
+import type { Completion, PackedScene } from "../format";
 
 export interface Input {
   name: string;
@@ -19,6 +19,8 @@ export interface Input {
 
 export interface Method {
   name: string;
+  family: string; // its title, and what its methods do in plain words; those of a family follow each other
+  about: string;
   summary: string;
   source: string;
   settings: Input[];
@@ -49,6 +51,7 @@ export interface Opened {
 }
 
 export type Told =
+  | { type: "opening"; name: string }
   | Opened
   | { type: "unopened"; error: string }
   | { type: "progress"; ticket: string; fraction: number; left: number | null }
@@ -65,6 +68,13 @@ export interface Recipe {
 export interface Saved extends Recipe {
   file: string;
   left_out: string[];
+}
+
+export interface Downloaded {
+  name: string;
+  files: string[]; // in it, where it is a ZIP file
+  left_out: string[];
+  content: Blob;
 }
 
 export class Refused extends Error {
@@ -95,7 +105,7 @@ export class Api {
     return this.json("GET", "form");
   }
 
-  scene(number: number): Promise<PackedScene> {
+  scene(number: number): Promise<PackedScene | Completion> {
     return this.json("GET", `scene/${number}`);
   }
 
@@ -115,7 +125,7 @@ export class Api {
     return this.json("POST", "save", { settings, name, force });
   }
 
-  async download(settings: Settings, name: string): Promise<{ name: string; left_out: string[]; content: Blob }> {
+  async download(settings: Settings, name: string): Promise<Downloaded> {
     const answer = await this.asked("POST", "download", JSON.stringify({ settings, name }));
     return { ...JSON.parse(decodeURIComponent(answer.headers.get("x-about")!)), content: await answer.blob() };
   }

@@ -17,7 +17,8 @@ export class SettingsForm {
   readonly element = make("form", { class: "settings", submit: (event: Event) => event.preventDefault() });
   values: Values;
   private readonly method: HTMLSelectElement;
-  private readonly about = make("p", { class: "note" });
+  private readonly about = make("p", { class: "about" });
+  private readonly rule = make("p", { class: "note" });
   private readonly parameters = make("div", { class: "fields" });
   private readonly controls = make("div", { class: "fields" });
   private readonly slider = make("input", { type: "range", min: 0, max: MOST, step: STEP, "aria-label": "Strength" });
@@ -33,7 +34,7 @@ export class SettingsForm {
     this.method = make(
       "select",
       { change: () => this.set(() => (this.values.method = this.method.value), true) },
-      ...form.methods.map(({ name }) => make("option", { value: name }, name)),
+      ...offered(form),
     );
     const strength = form.controls.find(({ name }) => name === STRENGTH)!;
     this.strength = this.input("controls", strength) as HTMLInputElement;
@@ -44,6 +45,7 @@ export class SettingsForm {
     this.element.append(
       make("label", { class: "row" }, make("span", {}, "Method"), this.method),
       this.about,
+      this.rule,
       make("div", { class: "row strength", title: strength.help }, make("span", {}, "Strength"), this.slider, this.strength),
       make("details", {}, make("summary", {}, "Parameters of the method"), this.parameters),
       make("details", {}, make("summary", {}, "Where, and within which limits"), this.controls),
@@ -92,7 +94,8 @@ export class SettingsForm {
     const { method, parameters, controls } = this.values;
     const chosen = this.form.methods.find(({ name }) => name === method)!;
     this.method.value = method;
-    this.about.textContent = `${chosen.summary.replace(/\.$/, "")} (${chosen.source}).`;
+    this.about.textContent = chosen.about;
+    this.rule.textContent = `${chosen.name}: ${chosen.summary.replace(/\.$/, "")} (${chosen.source}).`;
     this.fill(this.parameters, "parameters", chosen.settings, parameters[method] ?? {}, `${method}:`);
     this.fill(this.controls, "controls", this.form.controls.filter(({ name }) => name !== STRENGTH), controls, "");
     this.slider.value = this.strength.value = controls[STRENGTH] ?? "1";
@@ -143,6 +146,18 @@ export class SettingsForm {
     field.addEventListener("change", () => this.set(() => this.put(kind, input, field.value), true));
     return field;
   }
+}
+
+// The default first, then the families.
+function offered({ methods, default: usual }: Form): HTMLElement[] {
+  const option = (name: string, text = name) => make("option", { value: name }, text);
+  const groups = new Map<string, HTMLElement>();
+  for (const { name, family } of methods) {
+    if (name === usual) continue;
+    if (!groups.has(family)) groups.set(family, make("optgroup", { label: family }));
+    groups.get(family)!.append(option(name));
+  }
+  return [option(usual, `${usual} (recommended)`), ...groups.values()];
 }
 
 function sentence(text: string): string {

@@ -13,7 +13,7 @@ export class Saving {
 
   constructor(
     private readonly api: Api,
-    private readonly saved: () => void,
+    private readonly saved: (file: string) => void,
   ) {
     const download = make("button", { type: "button", click: () => void this.download() }, "Download");
     const close = make("button", { type: "button", click: () => this.dialog.close() }, "Close");
@@ -59,6 +59,7 @@ export class Saving {
     try {
       const { file, left_out } = await this.api.save(this.settings!, this.name.value, this.replaces.length > 0);
       this.done(`Saved as ${file}.`, left_out);
+      this.saved(file);
       this.ask([]);
     } catch (error) {
       const existing = error instanceof Refused ? error.existing : [];
@@ -73,11 +74,13 @@ export class Saving {
   private async download(): Promise<void> {
     this.said.textContent = "Preparing the file…";
     try {
-      const { name, left_out, content } = await this.api.download(this.settings!, this.name.value);
+      const { name, files, left_out, content } = await this.api.download(this.settings!, this.name.value);
       const href = URL.createObjectURL(content);
       make("a", { href, download: name }).click();
       setTimeout(() => URL.revokeObjectURL(href), 60_000);
-      this.done(`Downloaded as ${name}.`, left_out);
+      const holds = files.length > 1 ? `, which holds ${files.slice(0, -1).join(", ")} and ${files[files.length - 1]}` : "";
+      this.done(`Downloaded as ${name}${holds}.`, left_out);
+      this.saved(this.name.value);
     } catch (error) {
       this.said.textContent = (error as Error).message;
     }
@@ -86,6 +89,5 @@ export class Saving {
   private done(text: string, leftOut: string[]): void {
     const lost = leftOut.length ? ` The format cannot hold: ${leftOut.join("; ")}.` : " All attributes of the input are kept.";
     this.said.textContent = text + lost;
-    this.saved();
   }
 }

@@ -2,6 +2,8 @@
 
 import { make } from "../dom";
 
+const SOON = 0.5; // seconds left that are not worth a number
+
 export class Status {
   readonly element = make("div", { class: "status" });
   private readonly bar = make("progress", { max: 1, value: 0, "aria-label": "Denoising" });
@@ -36,7 +38,7 @@ export class Status {
 
   progress(fraction: number, left: number | null): void {
     this.bar.value = fraction;
-    this.said.textContent = left === null ? `${this.what}…` : `${this.what}: about ${duration(left)} left.`;
+    this.said.textContent = left === null || left < SOON ? `${this.what}…` : `${this.what}: about ${duration(left)} left.`;
   }
 
   done(seconds: number, moved: number): void {

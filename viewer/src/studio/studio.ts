@@ -1,7 +1,7 @@
 // The page: what is open, what is asked for, what is shown.
 
 import { make } from "../dom";
-import type { PackedScene } from "../format";
+import type { Model, Surface } from "../model";
 import { Api, Form, Opened, Settings, Told } from "./api";
 import { Brush } from "./brush";
 import { Dropping } from "./dropping";
@@ -38,6 +38,9 @@ export class Studio {
   private asked: { ticket: string; settings: Settings } | null = null;
   private sent: Uint8Array | null = null; // the paint that the server has
   private timer = 0;
+  private alone: Model | null = null; // the open mesh without a result
+  private result: Surface | null = null;
+  private savedAs = ""; // the file that was written last
   private turn = 0; // of the scenes: one that comes late is not shown
   private unsaved = false;
 
@@ -55,7 +58,7 @@ export class Studio {
       () => this.changing(),
       () => this.remember(),
     );
-    this.saving = new Saving(api, () => (this.unsaved = false));
+    this.saving = new Saving(api, (file) => this.saved(file));
     this.dropping = new Dropping((files) => this.attempt(() => api.drop(files), "Opening the mesh…"));
     this.copies = [
       make("button", { type: "button", disabled: true, click: () => void this.copy("command") }, "Copy as command line"),
@@ -90,8 +93,9 @@ export class Studio {
   }
 
   hear(told: Told): void {
-    if (told.type === "opened") void this.attempt(() => this.open(told));
-    else if (told.type === "unopened") this.status.fail(told.error);
+    if (told.type === "opening") this.opening(told.name);
+    else if (told.type === "opened") void this.attempt(() => this.open(told));
+    else if (told.type === "unopened") this.unopened(told.error);
     else if (told.ticket !== this.asked?.ticket) return;
     else if (told.type === "progress") this.status.progress(told.fraction, told.left);
     else if (told.type === "shown") void this.attempt(() => this.answer(told));
@@ -105,12 +109,26 @@ export class Studio {
     this.root.dataset.state = "ended";
   }
 
+  // The file that the studio was started with is being read.
+  private opening(name: string): void {
+    this.dropping.zone.hidden = true;
+    this.root.dataset.state = "opening";
+    this.status.say(`Opening ${name}…`);
+  }
+
+  private unopened(error: string): void {
+    this.dropping.zone.hidden = this.viewer !== null;
+    this.root.dataset.state = "empty";
+    this.status.fail(error);
+  }
+
   private async open(opened: Opened): Promise<void> {
-    this.asked = this.shown = this.sent = null;
+    this.asked = this.shown = this.sent = this.alone = null;
     this.root.dataset.state = "opening";
     this.status.say("Opening the mesh…");
     this.opened = opened;
     this.unsaved = false;
+    this.savedAs = "";
     this.title.textContent = document.title = opened.name;
     this.counts.textContent = `${opened.faces.toLocaleString("en")} faces, ${opened.vertices.toLocaleString("en")} vertices`;
     this.status.notice(opened.notice && `${opened.notice}; these stay as they are.`);
@@ -121,6 +139,12 @@ export class Studio {
     this.offer();
     await this.draw(opened.scene, false);
     this.ask();
+  }
+
+  private saved(file: string): void {
+    this.unsaved = false;
+    this.savedAs = file;
+    if (this.result) this.result.file = file;
   }
 
   private changing(): void {
@@ -164,7 +188,7 @@ export class Studio {
       this.root.dataset.state = "working";
       this.status.begin();
       this.form.mark("");
-      const painted = this.sent ? codes !== this.sent : codes.some((code) => code !== 0);
+      const painted = codes !== this.sent; // at first too: the page may have been loaded again
       if (painted) await this.api.paint(codes);
       if (painted) this.sent = codes;
       if (this.asked === asked) await this.api.denoise(asked.settings, asked.ticket);
@@ -195,11 +219,14 @@ export class Studio {
 
   private async draw(scene: number, samePlace: boolean): Promise<void> {
     const turn = ++this.turn;
-    const model = await modelOf((await this.api.scene(scene)) as PackedScene);
+    const model = await modelOf(await this.api.scene(scene), this.alone ?? undefined);
     if (turn !== this.turn) return;
+    this.alone ??= { ...model, fields: [...model.fields] };
+    this.result = model.surfaces[1] ?? null;
+    if (this.result && this.savedAs) this.result.file = this.savedAs;
     this.brush.paintOn(model);
     if (this.viewer) this.viewer.show(model, samePlace);
-    else this.viewer = new Viewer(this.viewerRoot, model, false);
+    else this.viewer = new Viewer(this.viewerRoot, model, { linked: false, unsaved: () => this.unsaved });
     this.brush.use(this.viewer);
     this.dropping.zone.hidden = true;
   }
@@ -213,7 +240,8 @@ export class Studio {
   private async copy(kind: "command" | "python"): Promise<void> {
     await this.attempt(async () => {
       const { [kind]: text, painted } = await this.api.recipe(this.shown!, this.saving.target);
-      const needs = painted.length ? ` It reads ${painted.join(" and ")}: save first, which writes the paint.` : "";
+      const how = this.opened!.saves ? "save" : "download";
+      const needs = painted.length ? ` It reads ${painted.join(" and ")}: ${how} the result first, with which the paint comes.` : "";
       try {
         await navigator.clipboard.writeText(text);
         this.status.copied(`Copied.${needs}`, text);
