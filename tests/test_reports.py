@@ -162,7 +162,7 @@ def test_what_completes_a_scene_holds_what_the_scene_of_both_holds(place):
     result = cn.denoise(ROUGH, method="laplacian")
     before, after = given("before", ROUGH), given("after", result)
     comparison = Comparison(before)
-    first, rest, whole = comparison.first, comparison.with_result(after), scene([before, after], [])
+    first, rest, whole = comparison.first, comparison.with_result(after, result.vertices), scene([before, after], [])
     assert rest["completes"] and [mesh["name"] for mesh in rest["meshes"]] == ["after"]
     assert [field["name"] for field in rest["fields"]] == [field["name"] for field in whole["fields"]]
 
@@ -187,7 +187,7 @@ def test_what_completes_a_scene_holds_what_the_scene_of_both_holds(place):
 def test_a_result_that_leaves_the_box_has_a_scene_of_its_own():
     comparison = Comparison(given("before", ROUGH))
     large = ROUGH.moved(3 * ROUGH.vertices)
-    found = comparison.with_result(given("after", large))
+    found = comparison.with_result(given("after", large), large.vertices)
     assert [mesh["name"] for mesh in found["meshes"]] == ["before", "after"] and found["extent"][0] > 5
 
 

@@ -1,6 +1,6 @@
 """Everything that the viewer shows, as one object of JSON."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,9 +107,9 @@ class Comparison:
     """
 
     def __init__(self, before: Given) -> None:
-        self._given = before
-        (mesh,) = scaled_alike(before.mesh)
-        self._frame = _frame([mesh], scale_between(before.mesh, mesh))
+        self._given, self._mesh = before, before.mesh
+        (mesh,) = scaled_alike(self._mesh)
+        self._frame = _frame([mesh], scale_between(self._mesh, mesh))
         packed_meshes, self._drawn = _packed_meshes([before], {before.key: mesh}, self._frame)
         self._known = {field.name: field.values for field in _fields({before.key: mesh}, self._frame)}
         self.first = {
@@ -120,10 +120,15 @@ class Comparison:
         }
         """The scene of the mesh alone."""
 
-    def with_result(self, after: Given) -> dict[str, Any]:
-        """Return what completes the first scene to one of both meshes; a whole scene where it does not fit its box."""
-        before, mesh = scaled_alike(self._given.mesh, after.mesh)
-        unit = scale_between(self._given.mesh, before)
+    def with_result(self, after: Given, vertices: NDArray[Any]) -> dict[str, Any]:
+        """Return what completes the first scene to one of both meshes; a whole scene where it does not fit its box.
+
+        Parameters
+        ----------
+        vertices : (n, 3) of `after`, as the mesh before has them
+        """
+        before, mesh = scaled_alike(self._mesh, self._mesh.moved(vertices))
+        unit = scale_between(self._mesh, before)
         if unit != self._frame.unit or not self._frame.holds(mesh):
             return scene([self._given, after], [])
         meshes = {self._given.key: self._drawn[self._given.key].mesh, after.key: mesh}
@@ -136,7 +141,7 @@ class Comparison:
         }
 
 
-def _frame(meshes: Iterable[Mesh], unit: float) -> _Frame:
+def _frame(meshes: Collection[Mesh], unit: float) -> _Frame:
     corners = np.concatenate([mesh.vertices[mesh.topology.used_vertices] for mesh in meshes])
     lower, extent = corners.min(axis=0), np.ptp(corners, axis=0)
     edge = min(mesh.mean_edge_length for mesh in meshes)

@@ -122,8 +122,8 @@ class Workbench:
         listener(1.0)
         after = self.file.with_vertices(result.vertices)
         moved = int((result.vertices != self.mesh.vertices).any(axis=1).sum())
-        scene = self.scenes.with_result(Given("after", self.target, after))
-        return {"seconds": result.seconds, "moved": moved, "scene": packed_scene(scene)}
+        both = self.scenes.with_result(Given("after", self.target, after), result.vertices)
+        return {"seconds": result.seconds, "moved": moved, "scene": packed_scene(both)}
 
     def asked(self, settings: dict[str, Any]) -> Chosen:
         """Return the settings with the controls as arrays over the mesh, those that are painted among them."""
