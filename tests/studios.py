@@ -27,7 +27,7 @@ class Studio:
         usual = {"host": self.host, "authorization": f"Bearer {self.token}", "origin": f"http://{self.host}"}
         given = {name: value for name, value in {**usual, **headers}.items() if value is not None}
         content = body if isinstance(body, bytes | None) else json.dumps(body).encode()
-        connection = HTTPConnection("127.0.0.1", int(self.port), timeout=120)
+        connection = HTTPConnection("127.0.0.1", int(self.port), timeout=600)
         try:
             connection.request(method, path, content, {name.replace("_", "-"): value for name, value in given.items()})
             answer = connection.getresponse()
@@ -53,7 +53,7 @@ class Studio:
     @contextmanager
     def told(self) -> Iterator[Iterator[dict[str, Any]]]:
         """What the studio tells a page while that is open."""
-        connection = HTTPConnection("127.0.0.1", int(self.port), timeout=120)
+        connection = HTTPConnection("127.0.0.1", int(self.port), timeout=600)
         connection.request("GET", "/api/events", headers={"authorization": f"Bearer {self.token}"})
         lines = connection.getresponse()
         try:
@@ -70,13 +70,13 @@ class Studio:
     def close(self) -> None:
         """End the studio, if it runs."""
         self.process.terminate()
-        self.process.wait(20)
+        self.process.wait(120)
         self.process.stdout.close()
 
 
 def until(events: Iterator[dict[str, Any]], **wanted: Any) -> dict[str, Any]:
     """The next event with these values."""
-    end = time.monotonic() + 120
+    end = time.monotonic() + 600
     for event in events:
         if all(event.get(name) == value for name, value in wanted.items()):
             return event

@@ -28,8 +28,14 @@ document.body.dispatchEvent(new DragEvent('drop', {dataTransfer: data, bubbles: 
 """
 
 
+PATIENCE = 600
+"""Seconds after which a page that does not come to a state is given up; machines under load are slow."""
+
+
 class Page(Browser):
     """A browser on the page of a studio."""
+
+    answers = 0
 
     def at(self, studio):
         self.driver.get("about:blank")
@@ -38,7 +44,7 @@ class Page(Browser):
 
     def wait(self, state="shown", *, more=False):
         """Wait until the page is in a state and has drawn it; with `more`, with another answer than the last."""
-        end = time.monotonic() + 120
+        end = time.monotonic() + PATIENCE
         found = (
             "const {state, answers} = document.getElementById('studio').dataset; return [state, Number(answers ?? 0)]"
         )
@@ -71,7 +77,7 @@ class Page(Browser):
 
     def said(self, selector, pattern):
         """Wait until a text is there."""
-        end = time.monotonic() + 120
+        end = time.monotonic() + PATIENCE
         text = "return document.querySelector(arguments[0]).innerText"
         while not (found := re.search(pattern, self.js(text, selector))):
             assert time.monotonic() < end, self.one("#studio").text
