@@ -45,7 +45,7 @@ class _Frame(NamedTuple):
     def codes(self, vertices: Vectors) -> NDArray[np.int64]:
         """Return positions as whole numbers, (n, 3); 0 along a side without length."""
         place = np.divide(vertices - self.lower, self.extent, out=np.zeros_like(vertices), where=self.extent > 0)
-        return np.rint(place * self.levels).astype(np.int64)
+        return np.asarray(np.rint(place * self.levels), np.int64)
 
     def holds(self, mesh: Mesh) -> bool:
         """Whether a mesh lies in the box, or sticks out by little."""
