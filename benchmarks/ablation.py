@@ -4,9 +4,10 @@
 
 Trains each rung of the ladder from configs/cascade.toml to configs/auto.toml, once for each seed and number of
 clusters, on the data of `auto` with fewer and smaller shapes. Measures on the pairs in DIR and on generated ones from a
-seed that no training has. Writes docs/ablation.md. Trainings of a seed share their generated pairs. Pairs, models and
-measurements stay in the folder, so that an interrupted run goes on where it was and ends with the same table. With the
-settings above there are 36 trainings, which take several hours on two cores.
+seed that no training has. Writes docs/ablation.md, and the figures behind it to docs/ablation.json: what stands there
+for the same settings is not trained again. Trainings of a seed share their generated pairs. Pairs and models stay in
+the folder, so that an interrupted run goes on where it was and ends with the same table. With the settings above there
+are 36 trainings, which take several hours on two cores.
 """
 
 import argparse
@@ -87,15 +88,9 @@ def trained(config: TrainConfig, path: Path, generated: Path) -> Cascade:
     return cascade
 
 
-def measured(cascade: Cascade, sets: Sets, path: Path, each: Map) -> list[float]:
-    """Mean angle of normals over the meshes of each set, in degrees; read from the file if it is of this model."""
-    model = sha256(cascade.to_bytes()).hexdigest()
-    known = json.loads(path.read_text()) if path.exists() else {}
-    if known.get("model") != model or known["angles"].keys() != sets.keys():
-        angles = {name: float(np.mean(list(each(partial(angle, cascade), meshes)))) for name, meshes in sets.items()}
-        known = {"model": model, "angles": angles}
-        write_atomically(path, [json.dumps(known, indent=1).encode()], force=True)
-    return [known["angles"][name] for name in sets]
+def measured(cascade: Cascade, sets: Sets, each: Map) -> dict[str, float]:
+    """Mean angle of normals over the meshes of each set, in degrees."""
+    return {name: float(np.mean(list(each(partial(angle, cascade), meshes)))) for name, meshes in sets.items()}
 
 
 def angle(cascade: Cascade, pair: tuple[Mesh, Vectors]) -> float:
@@ -163,22 +158,32 @@ def run(
     seeds: Sequence[int],
     clusters: Sequence[int],
 ) -> None:
-    """Train and measure every rung, seed after seed, and write the page after each of them."""
+    """Train and measure every rung, seed after seed; write the figures and the page after each of them."""
     keep.mkdir(parents=True, exist_ok=True)
+    record = page.with_suffix(".json")
+    figures = json.loads(record.read_text()) if record.exists() else {}
     rows: Rows = {(name, k): [] for name in rungs for k in clusters}
     with side_by_side(thread_count()) as each:
         for seed in seeds:
             for rung, (name, settings) in enumerate(rungs.items()):
                 data = replace(settings.data, seed=seed)
-                made = keep / f"pairs-{sha256(repr(data).encode()).hexdigest()[:12]}"
                 for k in clusters:
-                    path = keep / f"rung{rung}-clusters{k}-seed{seed}.safetensors"
                     config = replace(settings, seed=seed, clusters=k, data=data)
-                    cascade = trained(config, path, made)
-                    rows[name, k].append(measured(cascade, sets, path.with_suffix(".json"), each))
-                    print(name, k, seed, rows[name, k][-1], flush=True)
+                    title, digest = f"{name}, clusters {k}, seed {seed}", _digest(config)
+                    found = figures.get(title, {})
+                    if found.get("config") != digest or found["degrees"].keys() != sets.keys():
+                        path = keep / f"rung{rung}-clusters{k}-seed{seed}.safetensors"
+                        cascade = trained(config, path, keep / f"pairs-{_digest(data)}")
+                        figures[title] = {"config": digest, "degrees": measured(cascade, sets, each)}
+                        write_atomically(record, [json.dumps(figures, indent=1).encode()], force=True)
+                    rows[name, k].append([figures[title]["degrees"][kind] for kind in sets])
+                    print(title, rows[name, k][-1], flush=True)
                     known = {row: found for row, found in rows.items() if found}
                     write_atomically(page, [table(known, list(sets), data).encode()], force=True)
+
+
+def _digest(settings: TrainConfig | DatasetConfig) -> str:
+    return sha256(repr(settings).encode()).hexdigest()[:12]
 
 
 def main() -> None:
