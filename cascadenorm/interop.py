@@ -102,7 +102,9 @@ def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     numpy_of = import_module("vtkmodules.util.numpy_support").vtk_to_numpy
     polygons = mesh.GetPolys()
     if mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3):
-        raise MeshError("the vtkPolyData has cells that are not triangles: apply vtkTriangleFilter to it first")
+        raise MeshError(
+            "the vtkPolyData has cells that are not triangles: apply vtkTriangleFilter to it, in ParaView Triangulate"
+        )
     points = numpy_of(mesh.GetPoints().GetData()) if mesh.GetNumberOfPoints() else np.empty((0, 3))
     return points, numpy_of(polygons.GetConnectivityArray()).reshape(-1, 3)
 

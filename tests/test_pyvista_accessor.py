@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from cascadenorm.mesh import Mesh
 
 pyvista = pytest.importorskip("pyvista")
 
+ROOT = Path(__file__).parents[1]
 BALL = noisy(icosphere(2), 0.2)
 RIGHT = BALL.vertices[:, 0] > 0
 UPPER = BALL.vertices[BALL.faces].mean(axis=1)[:, 2] > 0
@@ -116,3 +118,17 @@ def test_the_progress_bar_is_shown_and_a_listener_can_end_the_work(ball, capfd):
 def test_other_cells_are_refused_with_the_way_out():
     with pytest.raises(cn.MeshError, match=r"call its triangulate\(\) first"):
         pyvista.Plane().cascadenorm.denoise()
+
+
+def test_the_picture_of_the_documentation_is_drawn_off_screen(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    run = [sys.executable, ROOT / "benchmarks" / "pyvista_picture.py", tmp_path / "drawn.png"]
+    done = subprocess.run(run, capture_output=True, text=True)
+    if done.returncode < 0 or "Failed to load" in done.stderr:
+        pytest.skip(f"VTK cannot draw off screen here: {done.stderr}")
+    assert done.returncode == 0, done.stderr
+    pictures = [image.open(path).convert("L") for path in (tmp_path / "drawn.png", ROOT / "docs" / "pyvista.png")]
+    drawn, stored = (np.asarray(picture, float) for picture in pictures)
+    assert drawn.shape == stored.shape and np.abs(drawn - stored).mean() < 2  # of 255; lines differ with the driver
+    noisy, smooth, true = (np.abs(np.diff(part[60:])).mean() for part in np.split(drawn, 3, axis=1))
+    assert noisy > 1.5 * smooth and abs(smooth - true) < 0.2 * true

@@ -1,5 +1,6 @@
 """What is released agrees with the package: recipe, tag, versions; and is well made: sdist, wheel."""
 
+import importlib
 import re
 import shutil
 import subprocess
@@ -66,6 +67,50 @@ def test_a_tag_that_is_not_the_version_is_refused(tag, code):
     line = re.search(r"is the version of the package\n +run: (.+)", WORKFLOW)[1]
     done = subprocess.run(["bash", "-c", line], cwd=ROOT, env={"GITHUB_REF_NAME": tag, "PATH": "/usr/bin:/bin"})
     assert done.returncode == code
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="bash is not installed")
+def test_nothing_is_released_before_the_address_is_known():
+    line = re.search(r"address of the repository is set\n +run: \"(.+)\"", WORKFLOW)[1]
+    done = subprocess.run(["bash", "-c", line], cwd=ROOT, stdout=subprocess.DEVNULL)
+    assert done.returncode == ("/OWNER/" in PROJECT["urls"]["Repository"])
+
+
+@pytest.fixture
+def address(monkeypatch):
+    """The script that writes the address of the repository."""
+    monkeypatch.syspath_prepend(ROOT / "release")
+    return importlib.import_module("address")
+
+
+def test_the_address_is_that_of_pyproject_in_every_file(address):
+    found = {}
+    for path in [*address.files(), *(ROOT / "docs" / "how-to").glob("*.md"), ROOT / "CONTRIBUTING.md"]:
+        text = path.read_text(encoding="utf-8")
+        found[path] = set(re.findall(r"(?:github\.com/|/github/|uses: )([\w.-]+/cascadenorm)\b", text))
+    assert set().union(*found.values()) == {address.repository()}
+    assert {path.name for path, names in found.items() if names} >= {"README.md", "start.md", "first_steps.ipynb"}
+
+
+def test_one_command_writes_the_address_everywhere(address, tmp_path):
+    for path in address.files():
+        copy = tmp_path / path.relative_to(ROOT)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, copy)
+    before = {path: path.read_text(encoding="utf-8") for path in address.files(tmp_path)}
+    address.main(["https://github.com/acme/meshes.git"], tmp_path)
+    assert address.repository(tmp_path) == "acme/meshes"
+    for path, old in before.items():
+        new = path.read_text(encoding="utf-8")
+        assert (
+            new.count("acme/meshes") == old.count(address.repository())
+            and "OWNER/" not in new
+            and address.NOTE not in new
+        ), path
+    address.main(["https://github.com/" + address.repository()], tmp_path)
+    assert all(path.read_text(encoding="utf-8") == old.replace(address.NOTE, "") for path, old in before.items())
+    with pytest.raises(SystemExit):
+        address.main(["acme"], tmp_path)
 
 
 def test_scripts_of_the_workflow_exist_and_only_one_job_may_publish():
