@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from cascadenorm.api import Whole, compare, denoise, denoise_file, methods
     from cascadenorm.batch.batch import denoise_files
     from cascadenorm.controls import Controls
-    from cascadenorm.denoised_files import Report
+    from cascadenorm.denoised_files import DenoisingSummary
     from cascadenorm.errors import (
         CascadenormError,
         ConfigError,
@@ -50,6 +50,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "Controls": "controls",
     "DenoiseError": "errors",
     "Denoiser": "models",
+    "DenoisingSummary": "denoised_files",
     "Inspection": "inspection",
     "Measures": "evaluation.metrics",
     "Mesh": "mesh",
@@ -58,7 +59,6 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "OutputError": "errors",
     "ParameterError": "errors",
     "ReadError": "errors",
-    "Report": "denoised_files",
     "Spectrum": "spectra",
     "TrainConfig": "learned.config",
     "Whole": "api",
@@ -96,6 +96,7 @@ __all__ = [
     "Controls",
     "DenoiseError",
     "Denoiser",
+    "DenoisingSummary",
     "Inspection",
     "Measures",
     "Mesh",
@@ -104,7 +105,6 @@ __all__ = [
     "OutputError",
     "ParameterError",
     "ReadError",
-    "Report",
     "Spectrum",
     "TrainConfig",
     "Whole",

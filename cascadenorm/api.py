@@ -17,7 +17,7 @@ from cascadenorm.controls.halo import Whole as Whole  # whose methods are regist
 from cascadenorm.controls.selection import welded
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.controls.weights import selected_faces
-from cascadenorm.denoised_files import Denoised, Report, opened_file, written_file
+from cascadenorm.denoised_files import Denoised, DenoisingSummary, opened_file, written_file
 from cascadenorm.evaluation.metrics import Measures, measure
 from cascadenorm.interop import adapter, as_mesh
 from cascadenorm.io.welding import weld
@@ -73,7 +73,7 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
         if faces is not None:
             return _denoised(chosen, mesh, faces, parameters, controls)
         if isinstance(mesh, str | PathLike):
-            return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).report.output)
+            return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).summary.output)
         if isinstance(mesh, Mesh):
             return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls))
         return _denoised_object(chosen, mesh, parameters, controls)
@@ -89,7 +89,7 @@ def denoise_file(
     force: bool = False,
     parameters: dict[str, Any] | None = None,
     **controls: Unpack[Controls],
-) -> Report:
+) -> DenoisingSummary:
     """Denoise a mesh file; everything in it but positions and normals is kept.
 
     Parameters
@@ -115,7 +115,7 @@ def denoise_file(
     """
     return denoised_file(
         source, output, method=method, format=format, force=force, parameters=parameters, **controls
-    ).report
+    ).summary
 
 
 def denoised_file(

@@ -23,7 +23,7 @@ from cascadenorm.registry import Method
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
+class DenoisingSummary:
     """What was done to a file.
 
     Parameters
@@ -62,7 +62,7 @@ class Report:
 class Denoised(NamedTuple):
     """What was done to a file, with the file as it was read and as it was written."""
 
-    report: Report
+    summary: DenoisingSummary
     before: io.MeshFile
     after: io.MeshFile
 
@@ -114,7 +114,7 @@ def written_file(
     seconds: float,
     force: bool,
 ) -> Denoised:
-    """Write a file with other vertices of its mesh, (n, 3), and report what was done; controls as they were given."""
+    """Write a file with other vertices of its mesh, (n, 3), and return what was done; controls as they were given."""
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
     # Formats with whole numbers need the limit to round within it
@@ -130,7 +130,7 @@ def written_file(
 
     moves = np.linalg.norm(np.ldexp(vertices - mesh.vertices, -exponent), axis=1)
     in_edges = moves / small.mean_edge_length if small.mean_edge_length > 0 else moves
-    report = Report(
+    summary = DenoisingSummary(
         source=source_name(source),
         output=source_name(output),
         method=method.name,
@@ -148,7 +148,7 @@ def written_file(
         error=_error_found(method, mesh, vertices, controls["strength"]),
         left_out=tuple(left_out),
     )
-    return Denoised(report, file, moved)
+    return Denoised(summary, file, moved)
 
 
 def _error_found(method: Method, mesh: Mesh, vertices: NDArray[np.float64], strength: float) -> ErrorKind | None:

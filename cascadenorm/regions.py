@@ -13,7 +13,7 @@ from cascadenorm.api import DEFAULT_METHOD
 from cascadenorm.controls.apply import controlled
 from cascadenorm.controls.selection import welded
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
-from cascadenorm.denoised_files import Report, opened_file, written_file
+from cascadenorm.denoised_files import DenoisingSummary, opened_file, written_file
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.coincidence import coincident, joined
 from cascadenorm.interop import adapter
@@ -113,7 +113,7 @@ def denoise_region_files(
     force: bool = False,
     parameters: dict[str, Any] | None = None,
     **controls: "Unpack[Controls]",
-) -> list[Report]:
+) -> list[DenoisingSummary]:
     """Denoise mesh files whose walls coincide, as `denoise_regions` does; each keeps all but positions and normals.
 
     Parameters
@@ -146,7 +146,7 @@ def denoise_region_files(
         moved = _together(chosen, regions, given)
         seconds = time.perf_counter() - start
         return [
-            written_file(file, vertices, chosen, given, every, seconds=seconds, force=force).report
+            written_file(file, vertices, chosen, given, every, seconds=seconds, force=force).summary
             for file, vertices in zip(opened, moved, strict=True)
         ]
 

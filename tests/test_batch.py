@@ -82,7 +82,7 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(place, capsys):
     (failed,) = lines(place / "out", "failed")
     assert failed["error"]["type"] == "ReadError" and failed["attempts"] == 1
     done = {line["output"]: line for line in lines(place / "out", "done")}
-    assert done["b/1.ply"]["report"]["faces"] == 320 and len(done) == 4
+    assert done["b/1.ply"]["summary"]["faces"] == 320 and len(done) == 4
 
     (place / "scans" / "a" / "bad.ply").unlink()
     save_mesh(place / "scans" / "a" / "0.ply", noisy(BALL, 0.1), force=True)

@@ -263,7 +263,7 @@ def test_learned_methods_name_the_digest_of_their_weights(place):
     denoised = denoised_file("rough.ply", "out.ply", method="laplacian")
     report_denoised("plain.html", denoised)
     assert "weights of" not in text_of(place / "plain.html")
-    auto = denoised._replace(report=denoised.report.__class__(**{**vars(denoised.report), "method": "auto"}))
+    auto = denoised._replace(summary=denoised.summary.__class__(**{**vars(denoised.summary), "method": "auto"}))
     report_denoised("auto.html", auto)
     weights = (cn.__path__[0], "weights", "auto.safetensors")
     with open("/".join(weights), "rb") as file:

@@ -248,7 +248,7 @@ class _Run:
 
     def _line(self, status: str, task: Task, outcome: Outcome) -> Line:
         previous = self._manifest.last.get(self._name(task.job)) or {}
-        report = None if outcome.report is None else asdict(outcome.report)
+        summary = None if outcome.summary is None else asdict(outcome.summary)
         error = outcome.error
         return {
             "status": status,
@@ -260,6 +260,6 @@ class _Run:
             "attempts": self._attempts[task.job],
             "seconds": outcome.seconds,
             "time": datetime.now(timezone.utc).isoformat(timespec="milliseconds"),
-            "report": report,
+            "summary": summary,
             "error": None if error is None else {"type": type(error).__name__, "message": str(error)},
         }

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 from cascadenorm import api, io
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
-from cascadenorm.denoised_files import Report
+from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.digests import file_digest
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.atomic import check_output
@@ -58,7 +58,7 @@ class Outcome:
     ----------
     status : "new" after a check, "kept" where it is done already; "done" or "failed"
     input_digest, output_digest : where they are known
-    report : what was done
+    summary : what was done
     error : what it failed with
     then : what to do after a failure; "stop" where the disk is full
     seconds : all together, reading and writing included
@@ -67,7 +67,7 @@ class Outcome:
     status: Literal["new", "kept", "done", "failed"]
     input_digest: str | None = None
     output_digest: str | None = None
-    report: Report | None = None
+    summary: DenoisingSummary | None = None
     error: Exception | None = None
     then: Literal["go on", "again", "stop"] = "go on"
     seconds: float = 0.0
@@ -118,7 +118,7 @@ def _checked(settings: Settings, task: Task) -> Outcome:
 def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
     source, output = Path(task.job.source), Path(task.job.output)
     _make_folder(output.parent)
-    report = api.denoise_file(
+    summary = api.denoise_file(
         source,
         output,
         method=settings.method,
@@ -133,7 +133,7 @@ def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
         status="done",
         input_digest=task.digest,
         output_digest=mesh_digest(output),
-        report=report,
+        summary=summary,
         seconds=time.perf_counter() - start,
     )
 

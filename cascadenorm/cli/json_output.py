@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed
-from cascadenorm.denoised_files import Report
+from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.registry import Method
@@ -42,7 +42,7 @@ def with_aliases(content: Any) -> Any:
     return {**found, **{both[key]: value for key, value in found.items() if key in both}}
 
 
-def denoised(done: Report) -> dict[str, Any]:
+def denoised(done: DenoisingSummary) -> dict[str, Any]:
     """Return what was done to a file."""
     return asdict(done)
 

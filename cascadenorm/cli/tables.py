@@ -13,7 +13,7 @@ from rich.text import Text
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import complain
 from cascadenorm.cli.options import OPTIONS
-from cascadenorm.denoised_files import Report
+from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import FINDINGS, Inspection
 from cascadenorm.learned.training_log import Pass
@@ -31,7 +31,7 @@ PLAIN_WIDTH = 120
 """Width of a table that does not go to a terminal, in characters."""
 
 
-def print_denoised(done: Report, *, file: TextIO) -> None:
+def print_denoised(done: DenoisingSummary, *, file: TextIO) -> None:
     """Print what was done to a file."""
     print(f"{done.source} -> {done.output}", file=file)
     print(
@@ -56,7 +56,7 @@ def print_batch(done: Batch) -> None:
     """Print how many files were denoised, kept and not denoised."""
     denoised = len(done.lines) - len(done.failures)
     seconds = sum(line["seconds"] for line in done.lines)
-    method = sum(line["report"]["seconds"] for line in done.lines if line["report"])
+    method = sum(line["summary"]["seconds"] for line in done.lines if line["summary"])
     print(f"{counted(denoised, 'file')} denoised; {seconds:.1f} s in all processes, {method:.1f} s of which denoising")
     if done.kept:
         print(f"{counted(len(done.kept), 'file')} skipped: done already")

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import cascadenorm
 from cascadenorm.controls import CONTROLS
-from cascadenorm.denoised_files import Report
+from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.digests import file_digest
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
@@ -62,7 +62,7 @@ def measure_rows(measured: Sequence[tuple[Given, Measures]]) -> Rows:
     return [head, *((name, *(of[name] for of in words)) for name in (words[0] if words else ()))]
 
 
-def setting_rows(done: Report) -> Rows:
+def setting_rows(done: DenoisingSummary) -> Rows:
     """Every parameter of the method and every control, with its value and whether it was given."""
     rows: Rows = [("", "value", "default", "meaning")]
     for parameter in find(done.method).given_by_name:
@@ -74,7 +74,7 @@ def setting_rows(done: Report) -> Rows:
     return rows
 
 
-def version_rows(done: Report | None) -> Rows:
+def version_rows(done: DenoisingSummary | None) -> Rows:
     """What the result depends on besides files and settings."""
     rows: Rows = [("cascadenorm", cascadenorm.__version__), ("Python", platform.python_version())]
     rows += [(name, version(name)) for name in LIBRARIES]
@@ -87,7 +87,7 @@ def version_rows(done: Report | None) -> Rows:
 
 
 class Recipe(Protocol):
-    """What makes a file, as in `Report`."""
+    """What makes a file, as in `DenoisingSummary`."""
 
     @property
     def source(self) -> str: ...
@@ -130,7 +130,7 @@ def python_call(done: Recipe) -> str:
     return f"import cascadenorm as cn\n\ncn.denoise_file({', '.join(arguments)})"
 
 
-def warnings(done: Report | None, inspected: Sequence[tuple[Given, Inspection]]) -> list[str]:
+def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Inspection]]) -> list[str]:
     """What a reader should know before using the result, in sentences."""
     said = [] if done is None else [f"left out of the output: {loss}" for loss in done.left_out]
     if done is not None and (done.isolated_vertices or done.isolated_faces):
@@ -150,7 +150,7 @@ def _number(value: float | None) -> str:
     return "none" if value is None else f"{value:.6g}"
 
 
-def _weights(done: Report) -> Path | None:
+def _weights(done: DenoisingSummary) -> Path | None:
     """The weights file of a learned method."""
     if "model" not in find(done.method).settings:
         return None

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cascadenorm.denoised_files import Denoised, Report
+from cascadenorm.denoised_files import Denoised, DenoisingSummary
 from cascadenorm.evaluation.metrics import Measures, measure
 from cascadenorm.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.io.atomic import check_output, write_atomically
@@ -54,14 +54,14 @@ def report(
     result: Any = None,
     *,
     truth: Any = None,
-    done: Report | None = None,
+    summary: DenoisingSummary | None = None,
     self_intersections: bool | None = None,
     force: bool = False,
 ) -> Contents:
     """Write a report on a mesh, on what was made of it, and on how far both are from the truth.
 
-    It is one file of HTML that needs nothing else: meshes to be turned around, heat maps, findings, and, with `done`,
-    what makes the result again. Without scripts or WebGL it is text and a picture.
+    It is one self-contained HTML file: meshes in a 3-D viewer, heat maps, findings, and, with `summary`, how to
+    reproduce the result. Without scripts or WebGL it shows text and a picture.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def report(
         one without a usable face has a report in text
     result : the denoised mesh
     truth : the true mesh
-    done : what `denoise_file` returned for `result`
+    summary : what `denoise_file` returned for `result`
     self_intersections : whether to look for faces that cross each other, as in `inspect`
     force : replace an existing file
 
@@ -95,7 +95,7 @@ def report(
         (one, replace(inspect(one.file, self_intersections=self_intersections), source=one.name)) for one in judged
     ]
     measured = [] if truth is None else [(one, measure(one.mesh, shown[-1].mesh)) for one in judged]
-    write_atomically(output, [written(shown, inspected, measured, done).encode()], force=force)
+    write_atomically(output, [written(shown, inspected, measured, summary).encode()], force=force)
     return Contents({one.key: found for one, found in inspected}, {one.key: found for one, found in measured})
 
 
@@ -103,12 +103,12 @@ def report_denoised(
     output: str | PathLike[str], denoised: Denoised, *, truth: Any = None, force: bool = False
 ) -> Contents:
     """Write a report on what `denoised_file` did."""
-    done, before, after = denoised
-    shown = Given("before", done.source, before), Given("after", done.output, after)
-    return report(output, *shown, truth=truth, done=done, force=force)
+    summary, before, after = denoised
+    shown = Given("before", summary.source, before), Given("after", summary.output, after)
+    return report(output, *shown, truth=truth, summary=summary, force=force)
 
 
-def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, done: Report | None) -> str:
+def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> str:
     """Return the page of a report."""
     found = [place for one, inspection in inspected for place in places(one, inspection)]
     warnings = facts.warnings(done, inspected)
@@ -152,7 +152,7 @@ def _undrawn(alone: Given) -> str | None:
     return None
 
 
-def _summary(inspected: Inspected, measured: Measured, done: Report | None) -> list[str]:
+def _summary(inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> list[str]:
     """What matters most, in a sentence each."""
     said = []
     if done is not None:

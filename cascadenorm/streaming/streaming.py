@@ -18,7 +18,7 @@ from cascadenorm.api import denoise
 from cascadenorm.controls.apply import in_words
 from cascadenorm.controls.halo import check_local
 from cascadenorm.controls.settings import Controls, checked, takes_controls
-from cascadenorm.denoised_files import Report
+from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.errors import MeshError, OutputError, ParameterError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.files import beside
@@ -55,7 +55,7 @@ def denoise_large_file(
     force: bool = False,
     parameters: dict[str, Any] | None = None,
     **controls: "Unpack[Controls]",
-) -> Report:
+) -> DenoisingSummary:
     """Denoise a mesh file that is larger than memory, in patches, to the same bytes as `denoise_file` in memory.
 
     The patches lie in a folder beside the output while the work goes on, which takes some times the size of the file.
@@ -97,7 +97,7 @@ def denoise_large_file(
     count, mean, largest = _moves(store, moved)
     del moved
     shutil.rmtree(folder)
-    return Report(
+    return DenoisingSummary(
         source=str(source),
         output=str(target),
         method=method,

@@ -76,7 +76,7 @@ def save(
         opened, result.vertices, asked.method, asked.parameters, asked.controls, seconds=result.seconds, force=force
     )
     write_together([(path, [_npy(values)]) for path, values in painted.values()], force=force)
-    return {"file": str(target), "left_out": list(done.report.left_out), **recipe(bench, settings, target)}
+    return {"file": str(target), "left_out": list(done.summary.left_out), **recipe(bench, settings, target)}
 
 
 def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:

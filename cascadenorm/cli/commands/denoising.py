@@ -73,7 +73,7 @@ def denoise(
         )
     if report is not None:
         reports.report_denoised(report, denoised, truth=truth, force=force)
-    done = denoised.report
+    done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
     if as_json:
         json_output.print_json("denoise", json_output.denoised(done), file=out)
