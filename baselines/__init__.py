@@ -1,7 +1,7 @@
 """The classical denoising methods, one module a family; importing this package registers them."""
 
 from cascadenorm.baselines import (
-    anisotropic,
+    anisotropic_diffusion,
     bilateral_normal,
     bilateral_normal_global,
     bilateral_vertex,
@@ -12,7 +12,7 @@ from cascadenorm.baselines import (
     l0,
     mean_normal,
     median_normal,
-    prescribed,
+    prescribed_mean_curvature,
     rolling_guidance,
     spectral,
     taubin,
@@ -20,7 +20,7 @@ from cascadenorm.baselines import (
 )
 
 __all__ = [
-    "anisotropic",
+    "anisotropic_diffusion",
     "bilateral_normal",
     "bilateral_normal_global",
     "bilateral_vertex",
@@ -31,7 +31,7 @@ __all__ = [
     "l0",
     "mean_normal",
     "median_normal",
-    "prescribed",
+    "prescribed_mean_curvature",
     "rolling_guidance",
     "spectral",
     "taubin",

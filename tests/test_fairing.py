@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 from shapes import cube, grid, icosphere, noisy
-from test_prescribed import cylinder
+from test_prescribed_mean_curvature import cylinder
 
 from cascadenorm.baselines.fairing import fairing
 from cascadenorm.geometry.fairing import blend, grown

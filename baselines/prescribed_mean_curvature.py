@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.anisotropic import Presmoothing, anisotropic_laplacian, smoothed_normals
+from cascadenorm.baselines.anisotropic_diffusion import Presmoothing, anisotropic_laplacian, smoothed_normals
 from cascadenorm.baselines.diffusion import Moving, Step, diffuse
 from cascadenorm.geometry.laplacians import Region, cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy
 
-from cascadenorm.baselines.anisotropic import anisotropic_diffusion, anisotropic_laplacian, smoothed_normals
+from cascadenorm.baselines.anisotropic_diffusion import anisotropic_diffusion, anisotropic_laplacian, smoothed_normals
 from cascadenorm.baselines.curvature_flow import mean_curvature_flow
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, unit

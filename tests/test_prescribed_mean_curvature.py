@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy
-from test_anisotropic import distance_to_cube
+from test_anisotropic_diffusion import distance_to_cube
 
-from cascadenorm.baselines.anisotropic import smoothed_normals
+from cascadenorm.baselines.anisotropic_diffusion import smoothed_normals
 from cascadenorm.baselines.curvature_flow import mean_curvature_flow
-from cascadenorm.baselines.prescribed import area_gradient, crease_weights, prescribed_mean_curvature
+from cascadenorm.baselines.prescribed_mean_curvature import area_gradient, crease_weights, prescribed_mean_curvature
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, unit
 
