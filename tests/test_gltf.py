@@ -489,7 +489,7 @@ def test_what_whole_numbers_lose_is_said_and_elsewhere_the_scene_has_its_size(tm
     monkeypatch.chdir(tmp_path)
     (tmp_path / "ball.glb").write_bytes(quantized())
     assert run(["denoise", "ball.glb", *FAST]) == 0
-    assert "left out: what is finer than the whole numbers in which it holds positions" in capsys.readouterr().err
+    assert "left out: precision beyond that of the integers that store the positions" in capsys.readouterr().err
     assert run(["denoise", "ball.glb", *FAST, "-o", "ball.ply", "--strength", "0"]) == 0
     expected = 2.0 * cn.read("ball.glb").positions + np.array([1, 2, 3])
     np.testing.assert_allclose(cn.read("ball.ply").positions, expected)

@@ -352,7 +352,7 @@ def test_a_file_without_a_usable_face_has_a_report_in_text(place, capsys, faces,
     assert capsys.readouterr().out == plain
     text = text_of(place / "r.html")
     assert (
-        f"There is nothing to be seen: {said}" in text
+        f"There is nothing to show: {said}" in text
         and hashlib.sha256((place / "points.obj").read_bytes()).hexdigest() in text
     )
     assert 'id="viewer"' not in (place / "r.html").read_text()

@@ -65,7 +65,7 @@ class Records(NamedTuple):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise OutputError(f"{path.parent} cannot be made: {error.strerror or error}") from error
+            raise OutputError(f"{path.parent} cannot be created: {error.strerror or error}") from error
         record = path.with_suffix(".json")
         record.unlink(missing_ok=True)
         save_mesh(path, mesh, force=True)

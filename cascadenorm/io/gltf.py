@@ -97,7 +97,7 @@ class GltfContainer(MeshFile):
         if (places[order][1:] < np.concatenate([self._stored.ends, self._stored_normals.ends])[order][:-1]).any():
             raise ReadError("positions and normals of this glTF file overlap in their buffer: export it again")
         if (self._stored.kinds != 0).any():  # whole numbers
-            self.moving_loses = ("what is finer than the whole numbers in which it holds positions",)
+            self.moving_loses = ("precision beyond that of the integers that store the positions",)
         self.parts = np.zeros(len(self._stored.at), np.int64)
         triangles, normals = [np.zeros((0, 3), np.int64)], [np.zeros((0, 3), np.int64)]
         for primitive in reversed(self._primitives):  # positions that meshes share belong to the first

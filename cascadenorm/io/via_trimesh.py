@@ -31,7 +31,7 @@ OUTPUTS = ("3mf", "dae")  # beside the native ones; others that trimesh writes l
 class TrimeshFile(MeshFile):
     """A scene of one or more meshes as trimesh holds it; positions are float64, in the frame of each mesh."""
 
-    moving_loses = ("what trimesh does not hold of it (units, metadata, names)",)
+    moving_loses = ("what trimesh does not keep (units, metadata, names)",)
 
     def _parse(self) -> tuple[NDArray[np.float64], Polygons]:
         import trimesh

@@ -24,7 +24,7 @@ BESIDE = ("line", "vertex", "polyline", "poly_vertex")
 class MeshioFile(MeshFile):
     """A grid whose cells are polygons; positions are float32 or float64."""
 
-    moving_loses = ("what meshio does not hold of it (title, layout, types of data)",)
+    moving_loses = ("what meshio does not keep (title, layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         try:

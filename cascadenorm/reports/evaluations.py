@@ -77,7 +77,7 @@ def report_evaluation(
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder} cannot be made: {error.strerror or error}") from error
+        raise OutputError(f"{folder} cannot be created: {error.strerror or error}") from error
     sections = [("Failures", _failures(done.failures))] if done.failures else []
     sections += [(one.title, _table(one)) for one in tables.all_tables(done)]
     named = {pair.name: pair for pair in done.pairs}
@@ -89,13 +89,13 @@ def report_evaluation(
         title = f"{name} – evaluation"
         picture, content = _figure(shown), _pair_sections(shown)
         link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Turn the meshes of {escape(name)} around</a></p>'
-        caption = f"Above: the meshes. Below: angle of each face of {name} to the truth."
+        caption = f"Above: the meshes. Below: angle between the normals of {name} and the true ones, face by face."
         sections.append((name, image(picture, caption) + "".join(html for _, html in content) + link))
         whole = page(title, [], content, picture=picture, caption=caption, scene=_viewer(shown))
         write_atomically(folder / file, [whole.encode()], force=True)
     progress("writing", len(measured), len(measured))
     count = f"{len(measured)} pairs, {len(done.methods)} rows each."
-    about = [count, "The best of each row or column is in bold; – stands for what is not known."]
+    about = [count, "The best value of each row or column is in bold; – marks unknown values."]
     write_atomically(Path(output), [plain_page("Evaluation", about, sections).encode()], force=force)
 
 
@@ -112,7 +112,7 @@ def _pair_sections(shown: _Shown) -> list[tuple[str, str]]:
     measured = tables.by_method(shown.results, "Measures")
     return [
         ("Measures", _table(measured)),
-        ("Angles of the faces to the truth", box_plot(rows, unit="°")),
+        ("Angles between face normals and the true ones", box_plot(rows, unit="°")),
     ]
 
 
@@ -174,4 +174,4 @@ def _bold(rows: Iterable[Sequence[tables.Cell]]) -> set[tuple[int, int]]:
 
 def _failures(failures: Sequence[Failure]) -> str:
     lines = [(f.pair, f.method or "", str(f.error)) for f in failures]
-    return table([("pair", "method", "what went wrong"), *lines])
+    return table([("pair", "method", "error"), *lines])

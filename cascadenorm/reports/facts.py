@@ -51,7 +51,7 @@ def _shape(found: Inspection) -> dict[str, str]:
         "area": _number(found.area),
         "enclosed volume": _number(found.volume),
         "noise along the normal": "unknown" if found.noise is None else f"{found.noise:.2g} mean edge lengths",
-        "kind of error": "not told for so many faces" if found.error is None else str(found.error),
+        "kind of error": "not determined for so many faces" if found.error is None else str(found.error),
     }
 
 
@@ -135,10 +135,10 @@ def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Ins
     said = [] if done is None else [f"left out of the output: {loss}" for loss in done.left_out]
     if done is not None and (done.isolated_vertices or done.isolated_faces):
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
-        said.append(f"left as they are: {vertices}, {counted(done.isolated_faces, 'bad face')}")
+        said.append(f"left unchanged: {vertices}, {counted(done.isolated_faces, 'bad face')}")
     for given, found in inspected:
         if found.crossing_faces is None:
-            said.append(f"{given.label}: self-intersections were not looked for, the mesh being large")
+            said.append(f"{given.label}: self-intersections were not checked, because the mesh is large")
     return said
 
 

@@ -122,7 +122,7 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
         about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
         sections.append(("Method and settings", about + table(facts.setting_rows(done))))
         again = code(facts.command_line(done)) + code(facts.python_call(done))
-        sections.append(("Make it again", again))
+        sections.append(("Reproduce", again))
     sections.append(("Files", table(facts.file_rows(shown))))
     sections.append(("Versions", table(facts.version_rows(done), head=False)))
     names = ", ".join(f"{one.label.lower()}: {one.name}" for one in shown)
@@ -130,7 +130,7 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
     summary = _summary(inspected, measured, done)
     why = _undrawn(shown[0]) if len(shown) == 1 else None
     if why is not None:
-        return plain_page(title, [f"There is nothing to be seen: {why}.", *summary], sections)
+        return plain_page(title, [f"There is nothing to show: {why}.", *summary], sections)
     return page(
         title,
         summary,

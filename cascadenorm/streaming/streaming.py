@@ -206,7 +206,7 @@ def _folder(target: Path, key: str) -> Path:
             folder.mkdir()
             write_atomically(mark, [key.encode()])
     except OSError as error:
-        raise OutputError(f"{folder} cannot be made: {error.strerror or error}") from error
+        raise OutputError(f"{folder} cannot be created: {error.strerror or error}") from error
     return folder
 
 

@@ -64,13 +64,13 @@ class Guard:
         headers = Headers(scope=scope)
         host, origin = headers.get("host", ""), headers.get("origin")
         if host not in self._hosts:
-            return 403, "the studio is reached as 127.0.0.1 alone"
+            return 403, f"the host is {host!r}; the studio answers only at 127.0.0.1 and localhost"
         reads = scope["method"] in ("GET", "HEAD")
         if origin != f"http://{host}" and not (origin is None and reads):
-            return 403, "another page may not ask the studio"
+            return 403, f"the origin is {origin!r}; only the studio's own page may send requests"
         if scope["path"].startswith("/api/"):
             if headers.get("sec-fetch-site", "same-origin") != "same-origin":
-                return 403, "another page may not ask the studio"
+                return 403, "the request comes from another site; only the studio's own page may send requests"
             given = headers.get("authorization", "").removeprefix("Bearer ")
             if not secrets.compare_digest(given.encode(), self._token.encode()):
                 return 401, "the token is wrong: open the address that the studio printed"

@@ -174,7 +174,7 @@ class Inspect(Working):
         def work(listener: Listener) -> str:
             with report_to(listener):
                 found = inspect(surface.vertices, surface.faces)
-            kind = "Too large to tell the error" if found.error is None else str(found.error)
+            kind = "Too large to determine the error" if found.error is None else str(found.error)
             defects = [counted(value.count, *FINDINGS[name]) for name, value in found.findings.items()]
             return "\n".join([kind[:1].upper() + kind[1:], *defects])
 

@@ -14,10 +14,10 @@ from cascadenorm.frontends.properties import Property, properties, settings_of
 RESULTS = [
     ("MESH", "This mesh", "Move the vertices of the mesh, or of its active shape key"),
     ("SHAPE_KEY", "Shape key", 'Keep the mesh and write the shape key "Denoised"'),
-    ("COPY", "Copy", "Hide the object and denoise a copy, which is made again from it whenever it is denoised"),
+    ("COPY", "Copy", "Hide the object and denoise a copy of it; denoising the copy again starts from the original"),
 ]
 CREASES = [
-    ("NONE", "None", "Creases are told by the method alone"),
+    ("NONE", "None", "No creases are given; the method alone decides what is an edge"),
     ("SHARP", "Sharp edges", "Edges marked as sharp"),
     ("SEAM", "Seams", "Edges marked as seams"),
     ("SHARP_SEAM", "Sharp edges and seams", "Edges marked as sharp or as seams"),
