@@ -1,8 +1,12 @@
 """Files with pictures of several meshes."""
 
 import re
+import shutil
+import subprocess
+import sys
 import zlib
 from base64 import b64decode
+from dataclasses import replace
 
 import numpy as np
 import PIL.Image
@@ -118,6 +122,50 @@ def test_a_turntable_shows_every_side_once(tmp_path):
     assert widths[1] < 0.3 * widths[0]
 
 
+def video_of(path):
+    """The frames of a video, and the format of its pixels."""
+    read = ["ffmpeg", "-loglevel", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    probe = ["ffprobe", "-v", "error", "-count_frames", "-show_entries", "stream=width,height,pix_fmt,nb_read_frames"]
+    said = subprocess.run([*probe, "-of", "csv=p=0", str(path)], capture_output=True, check=True, text=True)
+    width, height, pixels, count = said.stdout.strip().split(",")
+    data = subprocess.run(read, capture_output=True, check=True).stdout
+    frames = np.frombuffer(data, np.uint8).reshape(int(count), int(height), int(width), 3)
+    return frames.astype(int), pixels
+
+
+@pytest.mark.skipif(not shutil.which("ffmpeg"), reason="needs the program ffmpeg")
+def test_a_turntable_as_mp4_has_the_pictures_of_the_one_as_webp(tmp_path):
+    """Sides are even, as H.264 wants them: 65 pixels become 66."""
+    settings = Style(size=65, transparent=True, wireframe=True)
+    for name in ("t.mp4", "again.mp4"):
+        draw([ROUGH], tmp_path / name, settings, names=[""], turntable=True)
+    draw([ROUGH], tmp_path / "t.webp", replace(settings, transparent=False), names=[""], turntable=True)
+    assert (tmp_path / "t.mp4").read_bytes() == (tmp_path / "again.mp4").read_bytes()
+    frames, pixels = video_of(tmp_path / "t.mp4")
+    assert pixels == "yuv420p" and frames.shape == (TURNS, 66, 66, 3)
+    with PIL.Image.open(tmp_path / "t.webp") as image:
+        for number in (0, 20, TURNS - 1):
+            image.seek(number)
+            still = np.asarray(image.convert("RGB")).astype(int)
+            assert (
+                np.abs(frames[number, :65, :65] - still).mean()
+                < 8
+                < np.abs(frames[number - 9, :65, :65] - still).mean()
+            )
+
+
+def test_an_mp4_file_needs_ffmpeg_and_says_what_that_says(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(OutputError, match=r"needs the program ffmpeg, .* or give a name that ends in \.webp"):
+        draw([BALL], tmp_path / "t.mp4", turntable=True)
+    if sys.platform != "win32":
+        (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho Unknown encoder >&2\nexit 8\n")
+        (tmp_path / "ffmpeg").chmod(0o755)
+        with pytest.raises(OutputError, match="ffmpeg ended with 8: Unknown encoder"):
+            draw([BALL], tmp_path / "t.mp4", Style(size=64), turntable=True)
+    assert not (tmp_path / "t.mp4").exists()
+
+
 def test_a_target_and_a_distance_are_in_the_unit_of_the_file(tmp_path):
     """What lies at the target is in the middle, however large and far the mesh."""
     far = BALL.moved(512 * BALL.vertices + np.array([4096.0, 0, 0]))
@@ -146,8 +194,8 @@ def test_senseless_styles_are_refused(style, message, tmp_path):
 def test_names_of_other_kinds_are_refused(tmp_path):
     with pytest.raises(OutputError, match=r"give a name that ends in \.png, \.webp, \.svg, \.pdf"):
         draw([BALL], tmp_path / "a.gif")
-    with pytest.raises(OutputError, match=r"ends in \.webp"):
-        draw([BALL], tmp_path / "a.mp4", turntable=True)
+    with pytest.raises(OutputError, match=r"ends in \.webp, \.mp4"):
+        draw([BALL], tmp_path / "a.gif", turntable=True)
 
 
 def test_a_picture_of_the_command_line_has_all_of_it(tmp_path, capsys):

@@ -1,6 +1,7 @@
 """Pictures of mesh files."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError
 from cascadenorm.render import Figure, png, rasterized, webp
 from cascadenorm.render.figure import DPI
+from cascadenorm.render.mp4 import mp4, require_ffmpeg
 from cascadenorm.render.pdf import pdf
 from cascadenorm.render.pillow import animated_webp, require_pillow
 from cascadenorm.render.scenes import Style, check_style, figure, one_view, scene, turntable_views
@@ -37,19 +39,22 @@ def draw(
     output : PNG, WebP, SVG or PDF file; in the last two text and frames are no pixels
     style : camera, colours, enlarged parts
     names : written below; None takes those of the files
-    turntable : write a WebP file in which the meshes turn about the upward axis
+    turntable : write a WebP or MP4 file in which the meshes turn about the upward axis; MP4 by the program ffmpeg
     force : replace an existing file
 
     Raises
     ------
     ReadError, MeshError : a mesh that cannot be read or drawn, or none
     ParameterError : values that do not exist or need another mesh, a part outside the picture
-    OutputError : the file exists and force is not given, or it cannot be written
+    OutputError : the file exists and force is not given, it cannot be written, or ffmpeg is missing for an MP4 file
     MissingDependencyError : Pillow is not installed
     """
     require_pillow()
     output, style = Path(output), style or Style()
     encode = _encoder(output, turntable=turntable)
+    if encode is mp4:
+        require_ffmpeg()
+        style = replace(style, transparent=False)  # the format has no transparency
     check_output(output, force=force)
     if not meshes:
         raise MeshError("there are no meshes to draw: give at least one")
@@ -58,7 +63,7 @@ def draw(
     shown = scene([as_mesh(mesh) for mesh in meshes], named, style)
     if turntable:
         images = (rasterized(figure(shown, views), transparent=style.transparent) for views in turntable_views(shown))
-        data = animated_webp(images, milliseconds=MILLISECONDS)
+        data = encode(images, milliseconds=MILLISECONDS)
     else:
         data = encode(figure(shown, one_view(shown)), transparent=style.transparent)
     write_atomically(output, [data], force=force)
@@ -78,15 +83,15 @@ def _pdf(figure: Figure, *, transparent: bool) -> bytes:
 
 ENCODERS: Mapping[str, Callable[..., bytes]] = {".png": _png, ".webp": _webp, ".svg": svg, ".pdf": _pdf, "": _png}
 """How a figure is written, by the extension of the file."""
+TURNTABLES: Mapping[str, Callable[..., bytes]] = {".webp": animated_webp, ".mp4": mp4}
+"""How a turntable is written."""
 
 
 def _encoder(output: Path, *, turntable: bool) -> Callable[..., bytes]:
     """Return the writer for a file name."""
+    known, content = (TURNTABLES, "a turntable") if turntable else (ENCODERS, "a picture")
     suffix = output.suffix.lower()
-    if turntable and suffix != ".webp":
-        raise OutputError(f"{output} cannot hold a turntable: give a name that ends in .webp")
-    if suffix not in ENCODERS:
-        raise OutputError(
-            f"{output} cannot hold a picture: give a name that ends in {', '.join(filter(None, ENCODERS))}"
-        )
-    return ENCODERS[suffix]
+    if suffix not in known:
+        names = ", ".join(filter(None, known))
+        raise OutputError(f"{output} cannot hold {content}: give a name that ends in {names}")
+    return known[suffix]

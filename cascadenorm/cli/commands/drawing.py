@@ -37,7 +37,8 @@ Meshes = Annotated[
 ]
 Output = Annotated[Path | None, typer.Option("-o", "--output", help="PNG, WebP, SVG or PDF file.", show_default=False)]
 Turntable = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Animated WebP file in which the meshes turn once around.")
+    Path | None,
+    typer.Option(metavar="FILE", help="Animated WebP file in which the meshes turn once around, or MP4, by ffmpeg."),
 ]
 Size = Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")]
 View = Annotated[
