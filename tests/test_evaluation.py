@@ -18,6 +18,7 @@ from shapes import cube, icosphere, noisy
 import cascadenorm as cn
 from cascadenorm import registry
 from cascadenorm.cli import run
+from cascadenorm.cli.tables import print_evaluation
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import public_sets, tables
 from cascadenorm.evaluation.harness import NOISY, Evaluation, evaluate
@@ -363,6 +364,23 @@ def test_the_best_of_each_pair_is_in_bold_and_never_the_input(measured):
     volume = next(number for number, title in enumerate(means.head) if "volume" in title)
     ratios = {one.method: abs(one.measures.volume_ratio - 1) for one in measured.means if one.method != NOISY}
     assert [row[0].text for row in means.rows if row[volume].best] == [min(ratios, key=ratios.get)]
+
+
+def test_means_over_fewer_pairs_are_marked_and_never_the_best(measured, capsys):
+    """A method that fails on the hard pair would else win."""
+    worse = max(SHAPES, key=lambda pair: next(r for r in measured.results if r.pair == pair).measures.normal_error_deg)
+    kept = [r for r in measured.results if (r.pair, r.method) != (worse, "taubin")]
+    part = measured._replace(results=kept)
+    assert part.partial == {"taubin"} and not measured.partial
+    of_pair, means = tables.all_tables(part)
+    column = 1 + part.methods.index("taubin")
+    assert of_pair.rows[-1][column].text.endswith(" *") and not of_pair.rows[-1][column].best
+    assert of_pair.rows[0][column].text[-1] != "*" and any(cell.best for cell in of_pair.rows[-1])
+    (row,) = (row for row in means.rows if row[0].text == "taubin *")
+    assert not any(cell.best for cell in row) and any(cell.best for row in means.rows for cell in row)
+    assert "not compared" in of_pair.title and "not compared" in means.title
+    print_evaluation(part)
+    assert "not compared" in " ".join(capsys.readouterr().out.split())
 
 
 def test_tables_are_written_for_pages_and_papers(measured):

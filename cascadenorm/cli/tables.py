@@ -159,13 +159,13 @@ def print_public_sets() -> None:
 
 def print_evaluation(done: "Evaluation") -> None:
     """Print a line for each pair and method, and the mean of each method."""
-    from cascadenorm.evaluation.tables import NARROW, by_method, spread
+    from cascadenorm.evaluation.tables import NARROW, PARTIAL, by_method, of_means, spread
 
     table = Table()
     table.add_column("pair")
     pairs = list(dict.fromkeys(result.pair for result in done.results))
     blocks = [by_method([one for one in done.results if one.pair == pair], pair, NARROW) for pair in pairs]
-    blocks.append(by_method(done.means, "mean", NARROW))
+    blocks.append(of_means(done, "mean", NARROW)._replace(title="mean"))
     for number, title in enumerate(blocks[0].head):
         table.add_column(title.replace(" (", "\n").rstrip(")"), justify="right" if number else "left")
     for block in blocks:
@@ -173,6 +173,7 @@ def print_evaluation(done: "Evaluation") -> None:
             cells = [Text(cell.text, style="bold" if cell.best else "") for cell in row]
             table.add_row("" if number else block.title, *cells)
         table.add_section()
+    table.caption = PARTIAL.strip(" ()") if done.partial else None
     print_table(table)
     if len(set(done.seeds.values())) > 1:
         over = spread(done)

@@ -1,6 +1,7 @@
 """Methods on pairs of a noisy and a clean mesh, measured."""
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
@@ -47,6 +48,12 @@ class Evaluation(NamedTuple):
     def seeds(self) -> dict[str, int]:
         """The seed of the noise of each pair that has one, by its name."""
         return {pair.name: pair.seed for pair in self.pairs if pair.seed is not None}
+
+    @property
+    def partial(self) -> set[str]:
+        """Names of the rows that lack a pair, so that their means are over fewer pairs than those of others."""
+        counts = Counter(result.method for result in self.results)
+        return {name for name in counts if counts[name] < max(counts.values())}
 
     @property
     def means(self) -> list[Result]:

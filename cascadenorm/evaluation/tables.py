@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from statistics import mean, stdev
 from typing import NamedTuple
 
@@ -51,6 +51,10 @@ SPREAD = ("E_a", "E_a by area", "E_v", "Hausdorff")
 """Titles of the columns whose spread over seeds is told."""
 
 
+PARTIAL = " (*: mean over the pairs that there is a result for, not compared)"
+"""What a title says where methods lack pairs."""
+
+
 class Cell(NamedTuple):
     """Text, and whether it is the best of its kind."""
 
@@ -67,29 +71,39 @@ class Table(NamedTuple):
 
 
 def by_pair(done: Evaluation, column: Column = COLUMNS_SHOWN[0]) -> Table:
-    """Return one figure, a row a pair and a column a method, and the means."""
+    """Return one figure, a row a pair and a column a method, and the means, as in `of_means`."""
     known = {(one.pair, one.method): one for one in [*done.results, *done.means]}
     names = [pair.name for pair in done.pairs] or list(dict.fromkeys(one.pair for one in done.results))
     rows = []
     for pair in (*names, "mean"):
         of_pair = [known.get((pair, method)) for method in done.methods]
-        rows.append((Cell(pair), *_cells(column, of_pair)))
+        apart = done.partial if pair == "mean" else set()
+        cells = zip(done.methods, _cells(column, of_pair, apart), strict=True)
+        rows.append((Cell(pair), *(_marked(cell, apart=method in apart) for method, cell in cells)))
     about = f"{column.title}, {column.unit}" if column.unit else column.title
-    return Table(about, ("pair", *done.methods), rows)
+    return Table(f"{about}{PARTIAL if done.partial else ''}", ("pair", *done.methods), rows)
 
 
-def by_method(results: Sequence[Result], title: str, columns: Sequence[Column] = COLUMNS_SHOWN) -> Table:
-    """Return figures, a row a method."""
+def by_method(
+    results: Sequence[Result], title: str, columns: Sequence[Column] = COLUMNS_SHOWN, *, apart: Set[str] = frozenset()
+) -> Table:
+    """Return figures, a row a method; those that stand apart are marked, and none of theirs is the best."""
     head = tuple(f"{column.title} ({column.unit})" if column.unit else column.title for column in columns)
-    cells = [_cells(column, results) for column in columns]
-    rows = [(Cell(one.method), *row) for one, *row in zip(results, *cells, strict=True)]
-    return Table(title, ("method", *head), rows)
+    cells = [_cells(column, results, apart) for column in columns]
+    names = (_marked(Cell(one.method), apart=one.method in apart) for one in results)
+    rows = [(name, *row) for name, *row in zip(names, *cells, strict=True)]
+    return Table(f"{title}{PARTIAL if apart else ''}", ("method", *head), rows)
+
+
+def of_means(done: Evaluation, title: str, columns: Sequence[Column] = COLUMNS_SHOWN) -> Table:
+    """Return the means over the pairs, a row a method; one that lacks a pair is not compared with the others."""
+    return by_method(done.means, title, columns, apart=done.partial)
 
 
 def all_tables(done: Evaluation) -> list[Table]:
     """Return the tables of an evaluation: normal errors pair by pair, means, and the spread over several seeds."""
     several = len(set(done.seeds.values())) > 1
-    return [by_pair(done), by_method(done.means, "Means over the pairs"), *([spread(done)] if several else [])]
+    return [by_pair(done), of_means(done, "Means over the pairs"), *([spread(done)] if several else [])]
 
 
 def spread(done: Evaluation) -> Table:
@@ -113,8 +127,9 @@ def spread(done: Evaluation) -> Table:
     return Table(f"Mean ± standard deviation over {len(set(done.seeds.values()))} seeds", ("method", *head), rows)
 
 
-def _cells(column: Column, results: Sequence[Result | None]) -> list[Cell]:
-    """Write the values; the best, as they are written, are marked where there are several methods."""
+def _cells(column: Column, results: Sequence[Result | None], apart: Set[str] = frozenset()) -> list[Cell]:
+    """Write the values; the best of those that do not stand apart, as they are written, are marked if there are two."""
+    apart = {NOISY, *apart}
     values = [None if one is None else column.value(one) for one in results]
     texts = [
         "–" if one is None else column.none if value is None else f"{value:.{column.digits}f}"
@@ -123,13 +138,17 @@ def _cells(column: Column, results: Sequence[Result | None]) -> list[Cell]:
     judged = [
         round(column.off(value), column.digits)
         for one, value in zip(results, values, strict=True)
-        if one is not None and one.method != NOISY and value is not None
+        if one is not None and one.method not in apart and value is not None
     ]
     least = min(judged) if len(judged) > 1 else None
     return [
-        Cell(text, value is not None and one is not None and one.method != NOISY and _is(column, value, least))
+        Cell(text, value is not None and one is not None and one.method not in apart and _is(column, value, least))
         for text, value, one in zip(texts, values, results, strict=True)
     ]
+
+
+def _marked(cell: Cell, *, apart: bool) -> Cell:
+    return cell._replace(text=f"{cell.text} *") if apart else cell
 
 
 def _is(column: Column, value: float, least: float | None) -> bool:
