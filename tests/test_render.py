@@ -17,7 +17,7 @@ from cascadenorm.render import Camera, HeatMap, color_bar, color_map, png, raste
 from cascadenorm.render.color import UNKNOWN, linear
 from cascadenorm.render.figure import Figure, Frame, Text
 from cascadenorm.render.files import draw
-from cascadenorm.render.panels import ticks
+from cascadenorm.render.panels import tick_texts, ticks
 from cascadenorm.render.scenes import Style
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
@@ -325,6 +325,19 @@ def test_marks_are_round_and_within(low, high):
     steps = np.diff(found)
     assert 4 <= len(found) <= 11 and low - 1e-9 * high <= found[0] and found[-1] <= high * (1 + 1e-9)
     assert np.allclose(steps, steps[0]) and f"{steps[0]:.0e}"[0] in "125"
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([0, 0.05, 0.1], ["0.00", "0.05", "0.10"]),
+        ([-10, 0, 10], ["-10", "0", "10"]),
+        ([0, 0.1 + 0.2], ["0.0", "0.3"]),
+        ([0, 2e-7], ["0", "2e-07"]),
+    ],
+)
+def test_the_numbers_of_a_bar_have_decimals_alike(values, texts):
+    assert tick_texts(values) == texts
 
 
 def test_the_bar_has_the_color_of_each_mark_beside_it():

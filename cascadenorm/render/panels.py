@@ -98,14 +98,14 @@ def color_bar(
     ]
     longest, degrees = 0.0, "°" if unit == "°" else ""
     low, high = limits
-    for value in ticks(low, high):
+    values = ticks(low, high)
+    for value, number in zip(values, tick_texts(values), strict=True):
         y = bottom - (value - low) / (high - low) * (bottom - top)
-        written = f"{value:.6g}{degrees}"
         items += [
             Frame(wide, y, size / 3, 0.0),
-            Text(written, wide + size / 2, y, size, height, begins=True),
+            Text(f"{number}{degrees}", wide + size / 2, y, size, height, begins=True),
         ]
-        longest = max(longest, text_length(written, size=size))
+        longest = max(longest, text_length(f"{number}{degrees}", size=size))
     middle = wide + size + longest + size
     about = label if unit in ("", "°") else f"{label} ({unit})"
     items.append(Text(about, middle, height / 2, size, height, upward=True))
@@ -119,3 +119,12 @@ def ticks(low: float, high: float) -> list[float]:
     step = max(factor * power for factor in (1, 2, 5) if factor * power <= coarse)
     first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
     return [number * step for number in range(first, last + 1)]
+
+
+def tick_texts(values: Sequence[float]) -> list[str]:
+    """Return numbers as text, all with as many decimals as the one that needs most."""
+    found = [f"{value:.6g}" for value in values]
+    if any("e" in number for number in found):
+        return found
+    decimals = max((len(number.partition(".")[2]) for number in found), default=0)
+    return [f"{value:.{decimals}f}" for value in values]
