@@ -1,5 +1,6 @@
 """What the documentation site is made of: pages from the registry, the command line and the weights; tasks that run."""
 
+import importlib
 import re
 import shlex
 import sys
@@ -130,6 +131,17 @@ def test_stars_and_underscores_of_docstrings_stand_for_themselves():
     assert (
         docstrings.plain("all of **/*.ply in `a_*`, |x_i|, model_") == r"all of \*\*/\*.ply in `a_*`, \|x_i\|, model\_"
     )
+
+
+def test_types_of_arrays_are_links_to_what_numpy_and_others_have():
+    """The build finds a name in the inventories, and the inventories have no name that does not exist."""
+    assert docstrings.plain("(n, 3) float64, `float64`") == "(n, 3) :class:`float64 <numpy.float64>`, `float64`"
+    listed = [path.read_text(encoding="utf-8").splitlines() for path in (DOCS / "inventories").glob("*.inv")]
+    names = [line.split()[0] for lines in listed for line in lines if not line.startswith("#")]
+    assert {"numpy.ndarray", "numpy.float64", "scipy.sparse.linalg.eigsh", "torch.device"} <= set(names)
+    for name in names:
+        module, _, last = name.rpartition(".")
+        assert hasattr(importlib.import_module(module), last), name
 
 
 def test_entries_of_docstrings_become_definitions():

@@ -31,7 +31,14 @@ def with_definitions(lines: list[str]) -> list[str]:
 def plain(line: str) -> str:
     """Return a line in which stars, bars and underscores stand for themselves; code in backticks stays as it is."""
     parts = re.split(r"(`+[^`]+`+)", line)
-    return "".join(re.sub(r"([*|]|_\b)", r"\\\1", part) if i % 2 == 0 else part for i, part in enumerate(parts))
+    return "".join(
+        _linked(re.sub(r"([*|]|_\b)", r"\\\1", part)) if i % 2 == 0 else part for i, part in enumerate(parts)
+    )
+
+
+def _linked(text: str) -> str:
+    """Let the types of arrays link to numpy."""
+    return re.sub(r"\b((?:float|u?int)(?:8|32|64))\b", r":class:`\1 <numpy.\1>`", text)
 
 
 def setup(app: Any) -> dict[str, bool]:
