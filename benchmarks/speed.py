@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     machine = f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
     where = "" if chosen.device == "cpu" else f", {chosen.device}"
     lines = [
-        "# Time and memory of whole commands",
+        f"# Time and memory of whole commands{'' if chosen.device == 'cpu' else ' on a GPU'}",
         "",
         f"Reading and writing included, kernels compiled before; {machine}{where}. "
         "`python benchmarks/speed.py` writes this page.",

@@ -57,12 +57,14 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "write_computation_times": False,
     "show_signature": False,
+    "capture_repr": (),  # what is printed is shown, not what a last line returns
     "download_all_examples": False,
     "min_reported_time": 10,
     "abort_on_example_error": True,
 }
 
 html_theme = "pydata_sphinx_theme"
+html_context = {"default_mode": "auto"}
 html_title = "cascadenorm"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
