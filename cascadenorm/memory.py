@@ -36,16 +36,24 @@ def peak_memory() -> Iterator[Peak]:
     peak.megabytes = max(0, _kilobytes(_STATUS, "VmHWM") - before) * 1024 / 1e6
 
 
-def available_memory() -> int:
+def free_memory() -> int | None:
     """Bytes that new work can take: what the system has free, within the limits of the control groups (Linux).
 
-    Where the system does not tell, half of the memory of the machine.
+    None where the system does not tell.
     """
     try:
         free = 1024 * _kilobytes(_MEMINFO, "MemAvailable")
     except (OSError, StopIteration):
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 2**32
+        return None
     return min(free, *_group_limits(), free)
+
+
+def available_memory() -> int:
+    """Bytes that new work can take; where the system does not tell, half of the memory of the machine."""
+    free = free_memory()
+    if free is None:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 2**32
+    return free
 
 
 def _group_limits() -> Iterator[int]:

@@ -312,7 +312,7 @@ def test_files_that_do_not_fit_are_denoised_in_patches(place, capsys, monkeypatc
     words = ["denoise", "scan.ply", "--method", "bilateral-normal", "--set", "iterations=2", "--set", "sweeps=1"]
     assert run([*words, "-o", "whole.ply"]) == 0
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr(fitting, "available_memory", lambda: 1_000_000)
+    monkeypatch.setattr(fitting, "free_memory", lambda: 1_000_000)
     assert run([*words, "-o", "parts.ply"]) == 0
     said = capsys.readouterr().err
     assert "needs about 3 MB for 5,120 faces, and 1 MB are free: it is denoised in patches" in said
@@ -326,7 +326,10 @@ def test_files_that_do_not_fit_are_denoised_in_patches(place, capsys, monkeypatc
     assert run([*words, "-o", "whole.ply"]) == 5  # is there already
     assert "whole.ply exists already" in capsys.readouterr().err
     save_mesh(place / "scan.off", BALL)
-    assert fitting.memory_for_patches("scan.off", None, method="auto", force=False, parameters={}, controls={}) is None
+    settings = {"method": "auto", "force": False, "parameters": {}, "controls": {}}
+    assert fitting.memory_for_patches("scan.off", None, **settings) is None
+    monkeypatch.setattr(fitting, "free_memory", lambda: None)  # not Linux
+    assert fitting.memory_for_patches("scan.ply", None, **settings) is None
 
 
 LIMITED = """

@@ -8,7 +8,7 @@ from cascadenorm.controls.settings import checked
 from cascadenorm.errors import CascadenormError, ParameterError, ReadError
 from cascadenorm.io.atomic import check_output
 from cascadenorm.io.files import beside
-from cascadenorm.memory import amount, available_memory
+from cascadenorm.memory import amount, free_memory
 from cascadenorm.registry import find, registered
 from cascadenorm.streaming.ply_rows import ply_tables
 from cascadenorm.streaming.stl_records import triangle_count
@@ -35,7 +35,8 @@ def memory_for_patches(
 
     Returns
     -------
-    None where it fits, or is no binary PLY or STL file, of which nothing is known before it is read
+    None where it fits; where the system does not tell; and for files other than binary PLY and STL, whose faces are not
+    known before they are read
 
     Raises
     ------
@@ -46,8 +47,8 @@ def memory_for_patches(
         faces = triangle_count(Path(source)) if Path(source).suffix.lower() == ".stl" else _ply_faces(Path(source))
     except ReadError:
         return None
-    need, free = faces * FACE.get(method, OTHERS), available_memory()
-    if need <= free:
+    need, free = faces * FACE.get(method, OTHERS), free_memory()
+    if free is None or need <= free:
         return None
     chosen, every = find(method), checked(controls)
     chosen.checked(parameters)
