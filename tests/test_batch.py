@@ -17,7 +17,7 @@ import cascadenorm as cn
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.batch.inputs import Job, find_jobs
 from cascadenorm.batch.manifest import Manifest
-from cascadenorm.batch.scheduling import PROCESS, Schedule, needed
+from cascadenorm.batch.scheduling import PROCESS, Place, Schedule, needed
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import Settled
 from cascadenorm.batch.work import Task, work
@@ -162,6 +162,18 @@ def test_a_file_whose_process_is_killed_is_tried_again(place):
     assert len(done) == 60 and {line["attempts"] for line in done} <= {1, 2}
 
 
+def test_a_process_that_works_too_long_is_stopped_and_its_file_is_denoised_later(place, capsys):
+    scans(place / "scans", 2)
+    words = ["batch", "scans", "-o", "out", *FAST, "--workers", "1"]
+    assert run([*words, "--timeout", "0.001"]) == 6  # less than a process takes to start
+    said = capsys.readouterr().err
+    assert said.count(": it took longer than 0.001 seconds, and was stopped\n") == 2
+    assert {line["attempts"] for line in lines(place / "out", "failed")} == {2}
+    assert not results(place / "out")
+    assert run(words) == 0
+    assert len(results(place / "out")) == 2
+
+
 @LINUX
 def test_ctrl_c_leaves_no_process_and_no_half_file(place):
     scans(place / "scans", 60)
@@ -248,6 +260,8 @@ def test_the_largest_file_comes_first_and_results_are_no_input(place):
         ),
         (["scans", "--format", "docx"], 5, "'docx' cannot be written as a mesh format"),
         (["scans", "--memory", "much"], 2, "memory is 'much'; it must be an amount of memory"),
+        (["scans", "--timeout", "0"], 2, "timeout is 0.0; it must be above 0"),
+        (["scans", "--scheduler", "127.0.0.1:9", "--memory", "1GB"], 2, "memory is for this machine: workers of"),
         (["scans", "--set", "glow=3"], 2, "laplacian has no parameter 'glow'"),
         (["scans", "-o", "scans/a/0.ply"], 5, "scans/a/0.ply/manifest.jsonl cannot be written"),
     ],
@@ -273,27 +287,47 @@ def job(size: int, name: str = "scan.ply") -> Job:
 
 def test_files_run_side_by_side_as_far_as_memory_goes():
     small, middle, large = job(10**4, "s.ply"), job(10**6, "m.ply"), job(10**7, "l.ply")
-    schedule = Schedule(4, needed(large) + needed(small))
+    place = Place(4, needed(large) + needed(small), processes=4)
+    schedule = Schedule()
     schedule.add([small, middle, large])
-    assert schedule.next() == (large, 3)  # most of the memory, so most of the cores
-    assert schedule.next() == (small, 1)  # the one in the middle does not fit beside it
-    assert schedule.next() is None and schedule.left == 3
+    assert schedule.next([place]) == (place, large, 3)  # most of the memory, so most of the cores
+    assert schedule.next([place]) == (place, small, 1)  # the one in the middle does not fit beside it
+    assert schedule.next([place]) is None and schedule.left == 3
     schedule.end(large)
     schedule.again(large)
-    assert schedule.next() == (middle, 1)
+    assert schedule.next([place]) == (place, middle, 1)
     schedule.end(small)
-    assert schedule.next() is None
+    assert schedule.next([place]) is None
     schedule.end(middle)
-    assert schedule.next() == (large, 4)  # again, alone, and with every core
+    assert schedule.next([place]) == (place, large, 4)  # again, alone, and with every core
     schedule.end(large)
     assert schedule.left == 0
 
 
 def test_a_file_larger_than_memory_runs_alone():
-    schedule = Schedule(2, PROCESS)
+    place = Place(2, PROCESS, processes=2)
+    schedule = Schedule()
     schedule.add([job(10**9, "a.ply"), job(10**9, "b.ply")])
-    assert schedule.next() == (job(10**9, "a.ply"), 2)
-    assert schedule.next() is None
+    assert schedule.next([place]) == (place, job(10**9, "a.ply"), 2)
+    assert schedule.next([place]) is None
+
+
+def test_a_file_goes_where_it_fits_and_to_the_largest_place_when_tried_again():
+    large, huge, small = job(10**7, "l.ply"), job(10**9, "h.ply"), job(10, "s.ply")
+    narrow, wide = Place(8, needed(small), processes=1), Place(2, needed(large), processes=1)
+    schedule = Schedule()
+    schedule.add([small, large, huge])
+    assert schedule.next([narrow, wide]) == (wide, huge, 2)  # it fits nowhere
+    assert schedule.next([narrow, wide]) == (narrow, small, 8)
+    assert schedule.next([narrow, wide]) is None and schedule.next([]) is None
+    schedule.end(small)
+    schedule.again(small)
+    assert schedule.next([narrow, wide]) is None
+    schedule.end(huge)
+    assert schedule.next([narrow, wide]) == (wide, large, 2)
+    assert schedule.next([narrow, wide]) is None  # not where memory may have been short
+    schedule.end(large)
+    assert schedule.next([narrow, wide]) == (wide, small, 2)
 
 
 def test_a_file_settles_when_it_has_stopped_changing():

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import os
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from contextlib import closing
+from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from functools import partial
 from os import PathLike
@@ -12,19 +15,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cascadenorm.api import DEFAULT_METHOD
-from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs
+from cascadenorm.batch.inputs import Job, Sources, all_absolute, check_sources, find_jobs, listed
 from cascadenorm.batch.manifest import Line, Manifest
-from cascadenorm.batch.scheduling import Schedule
+from cascadenorm.batch.processes import LocalProcesses, Processes
+from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import Settled
-from cascadenorm.batch.work import Outcome, Settings, Task, work
+from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.controls.settings import Controls, takes_controls
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.io.atomic import remove_unfinished
 from cascadenorm.memory import available_memory, memory_size
 from cascadenorm.mesh import thread_count
 from cascadenorm.progress import Listener
-from cascadenorm.worker_processes import Worker, first_ready
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -76,7 +79,9 @@ def denoise_files(
     workers: int | None = None,
     memory: str | int | None = None,
     retries: int = 1,
+    timeout: float | None = None,
     watch: float | None = None,
+    scheduler: str | None = None,
     on_failure: Callable[[Failure], object] | None = None,
     **controls: Unpack[Controls],
 ) -> Batch:
@@ -94,10 +99,14 @@ def denoise_files(
     workers : processes at most; None is one for each thread
     memory : of all processes together, as bytes or as text like "4GB"; None is most of what is free. Files are
         denoised side by side as far as their estimated needs fit
-    retries : further attempts, alone, for a file whose process ended early, for which memory did not suffice, or that
-        changed while it was read
+    retries : further attempts, alone, for a file whose process ended early or was stopped, for which memory did not
+        suffice, or that changed while it was read
+    timeout : seconds after which the process that works on a file is stopped; None is no limit
     watch : go on and look for further files until interrupted; a file is taken once it has not changed for so many
         seconds
+    scheduler : address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster
+        on this machine; None starts processes. Workers of a cluster have limits of their own: `memory` and `threads`
+        are for this machine
     on_failure : called with each failure as it happens
 
     `threads` counts those of all processes.
@@ -112,25 +121,53 @@ def denoise_files(
     ParameterError : an unknown method, parameter or control, a value out of range
     OutputError : the folder cannot be written, the disk is full, another batch is writing there, or two files have the
         same output path
+    WorkerError : the scheduler or the workers of a cluster are gone, or cannot do the work
     """
     for name, value, least in (("retries", retries, 0), ("workers", workers, 1), ("watch", watch, 0)):
         if value is not None and not value >= least:
             raise ParameterError(f"is {value}; it must be at least {least}", parameter=name)
+    if timeout is not None and not timeout > 0:
+        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
     settings, threads, listener = settings_of(method, parameters or {}, controls, format, force=force)
-    cores = threads or thread_count()
-    budget = int(FREE * available_memory()) if memory is None else memory_size("memory", memory)
+    here = _this_machine(workers, threads, memory, scheduler)
     folder = Path(output)
     find = partial(find_jobs, sources, folder, format)
     jobs = find()
     if watch is None:
         check_sources(sources, folder, jobs)
-    manifest = Manifest(folder)
-    try:
-        run = _Run(settings, folder, manifest, Schedule(cores, budget), workers or cores, retries, listener, on_failure)
+    if scheduler is None:
+        started: Processes = LocalProcesses(partial(work, settings), here)
+    else:
+        from cascadenorm.batch.cluster_processes import ClusterProcesses  # needs distributed
+
+        fixed = all_absolute([*listed(sources), output], [*settings.parameters.values(), *settings.controls.values()])
+        place = None if fixed else os.getcwd()
+        started = ClusterProcesses(partial(work, settings), scheduler, here, count=workers, folder=place)
+    with closing(started) as processes, closing(Manifest(folder)) as manifest:
+        run = _Run(settings.key, folder, manifest, processes, retries, timeout, listener, on_failure)
         run.all(jobs if watch is None else [], find, None if watch is None else Settled(watch))
-    finally:
-        manifest.close()
     return run.done
+
+
+def _this_machine(workers: int | None, threads: int | None, memory: str | int | None, scheduler: str | None) -> Place:
+    """Return what processes of this machine share."""
+    given = {"threads": threads, "memory": memory}
+    for name in given if scheduler not in (None, "local") else ():
+        if given[name] is not None:
+            raise ParameterError("is for this machine: workers of a cluster have limits of their own", parameter=name)
+    cores = threads or thread_count()
+    budget = int(FREE * available_memory()) if memory is None else memory_size("memory", memory)
+    return Place(cores, budget, workers or cores)
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """What is being done with a file, where, on how many threads, and until when it may take."""
+
+    task: Task
+    place: Place
+    threads: int
+    end: float
 
 
 class _Run:
@@ -138,47 +175,42 @@ class _Run:
 
     def __init__(
         self,
-        settings: Settings,
+        key: str,
         folder: Path,
         manifest: Manifest,
-        schedule: Schedule,
-        workers: int,
+        processes: Processes,
         retries: int,
+        timeout: float | None,
         listener: Listener | None,
         on_failure: Callable[[Failure], object] | None,
     ) -> None:
-        self._work = partial(work, settings)
-        self._key = settings.key
-        self._folder, self._manifest, self._schedule = folder, manifest, schedule
-        self._count, self._retries, self._listener, self._on_failure = workers, retries, listener, on_failure
-        self._idle: list[Worker[Task, Outcome]] = []
-        self._busy: dict[Worker[Task, Outcome], tuple[Task, int]] = {}
+        self._key, self._folder, self._manifest, self._processes = key, folder, manifest, processes
+        self._retries, self._timeout, self._listener, self._on_failure = retries, timeout, listener, on_failure
+        self._schedule = Schedule()
+        self._busy: dict[Job, _Begun] = {}
         self._attempts: dict[Job, int] = {}
         self._found = self._ended = 0
         self.done = Batch([], [], [])
 
     def all(self, jobs: list[Job], find: Callable[[], list[Job]], settled: Settled | None) -> None:
         """Denoise the files, and those that settle later; no process or partial file is left, even after an error."""
-        remove_unfinished([Path(job.output) for job in jobs])
-        self._add(jobs)
         scan = 0.0  # when to look for further files
         try:
+            remove_unfinished([Path(job.output) for job in jobs])
+            self._add(jobs)
             while self._schedule.left or settled is not None:
                 self._begin_all()
-                if self._busy:
-                    for worker in first_ready(list(self._busy), None if settled is None else SCAN):
-                        self._end(worker)
-                elif settled is not None:
-                    time.sleep(SCAN)
+                for job, outcome in self._processes.ended(self._patience(None if settled is None else SCAN)):
+                    self._end(job, outcome)
+                self._stop_late()
                 if settled is not None and (begin := time.monotonic()) >= scan:
                     busy = {job.source for job in self._attempts}
                     self._add(settled.take([job for job in find() if job.source not in busy]))
                     end = time.monotonic()
                     scan = end + max(SCAN, SCANNING * (end - begin))
         finally:
-            unfinished = [Path(task.job.output) for task, _ in self._busy.values()]
-            Worker.stop([*self._idle, *self._busy])
-            remove_unfinished(unfinished)
+            self._processes.close()
+            remove_unfinished([Path(job.output) for job in self._busy])
 
     def _add(self, jobs: list[Job]) -> None:
         self._schedule.add(jobs)
@@ -187,36 +219,45 @@ class _Run:
 
     def _begin_all(self) -> None:
         """Begin as many files as processes, cores and memory allow."""
-        while len(self._busy) < self._count and (following := self._schedule.next()) is not None:
-            job, threads = following
+        while (following := self._schedule.next(self._processes.places)) is not None:
+            place, job, threads = following
             self._attempts[job] += 1
-            worker = self._idle.pop() if self._idle else Worker(self._work)
-            self._begin(worker, Task(job, self._manifest.last.get(self._name(job))), threads)
+            self._begin(place, Task(job, self._manifest.last.get(self._name(job))), threads)
 
-    def _begin(self, worker: Worker[Task, Outcome], task: Task, threads: int) -> None:
-        self._busy[worker] = task, threads
-        worker.begin(task, threads)
+    def _begin(self, place: Place, task: Task, threads: int) -> None:
+        end = math.inf if self._timeout is None else time.monotonic() + self._timeout
+        self._busy[task.job] = _Begun(task, place, threads, end)
+        self._processes.begin(place, task, threads)
 
-    def _end(self, worker: Worker[Task, Outcome]) -> None:
-        """Handle the outcome of a process; a checked file goes on to be denoised by the same process."""
-        task, threads = self._busy[worker]
-        try:
-            outcome = worker.result()
-            del self._busy[worker]
-            self._idle.append(worker)
-        except WorkerError as error:
-            del self._busy[worker]
-            remove_unfinished([Path(task.job.output)])
-            outcome = Outcome(status="failed", input_digest=task.digest, error=error, then="again")
+    def _patience(self, seconds: float | None) -> float | None:
+        """How long to wait for outcomes: for so many seconds, or until the first file takes too long."""
+        if self._timeout is None or not self._busy:
+            return seconds
+        left = max(0.0, min(begun.end for begun in self._busy.values()) - time.monotonic())
+        return left if seconds is None else min(seconds, left)
+
+    def _stop_late(self) -> None:
+        """Stop the processes that have taken too long."""
+        now = time.monotonic()
+        for job in [job for job, begun in self._busy.items() if begun.end <= now]:
+            self._processes.stop(job)
+            self._end(job, WorkerError(f"it took longer than {self._timeout:g} seconds, and was stopped"))
+
+    def _end(self, job: Job, outcome: Outcome | WorkerError) -> None:
+        """Handle the outcome of a process; a checked file goes on to be denoised in the same place."""
+        begun = self._busy.pop(job)
+        task = begun.task
+        if isinstance(outcome, WorkerError):
+            remove_unfinished([Path(job.output)])
+            outcome = Outcome(status="failed", input_digest=task.digest, error=outcome, then="again")
         if outcome.status == "new":
-            self._idle.remove(worker)
             task = task._replace(digest=outcome.input_digest)
             self._manifest.add(self._line("started", task, outcome))
-            self._begin(worker, task, threads)
+            self._begin(begun.place, task, begun.threads)
             return
-        self._schedule.end(task.job)
-        if outcome.then == "again" and self._attempts[task.job] <= self._retries:
-            self._schedule.again(task.job)
+        self._schedule.end(job)
+        if outcome.then == "again" and self._attempts[job] <= self._retries:
+            self._schedule.again(job)
             return
         self._record(task, outcome)
 

@@ -46,7 +46,7 @@ def find_jobs(sources: Sources, folder: Path, format: str | None = None) -> list
     ------
     OutputError : two files have the same output path
     """
-    places = [str(sources)] if isinstance(sources, str | PathLike) else [str(source) for source in sources]
+    places = listed(sources)
     base = _common([_fixed_part(place) for place in places])
     results = folder.resolve()
     jobs: dict[Path, Job] = {}
@@ -72,11 +72,22 @@ def find_jobs(sources: Sources, folder: Path, format: str | None = None) -> list
 def check_sources(sources: Sources, folder: Path, jobs: Sequence[Job]) -> None:
     """Raise ReadError where there is no file."""
     if not jobs:
-        named = str(sources) if isinstance(sources, str | PathLike) else ", ".join(map(str, sources))
+        named = ", ".join(listed(sources))
         raise ReadError(
             f"{named}: no mesh files were found (those in the output folder {folder} are not read)",
             hint='check the names, and quote patterns, such as "scans/**/*.ply"',
         )
+
+
+def listed(sources: Sources) -> list[str]:
+    """Return the names of one or several sources."""
+    return [str(sources)] if isinstance(sources, str | PathLike) else [str(source) for source in sources]
+
+
+def all_absolute(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> bool:
+    """Test whether names of files mean the same in any working folder: places, and values that are files."""
+    files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
+    return all(map(os.path.isabs, [*places, *files]))
 
 
 def _state(path: Path) -> tuple[int, int]:

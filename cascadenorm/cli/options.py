@@ -21,6 +21,10 @@ ReportFile = Annotated[
     Path | None,
     typer.Option("--report", metavar="FILE", help="Also write a report, an HTML file."),
 ]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the work; 'local' starts a cluster here."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; docs/json.md documents it.")]
 
 OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}

@@ -8,7 +8,17 @@ import typer
 
 from cascadenorm.cli.app import app
 from cascadenorm.cli.errors import PARTLY, complain, located
-from cascadenorm.cli.options import Force, Json, Method, Model, ReportFile, Set, parameter_values, takes_controls
+from cascadenorm.cli.options import (
+    Force,
+    Json,
+    Method,
+    Model,
+    ReportFile,
+    Scheduler,
+    Set,
+    parameter_values,
+    takes_controls,
+)
 from cascadenorm.messages import counted
 
 
@@ -154,13 +164,20 @@ def batch(
         str | None,
         typer.Option(metavar="SIZE", help="Memory for all processes, such as 4GB; by default most of the free memory."),
     ] = None,
-    retries: Annotated[int, typer.Option(min=0, help="Further attempts for files that ran out of memory.")] = 1,
+    retries: Annotated[
+        int, typer.Option(min=0, help="Further attempts for files that ran out of memory, or whose process was lost.")
+    ] = 1,
+    timeout: Annotated[
+        float | None,
+        typer.Option(min=0, metavar="SECONDS", help="Stop a process that works on a file for longer than this."),
+    ] = None,
     watch: Annotated[
         float | None,
         typer.Option(
             min=0, metavar="SECONDS", help="Keep watching for new files; each is denoised once unchanged for this long."
         ),
     ] = None,
+    scheduler: Scheduler = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
@@ -180,7 +197,9 @@ def batch(
             workers=workers,
             memory=memory,
             retries=retries,
+            timeout=timeout,
             watch=watch,
+            scheduler=scheduler,
             on_failure=lambda failure: complain(located(failure.source, failure.error)),
             progress=progress,
             **controls,

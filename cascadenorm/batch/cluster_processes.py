@@ -1,0 +1,242 @@
+"""Worker processes of a Dask cluster, which do the work on files as processes of this machine do.
+
+Each worker works on one file at a time, with all its threads. Dask only carries the work there: which file is next,
+and what is tried again, the batch decides. So a file is never begun again behind its back, as Dask does with the tasks
+of a worker that is lost.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from threadpoolctl import threadpool_limits
+
+import cascadenorm
+from cascadenorm.batch.inputs import Job
+from cascadenorm.batch.processes import Work
+from cascadenorm.batch.scheduling import Place
+from cascadenorm.batch.work import Outcome, Task
+from cascadenorm.cluster import connected
+from cascadenorm.errors import WorkerError
+from cascadenorm.memory import available_memory
+from cascadenorm.mesh import limit_threads
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+POLL = 1.0
+"""Seconds between two looks at which workers are there."""
+
+PATIENCE = 300.0
+"""Seconds that a batch waits while its cluster has no worker that it can use."""
+
+ANSWER = 30.0
+"""Seconds that the outcome of finished work may take to arrive, and a worker to be restarted."""
+
+MEMORY = 0.8
+"""Fraction of a worker's memory that files may need: above it Dask pauses the worker, and at 95 % ends it."""
+
+PROCESS = secrets.token_hex(8)
+"""What tells this process from one that was started later at the same address."""
+
+
+class About(NamedTuple):
+    """What a worker says of itself."""
+
+    process: str
+    version: str
+    folder: str
+    threads: int
+    memory: int
+
+
+@dataclass(eq=False)
+class Member(Place):
+    """A worker of the cluster as a place with one process."""
+
+    address: str = ""
+    process: str = ""
+
+
+def about() -> About:
+    """Describe the worker that calls this."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    limit = worker.memory_manager.memory_limit or available_memory()
+    return About(PROCESS, cascadenorm.__version__, os.getcwd(), worker.state.nthreads, int(MEMORY * limit))
+
+
+def do(process: str, work: Work, task: Task, threads: int) -> Outcome:
+    """Do the work, in the process that it was meant for alone."""
+    if process != PROCESS:
+        raise WorkerError("the worker was restarted before it had done the work")
+    with limit_threads(threads), threadpool_limits(threads):
+        return work(task)
+
+
+class ClusterProcesses:
+    """The workers of a cluster, for as long as they are there; further ones may come.
+
+    Parameters
+    ----------
+    work : what they do
+    scheduler : address, or "local"
+    here : what a cluster on this machine shares out among its workers
+    count : workers at most; None is all
+    folder : where workers must run, because names of files are relative; None where that does not matter
+
+    Raises
+    ------
+    MissingDependencyError, ParameterError : as `connected` says
+    """
+
+    def __init__(self, work: Work, scheduler: str, here: Place, *, count: int | None, folder: str | None) -> None:
+        self._work, self._scheduler, self._count, self._folder = work, scheduler, count, folder
+        self._stack = ExitStack()
+        threads, memory = max(1, here.cores // here.processes), int(here.memory / here.processes / MEMORY)
+        self._client: Client = self._stack.enter_context(
+            connected(scheduler, workers=here.processes, threads=threads, memory=memory)
+        )
+        self._asked: dict[str, Future[About]] = {}
+        self._members: dict[str, Member] = {}
+        self._refused: dict[str, str] = {}
+        self._hung: set[str] = set()
+        self._busy: dict[Job, tuple[Member, Future[Outcome]]] = {}
+        self._ready: SimpleQueue[tuple[Job, Future[Outcome]]] = SimpleQueue()
+        self._looked, self._in_use = -POLL, time.monotonic()
+
+    @property
+    def places(self) -> Sequence[Place]:
+        """Workers that are there and can be used."""
+        return list(self._members.values())[: self._count]
+
+    def begin(self, place: Place, task: Task, threads: int) -> None:
+        """Begin the work on a file."""
+        assert isinstance(place, Member)
+        future = self._submit(place.address, do, place.process, self._work, task, threads)
+        self._busy[task.job] = place, future
+        future.add_done_callback(lambda _: self._ready.put((task.job, future)))
+
+    def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
+        """Wait for outcomes, at most until the next look at which workers are there.
+
+        Raises
+        ------
+        WorkerError : the scheduler or all workers are gone
+        """
+        found: list[tuple[Job, Outcome | WorkerError]] = []
+        wait = POLL if seconds is None else min(seconds, POLL)
+        try:
+            while True:
+                job, future = self._ready.get(timeout=0.0 if found else wait)
+                if job in self._busy and self._busy[job][1] is future:  # else an earlier attempt that was given up
+                    found.append((job, self._outcome(*self._busy.pop(job))))
+        except Empty:
+            pass
+        if time.monotonic() >= self._looked + POLL:
+            found += self._look()
+            self._looked = time.monotonic()
+        return found
+
+    def stop(self, job: Job) -> None:
+        """Have the process that works on a file ended by the nanny of the worker; without one it is used no more."""
+        member, future = self._busy.pop(job)
+        future.release()
+        self._members.pop(member.address, None)
+        self._hung.add(member.process)
+        Thread(target=self._restart, args=(member.address,), daemon=True).start()
+
+    def close(self) -> None:
+        """Leave the cluster, which drops what it has not begun; one of its own on this machine ends."""
+        self._busy = {}
+        self._stack.close()
+
+    def _submit(self, address: str, function: Any, *values: Any) -> Future[Any]:
+        try:
+            return self._client.submit(function, *values, workers=[address], allow_other_workers=False, pure=False)
+        except Exception as error:  # of the connection
+            raise self._without_scheduler(error) from None
+
+    def _without_scheduler(self, error: Exception) -> WorkerError:
+        return WorkerError(
+            f"the scheduler at {self._scheduler} does not answer any more: {_in_words(error)}",
+            hint="run the same again: what is done is kept",
+        )
+
+    def _outcome(self, member: Member, future: Future[Outcome]) -> Outcome | WorkerError:
+        """The outcome of finished work, which lies on the worker."""
+        try:
+            found: Outcome = future.result(timeout=ANSWER)
+        except Exception as error:  # whatever Dask raises where a worker or its answer is lost
+            self._members.pop(member.address, None)  # another process may have its address now
+            return WorkerError(f"the worker {member.address} did not do the work: {_in_words(error)}")
+        return found
+
+    def _look(self) -> list[tuple[Job, Outcome | WorkerError]]:
+        """See which workers have come and gone; return what those who are gone were working on."""
+        try:
+            here = set(self._client.nthreads())
+        except Exception as error:  # of the connection
+            raise self._without_scheduler(error) from None
+        for address in here - {*self._asked, *self._members, *self._refused}:
+            self._asked[address] = self._submit(address, about)
+        for address, future in list(self._asked.items()):
+            if address not in here:
+                self._asked.pop(address).release()
+            elif future.done():
+                self._meet(address, self._asked.pop(address))
+        self._refused = {address: reason for address, reason in self._refused.items() if address in here}
+        self._members = {address: member for address, member in self._members.items() if address in here}
+        lost = [job for job, (member, _) in self._busy.items() if member.address not in here]
+        self._check_in_use()
+        return [(job, self._lost(job)) for job in lost]
+
+    def _meet(self, address: str, future: Future[About]) -> None:
+        """Use a worker that has described itself, unless it cannot do the work."""
+        try:
+            about = future.result(timeout=ANSWER)
+        except Exception as error:
+            if future.status == "error":  # else it has gone meanwhile
+                self._refused[address] = _in_words(error)
+            return
+        if about.version != cascadenorm.__version__:
+            self._refused[address] = f"it has cascadenorm {about.version}, and here is {cascadenorm.__version__}"
+        elif self._folder not in (None, about.folder):
+            self._refused[address] = f"it runs in {about.folder}, where relative names mean others: give absolute ones"
+        elif about.process not in self._hung:
+            self._members[address] = Member(about.threads, about.memory, 1, address=address, process=about.process)
+
+    def _lost(self, job: Job) -> WorkerError:
+        member, future = self._busy.pop(job)
+        future.release()
+        return WorkerError(f"the worker {member.address} that did the work is gone: memory may be short there")
+
+    def _check_in_use(self) -> None:
+        """Raise WorkerError where no worker can be used, or none comes for long."""
+        now = time.monotonic()
+        if self._members or self._busy:
+            self._in_use = now
+        elif self._refused and not self._asked:
+            address, reason = next(iter(self._refused.items()))
+            raise WorkerError(f"the worker {address} cannot be used: {reason}")
+        elif now > self._in_use + PATIENCE:
+            raise WorkerError(f"the cluster at {self._scheduler} has had no worker for {PATIENCE:.0f} seconds")
+
+    def _restart(self, address: str) -> None:
+        try:
+            self._client.restart_workers([address], timeout=ANSWER, raise_for_error=False)
+        except Exception:  # there is no nanny, or the worker is gone already
+            return
+
+
+def _in_words(error: Exception) -> str:
+    return str(error) or type(error).__name__
