@@ -284,4 +284,5 @@ def _sniffed(data: bytes) -> str | None:
         return "off"
     if re.match(rb"\s*solid\s", data, re.I):
         return "stl"
-    return "obj" if OBJ_VERTEX.search(data, 0, 100_000) and OBJ_FACE.search(data) else None
+    faces = b"\nf " in data or OBJ_FACE.search(data)  # the pattern alone takes a third of the time of reading
+    return "obj" if faces and OBJ_VERTEX.search(data, 0, 100_000) else None

@@ -223,8 +223,16 @@ class ObjFile(MeshFile):
             rows = [row + b" " + color for row, color in zip(rows, fractions, strict=True)]
         if textured:
             rows += [b"vt " + row for row in rows_of(np.stack([content.vertex_values[n] for n in TEXTURE], axis=1))]
-        corners = spelled(content.polygons.corners + 1).tolist()
-        if textured:
-            corners = [b"%b/%b" % (corner, corner) for corner in corners]
-        rows += [b"f " + b" ".join(corners[a:b]) for a, b in pairwise(content.polygons.indptr.tolist())]
+        rows += [b"f " + row for row in _face_rows(content.polygons, textured)]
         return b"\n".join(rows) + b"\n", lost
+
+
+def _face_rows(polygons: Polygons, textured: bool) -> list[bytes]:
+    """Spell the corners of each face, counted from 1; where textured, each with the same number for its texture."""
+    corners, counts = polygons.corners + 1, polygons.counts
+    if len(counts) and (counts == counts[0]).all() and not textured:
+        return rows_of(corners.reshape(len(counts), -1))
+    words = spelled(corners).tolist()
+    if textured:
+        words = [b"%b/%b" % (word, word) for word in words]
+    return [b" ".join(words[a:b]) for a, b in pairwise(polygons.indptr.tolist())]

@@ -159,5 +159,11 @@ def blocks(count: int) -> Iterator[slice]:
 
 def rows_of(values: NDArray[Any]) -> list[bytes]:
     """Spell the rows of a table, with spaces between the numbers."""
-    words = iter(spelled(values).tolist())
-    return list(map(b" ".join, zip(*[words] * values.shape[1], strict=True)))
+    if values.dtype == np.float32:
+        words = iter(spelled(values).tolist())
+        return list(map(b" ".join, zip(*[words] * values.shape[1], strict=True)))
+    rows = list[bytes]()
+    for block in blocks(len(values)):  # numbers of Python, whose text needs no array between: a third of the time less
+        texts = map(repr, values[block].ravel().tolist())
+        rows += map(str.encode, map(" ".join, zip(*[texts] * values.shape[1], strict=True)))
+    return rows
