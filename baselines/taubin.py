@@ -6,7 +6,8 @@ import numpy as np
 
 from cascadenorm.baselines.diffusion import Moving
 from cascadenorm.geometry.laplacians import uniform_laplacian
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Bools, Csr, Floats, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import scaled
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
 
@@ -47,11 +48,40 @@ def taubin(
         )
     laplacian = uniform_laplacian(mesh)
     free = laplacian.mass > 0 if region is None else region
-    vertices = mesh.vertices.copy()
+    stiffness = laplacian.stiffness
+    rows = Csr(stiffness.indptr, stiffness.indices)
+    vertices, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
     for _ in track(iterations):
         for size in (step, mu):
-            vertices -= np.where(free[:, None], size * laplacian.apply(vertices), 0.0)
+            arrays = rows, stiffness.data, laplacian.inverse_mass, free, size, vertices, after
+            parallel_for(len(vertices), _step_range, *arrays)
+            vertices, after = after, vertices
     return vertices
+
+
+@kernel
+def _step_range(
+    start: int,
+    stop: int,
+    rows: Csr,
+    stiffness: Floats,
+    inverse_mass: Floats,
+    free: Bools,
+    size: float,
+    vertices: Vectors,
+    after: Vectors,
+) -> None:
+    """Go one step against the Laplacian; products of sparse matrices take over twice as long."""
+    for i in range(start, stop):
+        x = y = z = 0.0
+        if free[i]:
+            for k in range(rows.indptr[i], rows.indptr[i + 1]):
+                j, weight = rows.indices[k], stiffness[k]
+                x += weight * vertices[j, 0]
+                y += weight * vertices[j, 1]
+                z += weight * vertices[j, 2]
+            x, y, z = scaled(size, scaled(inverse_mass[i], (x, y, z)))
+        after[i, 0], after[i, 1], after[i, 2] = vertices[i, 0] - x, vertices[i, 1] - y, vertices[i, 2] - z
 
 
 def opposite_step(step: float, pass_band: float) -> float:
