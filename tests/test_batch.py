@@ -258,7 +258,7 @@ def test_the_largest_file_comes_first_and_results_are_no_input(place):
             3,
             "scans: no mesh files were found (those in the output folder scans are not read)",
         ),
-        (["scans", "--format", "docx"], 5, "'docx' cannot be written as a mesh format"),
+        (["scans", "--format", "docx"], 5, "the format 'docx' cannot be written"),
         (["scans", "--memory", "much"], 2, "memory is 'much'; it must be an amount of memory"),
         (["scans", "--timeout", "0"], 2, "timeout is 0.0; it must be above 0"),
         (["scans", "--scheduler", "127.0.0.1:9", "--memory", "1GB"], 2, "memory is for this machine: workers of"),

@@ -239,8 +239,8 @@ LONG = "n" * 300
 @pytest.mark.parametrize(
     ("output", "message"),
     [
-        ("out.docx", "'docx' cannot be written as a mesh format"),
-        ("out.xyz", "'xyz' cannot be written as a mesh format"),
+        ("out.docx", "the format 'docx' cannot be written"),
+        ("out.xyz", "the format 'xyz' cannot be written"),
         ("out", "out has no extension"),
         ("nowhere/out.ply", "the folder nowhere does not exist"),
         ("ball.ply/out.ply", "the folder ball.ply does not exist"),

@@ -196,7 +196,7 @@ def output_format(target: Source, otherwise: str = "") -> str:
     if chosen in NEEDS and _kind(chosen) is None:
         raise _missing("writing", chosen)
     if chosen not in known:
-        raise OutputError(f"'{chosen}' cannot be written as a mesh format: choose one of {', '.join(known)}")
+        raise OutputError(f"the format '{chosen}' cannot be written: choose one of {', '.join(known)}")
     return chosen
 
 
