@@ -119,12 +119,7 @@ def evaluate(
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
     records = Records(Path(keep)) if keep is not None else None
-    rows: dict[str, dict[str, Any]] = {
-        NOISY: {},
-        **{name: {"settings": settings} for name in methods},
-        **{name: {"results": place} for name, place in places.items()},
-        **{name: {"command": words} for name, words in programs.items()},
-    }
+    rows = _rows(methods, settings, places, programs)
     with TemporaryDirectory() as scratch:
         if noise is not None:
             pairs = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
@@ -140,6 +135,18 @@ def _pairs(folders: Places | Iterable[Pair | str | PathLike[str]]) -> list[Pair]
     given = list(folders)
     pairs = [one for one in given if isinstance(one, Pair)]
     return pairs + (find_pairs([one for one in given if not isinstance(one, Pair)]) if len(pairs) < len(given) else [])
+
+
+def _rows(
+    methods: Sequence[str], settings: dict[str, Any], places: Mapping[str, Path], programs: Mapping[str, Any]
+) -> dict[str, dict[str, Any]]:
+    """Return what to run for each row, by its name, the noisy mesh first."""
+    return {
+        NOISY: {},
+        **{name: {"settings": settings} for name in methods},
+        **{name: {"results": place} for name, place in places.items()},
+        **{name: {"command": words} for name, words in programs.items()},
+    }
 
 
 def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:
