@@ -87,6 +87,19 @@ def test_the_template_compares_a_method_of_its_own(scans):
     assert "own-denoiser" in (scans / "comparison.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow  # every table and figure, one of them of the learned method
+def test_one_command_makes_the_page_of_results(scans):
+    pair = scans / "pairs" / "ball"
+    pair.mkdir(parents=True)
+    shutil.copy(scans / "scans" / "a.ply", pair / "noisy.ply")
+    shutil.copy(scans / "truth" / "a.ply", pair / "clean.ply")
+    script = str(ROOT / "benchmarks" / "reproduce.py")
+    ran(scans, sys.executable, script, "pairs", "paper", "--method", "bilateral-normal", "--parts", "1")
+    page = (scans / "paper" / "results.md").read_text(encoding="utf-8")
+    assert page.count("| bilateral-normal |") >= 2 and "| 0.03 |" in page and "1 of 1 within" in page
+    assert all((scans / "paper" / name).exists() for name in re.findall(r"\]\(([^)]+)\)", page))
+
+
 @pytest.mark.skipif(not shutil.which("bash"), reason="bash is not installed")
 def test_the_script_of_the_action_denoises_what_matches(scans):
     text = (ROOT / "action.yml").read_text(encoding="utf-8")
