@@ -15,7 +15,7 @@ export interface Series {
 
 export class Histogram {
   readonly element: HTMLElement;
-  private readonly drawing = makeSvg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT + BAR + 4}`, class: "bars", role: "img" });
+  private readonly drawing = makeSvg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT + BAR + 4}`, class: "bars", role: "img", "aria-label": "Histogram" });
   private readonly ticks = make("div", { class: "ticks" });
   private readonly caption = make("p", { class: "note" });
   private readonly lower: HTMLInputElement;
