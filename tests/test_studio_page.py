@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from browsers import Browser, needs_browser, webdriver
 from selenium.webdriver.common.keys import Keys
-from shapes import icosphere, noisy
+from shapes import grid, icosphere, noisy
 from studios import Studio
 
 import cascadenorm as cn
@@ -526,3 +526,23 @@ def test_controls_of_the_studio_have_names_and_are_reached_by_keys(page, named):
         webdriver.ActionChains(page.driver).send_keys(Keys.TAB).perform()
         seen.add(page.js("const e = document.activeElement; return e.textContent || e.ariaLabel || e.name || e.type"))
     assert {"Open…", "Save…", "Strength", "Copy as Python", "Place of the split", "Whole mesh"} <= seen
+
+
+@needs_browser
+@pytest.mark.slow  # a million faces
+def test_a_million_faces_are_shown_within_ten_seconds(page, tmp_path):
+    plane = grid(707, 707)
+    clean = plane.moved(plane.vertices + 30 * np.sin(plane.vertices[:, :1] / 40) * (0, 0, 1))
+    save_mesh(tmp_path / "million.ply", noisy(clean, 0.2))
+    start = time.perf_counter()
+    studio = Studio("million.ply", folder=tmp_path)
+    try:
+        page.at(studio)
+        while not page.js("return document.querySelector('#viewer canvas')"):
+            time.sleep(0.02)
+        page.settle()
+        assert time.perf_counter() - start < 10
+        middle = page.canvas()[300:400, 250:350]
+        assert len(np.unique(middle.reshape(-1, 3), axis=0)) > 50  # no blank canvas
+    finally:
+        studio.close()

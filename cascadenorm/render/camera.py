@@ -68,8 +68,9 @@ class Camera:
         """
         if not 0 <= perspective < 1:
             raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")
-        axes = _axes(_direction(mesh, up) if direction is None else direction, up)
-        points = _framed_points(mesh)
+        faces = _framed_faces(mesh)
+        axes = _axes(_direction(mesh, faces, up) if direction is None else direction, up)
+        points = _framed_points(mesh, faces)
         low, high = points.min(axis=0), points.max(axis=0)
         middle, diagonal = (low + high) / 2, np.linalg.norm(high - low)
         strength = float(2 * perspective / diagonal) if diagonal else 0.0
@@ -118,7 +119,7 @@ class Camera:
 
     def around(self, mesh: Mesh, *, count: int, up: Up = "y") -> list["Camera"]:
         """Return cameras on a walk around the whole mesh, at equal angles about the upward axis, of one reach."""
-        points = _framed_points(mesh)
+        points = _framed_points(mesh, _framed_faces(mesh))
         center = (points.min(axis=0) + points.max(axis=0)) / 2
         angles = 2 * np.pi * np.arange(count) / count
         cameras = [replace(self, center=center, axes=self.axes @ _turn(angle, up).T) for angle in angles]
@@ -163,9 +164,9 @@ def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
     return seen[outward[: np.flatnonzero(covered)[-1] + 1]] if covered.any() else seen
 
 
-def _framed_points(mesh: Mesh) -> NDArray[np.float64]:
+def _framed_points(mesh: Mesh, faces: NDArray[np.intp]) -> NDArray[np.float64]:
     """Vertices of the faces that decide on the frame."""
-    return mesh.vertices[np.unique(mesh.faces[_framed_faces(mesh)])]
+    return mesh.vertices[np.unique(mesh.faces[faces])]
 
 
 def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
@@ -202,9 +203,11 @@ def _turn(angle: float, up: Up) -> NDArray[np.float64]:
     return turn
 
 
-def _direction(mesh: Mesh, up: Up) -> ArrayLike:
-    """Toward the front of an open surface, else over the right shoulder of a model that stands upright."""
-    faces = _framed_faces(mesh)
+def _direction(mesh: Mesh, faces: NDArray[np.intp], up: Up) -> ArrayLike:
+    """Toward the front of an open surface, else over the right shoulder of a model that stands upright.
+
+    The faces are those that decide on the frame.
+    """
     facing = mesh.area_vectors[faces].sum(axis=0)
     return facing if np.linalg.norm(facing) > 0.2 * mesh.areas[faces].sum() else named_direction("three-quarter", up=up)
 

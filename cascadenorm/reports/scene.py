@@ -111,14 +111,9 @@ class Comparison:
         (mesh,) = scaled_alike(self._mesh)
         self._frame = _frame([mesh], scale_between(self._mesh, mesh))
         packed_meshes, self._drawn = _packed_meshes([before], {before.key: mesh}, self._frame)
-        self._known = {field.name: field.values for field in _fields({before.key: mesh}, self._frame)}
-        self.first = {
-            **_about(self._frame, mesh),
-            "meshes": packed_meshes,
-            "fields": [_packed_field(Field(*one), self._drawn) for one in self._known.items()],
-            "places": [],
-        }
-        """The scene of the mesh alone."""
+        self._known: dict[str, Mapping[str, Values]] = {}
+        self.first = {**_about(self._frame, mesh), "meshes": packed_meshes, "fields": [], "places": []}
+        """The scene of the mesh alone, without heat maps, so that it is there soon."""
 
     def with_result(self, after: Given, vertices: NDArray[Any]) -> dict[str, Any]:
         """Return what completes the first scene to one of both meshes; a whole scene where it does not fit its box.
@@ -131,13 +126,15 @@ class Comparison:
         unit = scale_between(self._mesh, before)
         if unit != self._frame.unit or not self._frame.holds(mesh):
             return scene([self._given, after], [])
-        meshes = {self._given.key: self._drawn[self._given.key].mesh, after.key: mesh}
+        alone = {self._given.key: self._drawn[self._given.key].mesh}
+        self._known = self._known or {field.name: field.values for field in _fields(alone, self._frame)}
+        meshes = {**alone, after.key: mesh}
         packed_meshes, drawn = _packed_meshes([after], meshes, self._frame, self._drawn)
         return {
             "format": FORMAT,
             "completes": True,
             "meshes": packed_meshes,
-            "fields": [_packed_field(one, drawn, self._known) for one in _fields(meshes, self._frame, self._known)],
+            "fields": [_packed_field(one, drawn) for one in _fields(meshes, self._frame, self._known)],
         }
 
 
@@ -204,21 +201,13 @@ def _fields(
         return fields(meshes, frame.unit, known=known or {})
 
 
-def _packed_field(
-    field: Field,
-    drawn: Mapping[str, _Drawn],
-    known: Mapping[str, Mapping[str, Values]] | None = None,
-    *,
-    steps: int = STEPS,
-) -> dict[str, Any]:
-    """Pack a field, without the values that are known already; meshes that have the same values share them."""
+def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, steps: int = STEPS) -> dict[str, Any]:
+    """Pack a field; meshes that have the same values share them."""
     quantity = field.quantity
     packs: list[dict[str, Any]] = []
     rows: list[NDArray[np.float64]] = []
     of_mesh = {}
     for key, values in field.values.items():
-        if (known or {}).get(field.name, {}).get(key) is values:
-            continue
         row = next((i for i, known in enumerate(rows) if known is values), len(rows))
         of_mesh[key] = row
         if row == len(rows):

@@ -44,7 +44,7 @@ export interface Model {
 export async function modelOf(scene: PackedScene | Completion, first?: Model): Promise<Model> {
   if ("completes" in scene) {
     const surfaces = await surfacesOf(scene.meshes, first!.box, first!.surfaces);
-    return { ...first!, surfaces, fields: await fieldsOf(scene.fields, first!.fields) };
+    return { ...first!, surfaces, fields: await fieldsOf(scene.fields) };
   }
   const size = Math.max(...scene.extent) || 1;
   const center = scene.lower.map((low, axis) => low + scene.extent[axis] / 2) as Model["center"];
@@ -52,7 +52,7 @@ export async function modelOf(scene: PackedScene | Completion, first?: Model): P
   return {
     box: scene,
     surfaces: await surfacesOf(scene.meshes, scene, []),
-    fields: await fieldsOf(scene.fields, []),
+    fields: await fieldsOf(scene.fields),
     places: scene.places,
     center,
     size,
@@ -106,7 +106,7 @@ async function colorsOf(mesh: PackedMesh): Promise<Uint8Array | null> {
   return out;
 }
 
-async function fieldsOf(packed: PackedField[], known: Field[]): Promise<Field[]> {
+async function fieldsOf(packed: PackedField[]): Promise<Field[]> {
   const fields: Field[] = [];
   for (const { values, of, ...about } of packed) {
     const arrays = await Promise.all(
@@ -114,9 +114,7 @@ async function fieldsOf(packed: PackedField[], known: Field[]): Promise<Field[]>
         Float32Array.from(await unpacked(codes), (code) => (code === 0 ? NaN : start + step * (code - 1))),
       ),
     );
-    const before = known.find(({ name }) => name === about.name)?.values ?? [];
-    const rows = Object.entries(of).map(([name, row]) => [name, arrays[row]] as const);
-    fields.push({ ...about, values: new Map([...before, ...rows]) });
+    fields.push({ ...about, values: new Map(Object.entries(of).map(([name, row]) => [name, arrays[row]])) });
   }
   return fields;
 }
