@@ -34,7 +34,7 @@ def display(mesh: Mesh, *, most: int = MOST_FACES) -> Display:
     """
     if len(mesh.faces) <= most:
         return Display(mesh.faces, np.arange(len(mesh.vertices)), np.arange(len(mesh.faces)))
-    cell = mesh.mean_edge_length * np.sqrt(len(mesh.faces) / most)
+    cell = 0.5 * mesh.mean_edge_length * np.sqrt(len(mesh.faces) / most)  # grows until few enough are left
     while True:
         stands_for = _representatives(mesh, cell)
         corners = stands_for[mesh.faces]

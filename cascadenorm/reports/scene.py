@@ -22,7 +22,7 @@ FEWEST = 30
 MOST_TEXT = 11_200_000
 """Characters of all arrays, so that a page with viewer and picture has less than 12 MB."""
 FEWER_STEPS = 64
-"""Steps of the usual range of a quantity where there is no room for more."""
+"""Steps over the colours of a quantity where there is no room for more."""
 LITTLE = 0.02
 """Share of the box by which a result may stick out of it; the viewer draws what is somewhat beyond."""
 
@@ -72,15 +72,15 @@ def scene(shown: Sequence[Given], places: Sequence[Place], *, own: Field | None 
     meshes = dict(zip((given.key for given in shown), scaled_alike(*(given.mesh for given in shown)), strict=True))
     frame = _frame(meshes.values(), scale_between(shown[0].mesh, meshes[shown[0].key]))
     quantities = [*_fields(meshes, frame), *([own] if own else [])]
-    most, steps = MOST_FACES, STEPS
+    most, fewer_steps = MOST_FACES, False
     while True:
         packed_meshes, drawn = _packed_meshes(shown, meshes, frame, most=most)
-        packed_fields = [_packed_field(field, drawn, steps=steps) for field in quantities]
+        packed_fields = [_packed_field(field, drawn, fewer_steps=fewer_steps) for field in quantities]
         size = _characters([packed_meshes, packed_fields])
         if size <= MOST_TEXT:
             break
-        if steps == STEPS:
-            steps = FEWER_STEPS
+        if not fewer_steps:
+            fewer_steps = True
         else:
             most = int(0.97 * MOST_TEXT / size * max(len(one.shown.faces) for one in drawn.values()))
     return {
@@ -201,9 +201,10 @@ def _fields(
         return fields(meshes, frame.unit, known=known or {})
 
 
-def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, steps: int = STEPS) -> dict[str, Any]:
+def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, fewer_steps: bool = False) -> dict[str, Any]:
     """Pack a field; meshes that have the same values share them."""
     quantity = field.quantity
+    steps = STEPS if not fewer_steps else FEWER_STEPS // 2 if quantity.signed else FEWER_STEPS
     packs: list[dict[str, Any]] = []
     rows: list[NDArray[np.float64]] = []
     of_mesh = {}
@@ -214,7 +215,9 @@ def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, steps: int = STE
             rows.append(values)
             shown = drawn[key].shown
             whole = in_steps(values[shown.kept_faces if quantity.at == "face" else shown.kept_vertices], steps)
-            packs.append({"start": whole.start, "step": whole.step, "codes": packed(whole.codes)})
+            ways = [packed(whole.codes, differences=differences) for differences in (False, True)]
+            codes = min(ways, key=lambda way: len(way["data"]))
+            packs.append({"start": whole.start, "step": whole.step, "codes": codes})
     about = {"name": field.name, **quantity._asdict(), "limits": field.limits}
     return {**about, "values": packs, "of": of_mesh}
 
