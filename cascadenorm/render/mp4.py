@@ -65,9 +65,10 @@ def _encode(program: list[str], images: Iterable[Image], rate: list[str], file: 
     with subprocess.Popen([*program, *source, *ENCODING, str(file)], stdin=subprocess.PIPE, stderr=said) as running:
         assert running.stdin is not None
         try:
-            running.stdin.write(first.tobytes())
-            for image in frames:
-                running.stdin.write(image.tobytes())
+            with running.stdin as pipe:
+                pipe.write(first.tobytes())
+                for image in frames:
+                    pipe.write(image.tobytes())
         except BrokenPipeError:
             pass  # it has ended, and its exit code says more
         except BaseException:
