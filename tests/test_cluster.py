@@ -72,7 +72,7 @@ def of_batch(folder: Path) -> dict[str, object]:
     done = lines(folder, "done")
     assert len({line["output"] for line in done}) == len(done), "something was done twice"
     for line in done:
-        del line["attempts"], line["seconds"], line["time"], line["report"]["seconds"], line["report"]["output"]
+        del line["attempts"], line["seconds"], line["time"], line["summary"]["seconds"], line["summary"]["output"]
     return {line["output"]: line for line in done}
 
 
