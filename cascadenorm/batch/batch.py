@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cascadenorm.api import DEFAULT_METHOD
 from cascadenorm.batch.inputs import Job, Sources, all_absolute, check_sources, find_jobs, listed
-from cascadenorm.batch.manifest import Line, Manifest
+from cascadenorm.batch.manifest import NAME, Line, Manifest
 from cascadenorm.batch.processes import LocalProcesses, Processes
 from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
@@ -28,6 +28,7 @@ from cascadenorm.io.atomic import remove_unfinished
 from cascadenorm.memory import available_memory, memory_size
 from cascadenorm.mesh import thread_count
 from cascadenorm.progress import Listener
+from cascadenorm.remote_files import check_writable, is_url
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -82,6 +83,7 @@ def denoise_files(
     timeout: float | None = None,
     watch: float | None = None,
     scheduler: str | None = None,
+    manifest: str | PathLike[str] | None = None,
     on_failure: Callable[[Failure], object] | None = None,
     **controls: Unpack[Controls],
 ) -> Batch:
@@ -89,10 +91,9 @@ def denoise_files(
 
     Parameters
     ----------
-    sources : files, folders or patterns such as "scans/**/*.ply", one or several
-    output : folder of the results, which lie in it as the sources lie in the folder that they have in common. Its
-        `manifest.jsonl` records what became of each file: what is done, by the digests of file, settings and result,
-        is not done again
+    sources : files, folders or patterns such as "scans/**/*.ply", one or several; or URLs of such
+    output : folder of the results, which lie in it as the sources lie in the folder that they have in common, or its
+        URL in an object store
     method, parameters : as in `denoise_file`
     format : of the results, such as "stl"; None keeps that of each source
     force : replace files in the output folder that no batch has written
@@ -107,6 +108,8 @@ def denoise_files(
     scheduler : address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster
         on this machine; None starts processes. Workers of a cluster have limits of their own: `memory` and `threads`
         are for this machine
+    manifest : file that records what became of each file: what is done, by the digests of file, settings and result,
+        is not done again. None is `manifest.jsonl` in the folder of the results; where that is a URL, name one
     on_failure : called with each failure as it happens
 
     `threads` counts those of all processes.
@@ -130,7 +133,8 @@ def denoise_files(
         raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
     settings, threads, listener = settings_of(method, parameters or {}, controls, format, force=force)
     here = _this_machine(workers, threads, memory, scheduler)
-    folder = Path(output)
+    folder: str | Path = str(output).rstrip("/") if is_url(output) else Path(output)
+    record = _manifest_path(folder, manifest)
     find = partial(find_jobs, sources, folder, format)
     jobs = find()
     if watch is None:
@@ -143,10 +147,23 @@ def denoise_files(
         fixed = all_absolute([*listed(sources), output], [*settings.parameters.values(), *settings.controls.values()])
         place = None if fixed else os.getcwd()
         started = ClusterProcesses(partial(work, settings), scheduler, here, count=workers, folder=place)
-    with closing(started) as processes, closing(Manifest(folder)) as manifest:
-        run = _Run(settings.key, folder, manifest, processes, retries, timeout, listener, on_failure)
+    with closing(started) as processes, closing(Manifest(record.parent, record.name)) as lines:
+        run = _Run(settings.key, folder, lines, processes, retries, timeout, listener, on_failure)
         run.all(jobs if watch is None else [], find, None if watch is None else Settled(watch))
     return run.done
+
+
+def _manifest_path(folder: str | Path, given: str | PathLike[str] | None) -> Path:
+    """Return where the manifest lies, on this machine."""
+    if given is not None:
+        return Path(given)
+    if isinstance(folder, Path):
+        return folder / NAME
+    check_writable(folder)
+    raise ParameterError(
+        f"is not given, and {folder} is a URL: name a file of this machine that records what is done",
+        parameter="manifest",
+    )
 
 
 def _this_machine(workers: int | None, threads: int | None, memory: str | int | None, scheduler: str | None) -> Place:
@@ -170,13 +187,17 @@ class _Begun:
     end: float
 
 
+def _remove_unfinished(jobs: list[Job]) -> None:
+    remove_unfinished([Path(job.output) for job in jobs if not is_url(job.output)])
+
+
 class _Run:
     """A batch while it runs: the processes, and what each is working on."""
 
     def __init__(
         self,
         key: str,
-        folder: Path,
+        folder: str | Path,
         manifest: Manifest,
         processes: Processes,
         retries: int,
@@ -196,7 +217,7 @@ class _Run:
         """Denoise the files, and those that settle later; no process or partial file is left, even after an error."""
         scan = 0.0  # when to look for further files
         try:
-            remove_unfinished([Path(job.output) for job in jobs])
+            _remove_unfinished(jobs)
             self._add(jobs)
             while self._schedule.left or settled is not None:
                 self._begin_all()
@@ -210,7 +231,7 @@ class _Run:
                     scan = end + max(SCAN, SCANNING * (end - begin))
         finally:
             self._processes.close()
-            remove_unfinished([Path(job.output) for job in self._busy])
+            _remove_unfinished(list(self._busy))
 
     def _add(self, jobs: list[Job]) -> None:
         self._schedule.add(jobs)
@@ -248,10 +269,10 @@ class _Run:
         begun = self._busy.pop(job)
         task = begun.task
         if isinstance(outcome, WorkerError):
-            remove_unfinished([Path(job.output)])
+            _remove_unfinished([job])
             outcome = Outcome(status="failed", input_digest=task.digest, error=outcome, then="again")
         if outcome.status == "new":
-            task = task._replace(digest=outcome.input_digest)
+            task = task._replace(checked=True, digest=outcome.input_digest)
             self._manifest.add(self._line("started", task, outcome))
             self._begin(begun.place, task, begun.threads)
             return
@@ -285,6 +306,8 @@ class _Run:
 
     def _name(self, job: Job) -> str:
         """The name of a result in the manifest, from the folder of the manifest."""
+        if isinstance(self._folder, str):
+            return job.output.removeprefix(f"{self._folder}/")
         return Path(job.output).relative_to(self._folder).as_posix()
 
     def _line(self, status: str, task: Task, outcome: Outcome) -> Line:

@@ -77,10 +77,12 @@ def about() -> About:
 
 def do(process: str, work: Work, task: Task, threads: int) -> Outcome:
     """Do the work, in the process that it was meant for alone."""
+    from distributed import get_worker
+
     if process != PROCESS:
         raise WorkerError("the worker was restarted before it had done the work")
     with limit_threads(threads), threadpool_limits(threads):
-        return work(task)
+        return work(task._replace(scratch=get_worker().local_directory))  # Dask empties it after a worker's death
 
 
 class ClusterProcesses:

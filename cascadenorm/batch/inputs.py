@@ -1,14 +1,16 @@
 """The input files of a batch, and the paths of their results."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from glob import glob, has_magic
+from itertools import takewhile
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import NamedTuple
 
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import is_mesh_name
+from cascadenorm.remote_files import file_name, files_at, fixed_part, is_url
 
 Sources = str | PathLike[str] | Sequence[str | PathLike[str]]
 """Files, folders, or patterns such as "scans/**/*.ply"; one or several."""
@@ -19,17 +21,28 @@ class Job(NamedTuple):
 
     Parameters
     ----------
-    source, output : paths
-    size, changed : of the source, in bytes and in nanoseconds
+    source, output : paths or URLs
+    size : of the source, in bytes
+    changed : when the source was changed, in nanoseconds; at a URL a text that changes with it
     """
 
     source: str
     output: str
     size: int
-    changed: int
+    changed: int | str
 
 
-def find_jobs(sources: Sources, folder: Path, format: str | None = None) -> list[Job]:
+class _Found(NamedTuple):
+    """A file that is there: which it is, its name as given, below the common folder, size and change."""
+
+    identity: str
+    source: str
+    inside: str
+    size: int
+    changed: int | str
+
+
+def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -> list[Job]:
     """List the files that are there now, with the places of their results, largest first.
 
     Below the folder of results the files lie as below the folder that all sources have in common, the part before
@@ -39,37 +52,60 @@ def find_jobs(sources: Sources, folder: Path, format: str | None = None) -> list
     ----------
     sources : those that name one file are taken as they are; patterns and folders give files that can be meshes by
         their extension
-    folder : of the results
+    folder : of the results, a path or a URL
     format : of the results; None keeps that of each source
 
     Raises
     ------
     OutputError : two files have the same output path
+    ReadError : some sources are URLs and others are not, or a server does not answer
     """
     places = listed(sources)
-    base = _common([_fixed_part(place) for place in places])
-    results = folder.resolve()
-    jobs: dict[Path, Job] = {}
+    remote = list(map(is_url, places))
+    if any(remote) and not all(remote):
+        raise ReadError("some sources are URLs and others are not: denoise them in separate batches")
+    jobs: dict[str, Job] = {}
     outputs: dict[str, str] = {}
-    for path in (path for place in places for path in _files(place)):
-        real = path.resolve()
-        if real in jobs or results in real.parents:
+    for found in _remote(places, str(folder)) if any(remote) else _local(places, Path(folder).resolve()):
+        if found.identity in jobs:
             continue
-        output = folder / os.path.relpath(path.absolute(), base)
-        if format is not None:
-            output = output.with_suffix(f".{format}")
-        if str(output) in outputs:
+        inside = PurePath(found.inside) if format is None else PurePath(found.inside).with_suffix(f".{format}")
+        output = f"{folder}/{inside.as_posix()}" if is_url(folder) else str(Path(folder, inside))
+        if output in outputs:
             raise OutputError(
-                f"{outputs[str(output)]} and {path} would both be written to {output}",
+                f"{outputs[output]} and {found.source} would both be written to {output}",
                 hint="rename one, or denoise them in separate batches",
             )
-        outputs[str(output)] = str(path)
-        state = _state(path)
-        jobs[real] = Job(str(path), str(output), *state)
+        outputs[output] = found.source
+        jobs[found.identity] = Job(found.source, output, found.size, found.changed)
     return sorted(jobs.values(), key=lambda job: (-job.size, job.source))
 
 
-def check_sources(sources: Sources, folder: Path, jobs: Sequence[Job]) -> None:
+def _local(places: Sequence[str], results: Path) -> Iterator[_Found]:
+    """Files of this machine."""
+    base = _common([_fixed_part(place) for place in places])
+    for path in (path for place in places for path in _files(place)):
+        real = path.resolve()
+        if results not in real.parents:
+            yield _Found(str(real), str(path), os.path.relpath(path.absolute(), base), *_state(path))
+
+
+def _remote(places: Sequence[str], results: str) -> Iterator[_Found]:
+    """Files at URLs."""
+    parts = [fixed_part(place).split("/") for place in places]
+    shared = [names[0] for names in takewhile(lambda names: len(set(names)) == 1, zip(*parts, strict=False))]
+    base = "/".join(shared)
+    if len(shared) < 3:  # "s3:", "", "bucket"
+        raise ReadError("the files lie in several buckets or servers: denoise them in separate batches")
+    for place in places:
+        for file in files_at(place):
+            single = file.url == place
+            if (single or is_mesh_name(Path(file_name(file.url)))) and not file.url.startswith(f"{results}/"):
+                inside = file.url.removeprefix(f"{base}/").partition("?")[0]
+                yield _Found(file.url, file.url, inside, file.size, file.version)
+
+
+def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> None:
     """Raise ReadError where there is no file."""
     if not jobs:
         named = ", ".join(listed(sources))
@@ -87,7 +123,7 @@ def listed(sources: Sources) -> list[str]:
 def all_absolute(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> bool:
     """Test whether names of files mean the same in any working folder: places, and values that are files."""
     files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
-    return all(map(os.path.isabs, [*places, *files]))
+    return all(is_url(name) or os.path.isabs(name) for name in [*places, *files])
 
 
 def _state(path: Path) -> tuple[int, int]:

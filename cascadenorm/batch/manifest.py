@@ -28,8 +28,8 @@ class Manifest:
     last : the last line of each output, by its name
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.path = folder / NAME
+    def __init__(self, folder: Path, name: str = NAME) -> None:
+        self.path = folder / name
         self.last: dict[str, Line] = {}
         with self._explained():
             folder.mkdir(parents=True, exist_ok=True)

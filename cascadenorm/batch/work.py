@@ -3,9 +3,11 @@
 import errno
 import hashlib
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
 from cascadenorm import api, io
@@ -13,8 +15,9 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
 from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.digests import file_digest
-from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.errors import CascadenormError, OutputError, ReadError
 from cascadenorm.io.atomic import check_output
+from cascadenorm.remote_files import exists, fetched, file_name, is_url, put
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -42,12 +45,16 @@ class Task(NamedTuple):
     Parameters
     ----------
     line : its last line in the manifest before
-    digest : of the file, once it is checked; None asks for the check
+    checked : whether it has been checked; then it is to be denoised
+    digest : of the file, where the check has read it
+    scratch : folder for temporary files; None is that of the system
     """
 
     job: Job
     line: Line | None
+    checked: bool = False
     digest: str | None = None
+    scratch: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +88,7 @@ def work(settings: Settings, task: Task) -> Outcome:
     """Check a file, or denoise it; what goes wrong is an outcome."""
     start = time.perf_counter()
     try:
-        return _denoised(settings, task, start) if task.digest else _checked(settings, task)
+        return _denoised(settings, task, start) if task.checked else _checked(settings, task)
     except Exception as error:  # one bad file stops no other
         return Outcome(
             status="failed",
@@ -102,40 +109,91 @@ def mesh_digest(path: Path) -> str:
 
 def _checked(settings: Settings, task: Task) -> Outcome:
     """Tell whether the last line says that the same was done, and the result is still there."""
-    source, output, line = Path(task.job.source), Path(task.job.output), task.line
-    try:
-        digest = mesh_digest(source)
-    except OSError as error:
-        raise ReadError(f"{source} cannot be read: {error.strerror or error}") from error
-    if output.exists():  # before the `started` line, which marks an existing file as ours
-        check_output(output, force=settings.force or _is_ours(line, output))
-    if line is None or line["status"] != "done" or line["settings"] != settings.key or line["input_sha256"] != digest:
+    job, line = task.job, task.line
+    same = line is not None and line["status"] == "done" and line["settings"] == settings.key
+    digest = _digest(job.source, task) if same or not is_url(job.source) else None  # a copy is made once, if at all
+    _check_target(settings, task)  # before the `started` line, which marks an existing file as ours
+    if line is None or not same or line["input_sha256"] != digest:
         return Outcome(status="new", input_digest=digest)
-    kept = output.is_file() and mesh_digest(output) == line["output_sha256"]
+    kept = _exists(job.output) and _digest(job.output, task) == line["output_sha256"]
     return Outcome(status="kept" if kept else "new", input_digest=digest)
 
 
 def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
-    source, output = Path(task.job.source), Path(task.job.output)
-    _make_folder(output.parent)
-    summary = api.denoise_file(
-        source,
-        output,
-        method=settings.method,
-        parameters=dict(settings.parameters),
-        force=settings.force or _is_ours(task.line, output),
-        **settings.controls,
-    )
-    if mesh_digest(source) != task.digest:
-        output.unlink(missing_ok=True)
-        raise _Changed(f"{source} changed while it was read", hint="try again when it is complete")
+    job = task.job
+    with _here(task) as (source, output):
+        digest = task.digest or mesh_digest(source)
+        _make_folder(output.parent)
+        try:
+            summary = api.denoise_file(
+                source,
+                output,
+                method=settings.method,
+                parameters=dict(settings.parameters),
+                force=settings.force or is_url(job.output) or _is_ours(task),
+                **settings.controls,
+            )
+        except CascadenormError as error:
+            if error.place != str(source):
+                raise
+            raise error.within(job.source) from error.__cause__
+        if mesh_digest(source) != digest:
+            output.unlink(missing_ok=True)
+            raise _Changed(f"{job.source} changed while it was read", hint="try again when it is complete")
+        written = mesh_digest(output)
+        if is_url(job.output):
+            _check_target(settings, task)
+            put(output.parent, job.output)
     return Outcome(
         status="done",
-        input_digest=task.digest,
-        output_digest=mesh_digest(output),
-        summary=summary,
+        input_digest=digest,
+        output_digest=written,
+        summary=replace(summary, source=job.source, output=job.output),
         seconds=time.perf_counter() - start,
     )
+
+
+@contextmanager
+def _here(task: Task) -> Iterator[tuple[Path, Path]]:
+    """Paths of a file and its result on this machine; for the block, where they are copies."""
+    source, output = task.job.source, task.job.output
+    if not is_url(source) and not is_url(output):
+        yield Path(source), Path(output)
+        return
+    with TemporaryDirectory(prefix="cascadenorm-", dir=task.scratch) as scratch:
+        copy = _fetched(source, Path(scratch, "in")) if is_url(source) else Path(source)
+        yield copy, Path(scratch, "out", file_name(output)) if is_url(output) else Path(output)
+
+
+def _fetched(url: str, folder: Path) -> Path:
+    if file_name(url).lower().endswith(".gltf"):
+        raise ReadError(f"{url} has its buffers in other files, which are read from folders only", hint="use .glb")
+    return fetched(url, folder)
+
+
+def _digest(name: str, task: Task) -> str:
+    """The digest of a mesh file, at a URL of a copy."""
+    if is_url(name):
+        with TemporaryDirectory(prefix="cascadenorm-", dir=task.scratch) as scratch:
+            return mesh_digest(_fetched(name, Path(scratch)))
+    try:
+        return mesh_digest(Path(name))
+    except OSError as error:
+        raise ReadError(f"{name} cannot be read: {error.strerror or error}") from error
+
+
+def _exists(name: str) -> bool:
+    return exists(name) if is_url(name) else Path(name).is_file()
+
+
+def _check_target(settings: Settings, task: Task) -> None:
+    """Raise OutputError where something is there that no batch has written."""
+    output = task.job.output
+    if is_url(output):
+        if exists(output) and not settings.force and not _is_ours(task):
+            raise OutputError(f"{output} exists already", hint="choose another name", remedy=("force", True))
+    elif Path(output).exists():
+        check_output(Path(output), force=settings.force or _is_ours(task))
 
 
 def _make_folder(folder: Path) -> None:
@@ -145,11 +203,12 @@ def _make_folder(folder: Path) -> None:
         raise OutputError(f"{folder} cannot be created: {error.strerror or error}") from error
 
 
-def _is_ours(line: Line | None, output: Path) -> bool:
+def _is_ours(task: Task) -> bool:
     """Whether a file that is there is a result of the batch, which a further one may replace."""
-    if line is None or not output.is_file():
+    line, output = task.line, task.job.output
+    if line is None or not _exists(output):
         return False
-    return bool(line["status"] == "started") or mesh_digest(output) == line["output_sha256"]
+    return bool(line["status"] == "started") or _digest(output, task) == line["output_sha256"]
 
 
 def _after(error: Exception) -> Literal["go on", "again", "stop"]:

@@ -144,10 +144,12 @@ def _denoise_large(
 def batch(
     sources: Annotated[
         list[str],
-        typer.Argument(metavar="IN...", help="Files, folders, or quoted patterns like 'scans/**/*.ply'."),
+        typer.Argument(metavar="IN...", help="Files, folders, URLs, or quoted patterns like 'scans/**/*.ply'."),
     ],
     *,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")],
+    output: Annotated[
+        str, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results, or a URL in an object store.")
+    ],
     method: Method = "auto",
     model: Model = None,
     settings: Set = None,
@@ -178,6 +180,9 @@ def batch(
         ),
     ] = None,
     scheduler: Scheduler = None,
+    manifest: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="What records what is done; else manifest.jsonl in DIR.")
+    ] = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
@@ -200,6 +205,7 @@ def batch(
             timeout=timeout,
             watch=watch,
             scheduler=scheduler,
+            manifest=manifest,
             on_failure=lambda failure: complain(located(failure.source, failure.error)),
             progress=progress,
             **controls,

@@ -1,0 +1,154 @@
+"""Files at URLs such as s3://bucket/scan.ply: found, copied to this machine, written whole; by fsspec."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import urlsplit
+
+from cascadenorm.errors import CascadenormError, MissingDependencyError, OutputError, ReadError
+
+STORES = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss")
+"""Object stores, in which an object has its name when all of it has arrived, and not before."""
+
+BROUGHT = ("fsspec", "s3fs", "aiobotocore", "aiohttp", "requests")
+"""Packages that the extra `cluster` installs."""
+
+MAGIC = re.compile(r"[*\[]")
+"""What makes a URL a pattern; a question mark begins a query."""
+
+
+class RemoteFile(NamedTuple):
+    """A file at a URL.
+
+    Parameters
+    ----------
+    size : in bytes, 0 where the server does not tell
+    version : a text that changes with the content
+    """
+
+    url: str
+    size: int
+    version: str
+
+
+def is_url(name: object) -> bool:
+    """Test whether a name is a URL; "C://" is a drive."""
+    return isinstance(name, str) and re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", name) is not None
+
+
+def file_name(url: str) -> str:
+    """Return the name of a file without its folder and without a query."""
+    return urlsplit(url).path.rpartition("/")[2]
+
+
+def fixed_part(url: str) -> str:
+    """Return the folder below which a URL can have files: before the first wildcard, or of the file that it names."""
+    found = MAGIC.search(url)
+    if found:
+        return url[: found.start()].rpartition("/")[0]
+    return url.rpartition("/")[0] if "." in file_name(url) else url.rstrip("/")
+
+
+def files_at(url: str) -> list[RemoteFile]:
+    """List the files that a URL stands for: one file, those of a folder, or those that match a pattern.
+
+    A URL without wildcards whose last part has an extension names a file, whether it is there or not.
+
+    Raises
+    ------
+    ReadError : the server does not answer, or does not let us in
+    MissingDependencyError : fsspec, or what it needs for this kind of URL, is not installed
+    """
+    if not MAGIC.search(url) and "." in file_name(url):
+        return [_file(url)]
+    with _explained(url, ReadError, "read"):
+        system, path = _opened(url)
+        entries = system.glob(path, detail=True) if MAGIC.search(url) else system.find(path, detail=True)
+        files = {name: entry for name, entry in entries.items() if entry.get("type") != "directory"}
+        found = [_described(system.unstrip_protocol(name), entry) for name, entry in files.items()]
+    return sorted(file for file in found if not file_name(file.url).startswith("."))
+
+
+def exists(url: str) -> bool:
+    """Test whether a file is there; ReadError where the server does not say."""
+    with _explained(url, ReadError, "read"):
+        system, path = _opened(url)
+        return bool(system.exists(path))
+
+
+def fetched(url: str, folder: Path) -> Path:
+    """Copy a file into a folder of this machine, and return its path; ReadError where that fails."""
+    target = folder / file_name(url)
+    folder.mkdir(parents=True, exist_ok=True)
+    with _explained(url, ReadError, "read"):
+        system, path = _opened(url)
+        system.get_file(path, str(target))
+    return target
+
+
+def put(folder: Path, url: str) -> None:
+    """Write the files of a folder beside a URL, that with its name last: it is there whole, or not at all.
+
+    Raises
+    ------
+    OutputError : that fails
+    """
+    check_writable(url)
+    with _explained(url, OutputError, "written"):
+        system, path = _opened(url)
+        for file in sorted(folder.iterdir(), key=lambda file: (file.name == file_name(url), file.name)):
+            system.put_file(str(file), f"{path.rpartition('/')[0]}/{file.name}")
+
+
+def check_writable(url: str) -> None:
+    """Raise OutputError where files at a URL cannot be written whole or not at all."""
+    if file_name(url).lower().endswith(".gltf"):
+        raise OutputError(f"{url} would have its buffers in other files, which go to folders only", hint="use .glb")
+    if urlsplit(url).scheme.lower() not in STORES:
+        raise OutputError(
+            f"{url} cannot be written: results go to folders or object stores", hint="use s3://, gs:// or az://"
+        )
+
+
+def _file(url: str) -> RemoteFile:
+    """One file; size 0 where it is not there, which whoever reads it will say."""
+    with _explained(url, ReadError, "read"):
+        system, path = _opened(url)
+        try:
+            return _described(url, system.info(path))
+        except FileNotFoundError:
+            return RemoteFile(url, 0, "")
+
+
+def _described(url: str, entry: dict[str, Any]) -> RemoteFile:
+    kept = ("ETag", "etag", "LastModified", "updated", "md5Hash", "mtime", "size")
+    return RemoteFile(url, int(entry.get("size") or 0), "|".join(str(entry[key]) for key in kept if key in entry))
+
+
+def _opened(url: str) -> tuple[Any, str]:
+    """Return the file system of a URL, and the path in it; what was listed before is forgotten."""
+    try:
+        from fsspec.core import url_to_fs
+
+        system, path = url_to_fs(url)
+    except ImportError as error:
+        package = error.name or getattr(error.__cause__, "name", None) or "fsspec"
+        extra = "cluster" if package in BROUGHT else ""
+        raise MissingDependencyError(f"{urlsplit(url).scheme}://", package=package, extra=extra) from None
+    system.invalidate_cache()
+    return system, path
+
+
+@contextmanager
+def _explained(url: str, kind: type[ReadError] | type[OutputError], what: str) -> Iterator[None]:
+    """Turn errors of file systems and servers into our own; what servers do may pass, as errors of a disk may."""
+    try:
+        yield
+    except CascadenormError:
+        raise
+    except Exception as error:  # each kind of URL has errors of its own
+        cause = error if isinstance(error, OSError) else OSError(str(error))
+        text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise kind(f"{url} cannot be {what}: {text}") from cause
