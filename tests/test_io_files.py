@@ -172,7 +172,7 @@ def test_interrupted_write_leaves_nothing(tmp_path, tetrahedron, monkeypatch):
 def test_file_that_appears_meanwhile_is_not_overwritten(tmp_path, tetrahedron, monkeypatch):
     path = tmp_path / "a.ply"
     monkeypatch.setattr(os, "fsync", lambda handle: path.write_bytes(b"precious"))
-    with pytest.raises(io.OutputError, match="appeared"):
+    with pytest.raises(io.OutputError, match="another process created"):
         io.write(tetrahedron, path)
     assert os.listdir(tmp_path) == ["a.ply"]
     assert path.read_bytes() == b"precious"

@@ -269,7 +269,7 @@ def test_the_way_out_is_spelled_as_where_it_is_asked_for(tmp_path, capsys):
 
 
 def test_a_file_without_vertices_is_refused():
-    with pytest.raises(cn.MeshError, match="none of 2 faces"):
+    with pytest.raises(cn.MeshError, match="none of the 2 faces"):
         _ = cn.read(io.BytesIO(b"OFF\n0 1 0\n4 0 1 2 3\n")).isolating().mesh
 
 
