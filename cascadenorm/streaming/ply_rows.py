@@ -120,8 +120,8 @@ def ply_tables(path: Path) -> PlyTables:
     try:
         with path.open("rb") as file:
             head, size = file.read(HEAD), os.path.getsize(path)
-    except OSError as error:
-        raise ReadError(f"{path} cannot be read: {error.strerror or error}") from error
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     try:
         header = parse_header(head)
         if not header.byte_order:

@@ -30,8 +30,8 @@ def triangle_count(path: Path) -> int:
         with path.open("rb") as file:
             count = int.from_bytes(file.read(HEADER)[HEADER - 4 :], "little")
         size = os.path.getsize(path)
-    except OSError as error:
-        raise ReadError(f"{path} cannot be read: {error.strerror or error}") from error
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if not count or size != HEADER + count * RECORD.itemsize:
         raise ReadError("the file is not binary STL, and only that can be read in parts", hint=ELSEWHERE).within(
             str(path)
