@@ -59,7 +59,7 @@ def test_folders_without_pairs_are_refused(folder, tmp_path):
     with pytest.raises(ReadError, match="holds no pairs"):
         find_pairs([folder / "notes"])
     (tmp_path / "noisy.ply").touch()
-    with pytest.raises(ReadError, match=r"holds noisy\.ply alone"):
+    with pytest.raises(ReadError, match=r"holds noisy\.ply only"):
         find_pairs([tmp_path])
     (tmp_path / "clean.gltf").touch()
     for beside in ("noisy.mtl", "clean.bin", "clean.png"):  # what a mesh file names is none itself
@@ -461,7 +461,7 @@ def test_pairs_of_a_public_set_are_split_as_in_its_paper(archive):
     ]
     done = evaluate(pairs, methods="bilateral-normal")
     assert [one.pair for one in done.results] == ["ball_n1", "ball_n1", "ball_n2", "ball_n2"]
-    with pytest.raises(ReadError, match=r"holds no Kinect_v1/test: get the set: https://github\.com/"):
+    with pytest.raises(ReadError, match=r"has no folder Kinect_v1/test: get the set: https://github\.com/"):
         public_pairs("kinect-v1", archive)
     (archive / "Synthetic" / "test" / "original" / "ball.obj").unlink()
     with pytest.raises(ReadError, match=r"has no clean mesh original/ball\.obj"):
@@ -495,7 +495,7 @@ def test_the_command_says_where_public_sets_are_and_evaluates_a_copy(archive, ca
     text = capsys.readouterr().out
     assert all(f"{name}: " in text and one.place in text for name, one in public_sets.PUBLIC_SETS.items())
     assert run(["evaluate", "--dataset", "synthetic"]) == 2
-    assert "get it: https://github.com/zhangyk18/GeoBi-GNN" in capsys.readouterr().err
+    assert "to get one: https://github.com/zhangyk18/GeoBi-GNN" in capsys.readouterr().err
     assert run(["evaluate", "--dataset", "sintetic", "--from", str(archive)]) == 2
     assert run(["evaluate", "--from", str(archive)]) == 2 and run(["evaluate"]) == 2
     words = ["evaluate", "--dataset", "synthetic", "--from", str(archive), "--method", "bilateral-normal", "--json"]
