@@ -52,7 +52,7 @@ def test_each_component_gets_a_sample_before_any_gets_its_second_and_lone_vertic
     assert {np.searchsorted([43, 85], sample, side="right") for sample in samples} == {0, 1, 2}
     everything = farthest_points(vertices, faces, 126)
     assert sorted(everything) == [i for i in range(127) if i != 42]
-    with pytest.raises(cn.ParameterError, match="count is 127; it must be 1 to 126"):
+    with pytest.raises(cn.ParameterError, match="count is 127; it must be from 1 to 126"):
         farthest_points(vertices, faces, 127)
     with pytest.raises(cn.ParameterError, match="first is 42"):
         farthest_points(vertices, faces, 3, first=42)

@@ -28,7 +28,7 @@ def test_more_parts_than_harmonics_are_refused_before_each_shrinks_to_a_point(ei
     parts = 12
     faces = np.concatenate([ball.faces + k * len(ball.vertices) for k in range(parts)])
     many = Mesh(np.concatenate([ball.vertices + 3 * k for k in range(parts)]), faces)
-    with pytest.raises(ParameterError, match="12 connected parts"):
+    with pytest.raises(ParameterError, match="12 connected components"):
         spectral(many, harmonics=12, eigenpairs=eigenpairs)
     spread = np.ptp(spectral(many, harmonics=60, eigenpairs="exact").reshape(parts, -1, 3), axis=1)
     assert (spread > 1).all()
