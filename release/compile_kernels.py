@@ -55,7 +55,7 @@ def work(check: bool) -> None:
     if not check:
         from cascadenorm.mesh.kernel_cache import KernelCache
 
-        for kept in [one for one in gc.get_objects() if isinstance(one, KernelCache)]:
+        for kept in [one for one in gc.get_objects() if type(one) is KernelCache]:
             kept.ship()
         sizes = [path.stat().st_size for path in FOLDER.iterdir()]
         print(f"{len(sizes)} kernels for {numba.config.CPU_NAME}, {sum(sizes) / 1e6:.1f} MB, in {FOLDER}")
