@@ -240,6 +240,14 @@ def test_results_lie_as_the_files_do(place):
     assert [job.source for job in find_jobs("scans/b/[0].ply", Path("out"))] == ["scans/b/[0].ply"]
 
 
+def test_results_stay_in_their_folder_where_sources_lie_beside_the_working_folder(tmp_path, monkeypatch):
+    scans(tmp_path, 2)
+    monkeypatch.chdir(tmp_path / "a")
+    for sources in (["../b/0.ply", "0.ply"], ["../b", "."], ["../b/*.ply", "../a/*.ply"]):
+        outputs = {job.output for job in find_jobs(sources, Path("../a/out"))}
+        assert outputs == {"../a/out/a/0.ply", "../a/out/b/0.ply"}
+
+
 def test_the_largest_file_comes_first_and_results_are_no_input(place):
     scans(place / "scans", 2)
     save_mesh(place / "scans" / "large.ply", icosphere(3))

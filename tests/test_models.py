@@ -265,9 +265,8 @@ def test_without_what_makes_shapes_neither_training_nor_generating_begins(tmp_pa
     assert run(["train", "-o", str(tmp_path / "new.safetensors")]) == 1
     assert 'training needs skimage, which is not installed: pip install "cascadenorm[train]"' in capsys.readouterr().err
     assert run(["generate", str(tmp_path / "data")]) == 1
-    assert (
-        'generating needs skimage, which is not installed: pip install "cascadenorm[train]"' in capsys.readouterr().err
-    )
+    needed = 'generating data needs skimage, which is not installed: pip install "cascadenorm[train]"'
+    assert needed in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

@@ -1,6 +1,7 @@
 """What the documentation site is made of: pages from the registry, the command line and the weights; tasks that run."""
 
 import importlib
+import itertools
 import json
 import os
 import re
@@ -219,13 +220,15 @@ def workplace(tmp_path, monkeypatch):
 
 def ran(line, capsys):
     """Run a line of a page if it is a command of the program."""
-    for name in ("report.html", "scan_denoised.ply"):  # pages show several commands that write the same
-        Path(name).unlink(missing_ok=True)
     words = shlex.split(line, comments=True)
     command = shlex.join(words[1:])
     if "|" in words and "cascadenorm" in words:
         subprocess.run(["sh", "-e", "-c", line], check=True)
     elif words[:1] == ["cascadenorm"] and not any(re.match(pattern, command) for pattern in ELSEWHERE):
+        outputs = [after for before, after in itertools.pairwise(words) if before in ("-o", "--output")]
+        for name in ("report.html", "scan_denoised.ply", *outputs):  # pages show several commands that write the same
+            if Path(name).is_file():
+                Path(name).unlink()
         assert run(words[1:]) == 0, f"{line}: {capsys.readouterr().err}"
 
 

@@ -148,9 +148,9 @@ def _files(place: str) -> Iterable[Path]:
 
 def _fixed_part(place: str) -> Path:
     """Return the folder below which a source can have files."""
+    path = Path(os.path.abspath(place))  # without "..", which would lead results out of their folder
     if os.path.isdir(place):
-        return Path(place).absolute()
-    path = Path(place).absolute()
+        return path
     if os.path.exists(place) or not has_magic(place):
         return path.parent
     return next(parent for parent in path.parents if not has_magic(str(parent)))
