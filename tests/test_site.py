@@ -218,24 +218,25 @@ def workplace(tmp_path, monkeypatch):
     return tmp_path
 
 
-def ran(line, capsys):
-    """Run a line of a page if it is a command of the program."""
+def exit_code(line):
+    """Run a line of a page if it is a command of the program; 0 if it is not."""
     words = shlex.split(line, comments=True)
     command = shlex.join(words[1:])
     if "|" in words and "cascadenorm" in words:
-        subprocess.run(["sh", "-e", "-c", line], check=True)
-    elif words[:1] == ["cascadenorm"] and not any(re.match(pattern, command) for pattern in ELSEWHERE):
-        outputs = [after for before, after in itertools.pairwise(words) if before in ("-o", "--output")]
-        for name in ("report.html", "scan_denoised.ply", *outputs):  # pages show several commands that write the same
-            if Path(name).is_file():
-                Path(name).unlink()
-        assert run(words[1:]) == 0, f"{line}: {capsys.readouterr().err}"
+        return subprocess.run(["sh", "-e", "-c", line]).returncode
+    if words[:1] != ["cascadenorm"] or any(re.match(pattern, command) for pattern in ELSEWHERE):
+        return 0
+    outputs = [after for before, after in itertools.pairwise(words) if before in ("-o", "--output")]
+    for name in ("report.html", "scan_denoised.ply", *outputs):  # pages show several commands that write the same
+        if Path(name).is_file():
+            Path(name).unlink()
+    return run(words[1:])
 
 
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
 def test_commands_of_pages_run(page, workplace, capsys):
     for line in "\n".join(blocks(page.read_text(encoding="utf-8"), "bash")).splitlines():
-        ran(line, capsys)
+        assert exit_code(line) == 0, f"{line}: {capsys.readouterr().err}"
 
 
 def test_the_examples_of_the_page_of_a_method_run(workplace, capsys):
@@ -243,5 +244,5 @@ def test_the_examples_of_the_page_of_a_method_run(workplace, capsys):
     for method in (one for one in cn.methods().values() if one.family != "own"):
         page = "\n" + method_pages._use(method)
         for line in blocks(page, "bash")[0].splitlines():
-            ran(line, capsys)
+            assert exit_code(line) == 0, f"{line}: {capsys.readouterr().err}"
         exec(blocks(page, "python")[0], {"cn": cn, "mesh": mesh, "dent": np.load("dent.npy")})
