@@ -10,6 +10,11 @@ from pathlib import Path
 
 from cascadenorm.errors import ParameterError
 
+PROCESS = 350_000_000
+"""Bytes that a process takes before it has read anything, kernels included."""
+FREE = 0.8
+"""Fraction of the free memory that work uses by default."""
+
 _STATUS, _CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 _MEMINFO, _GROUP, _GROUPS = Path("/proc/meminfo"), Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "mi": 2**20, "gi": 2**30, "ti": 2**40}

@@ -17,7 +17,7 @@ import cascadenorm as cn
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.batch.inputs import Job, find_jobs
 from cascadenorm.batch.manifest import Manifest
-from cascadenorm.batch.scheduling import PROCESS, Place, Schedule, needed
+from cascadenorm.batch.scheduling import Place, Schedule, needed
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import Settled
 from cascadenorm.batch.work import Task, work
@@ -25,6 +25,7 @@ from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.interop import save_mesh
 from cascadenorm.io.atomic import remove_unfinished
+from cascadenorm.memory import PROCESS
 from cascadenorm.registry import find
 from cascadenorm.worker_processes import Worker, first_ready
 

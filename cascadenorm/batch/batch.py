@@ -25,7 +25,7 @@ from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.controls.settings import Controls, takes_controls
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.io.atomic import remove_unfinished
-from cascadenorm.memory import available_memory, memory_size
+from cascadenorm.memory import FREE, available_memory, memory_size
 from cascadenorm.mesh import thread_count
 from cascadenorm.progress import Listener
 from cascadenorm.remote_files import check_writable, is_url
@@ -38,9 +38,6 @@ SCAN = 0.5
 
 SCANNING = 20
 """The next scan waits this many times as long as the last one took, so that scans take at most 5 % of the time."""
-
-FREE = 0.8
-"""Fraction of the free memory that a batch uses by default."""
 
 COST = 20_000
 """Fixed cost of a file in the progress, as the bytes that take the same time."""

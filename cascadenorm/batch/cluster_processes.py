@@ -44,7 +44,7 @@ ANSWER = 30.0
 MEMORY = 0.8
 """Fraction of a worker's memory that files may need: above it Dask pauses the worker, and at 95 % ends it."""
 
-PROCESS = secrets.token_hex(8)
+TOKEN = secrets.token_hex(8)
 """What tells this process from one that was started later at the same address."""
 
 
@@ -72,14 +72,14 @@ def about() -> About:
 
     worker = get_worker()
     limit = worker.memory_manager.memory_limit or available_memory()
-    return About(PROCESS, cascadenorm.__version__, os.getcwd(), worker.state.nthreads, int(MEMORY * limit))
+    return About(TOKEN, cascadenorm.__version__, os.getcwd(), worker.state.nthreads, int(MEMORY * limit))
 
 
 def do(process: str, work: Work, task: Task, threads: int) -> Outcome:
     """Do the work, in the process that it was meant for alone."""
     from distributed import get_worker
 
-    if process != PROCESS:
+    if process != TOKEN:
         raise WorkerError("the worker was restarted before it had done the work")
     with limit_threads(threads), threadpool_limits(threads):
         return work(task._replace(scratch=get_worker().local_directory))  # Dask empties it after a worker's death

@@ -5,9 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cascadenorm.batch.inputs import Job
-
-PROCESS = 350_000_000
-"""Bytes that a process takes before it has read anything, kernels included."""
+from cascadenorm.memory import PROCESS
 
 FACE = 1800
 """Bytes that a face takes in the method that needs most, `auto`."""

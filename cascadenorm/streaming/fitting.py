@@ -8,7 +8,7 @@ from cascadenorm.controls.settings import checked
 from cascadenorm.errors import CascadenormError, ParameterError, ReadError
 from cascadenorm.io.atomic import check_output
 from cascadenorm.io.files import beside
-from cascadenorm.memory import amount, free_memory
+from cascadenorm.memory import FREE, amount, free_memory
 from cascadenorm.registry import find, registered
 from cascadenorm.streaming.ply_rows import ply_tables
 from cascadenorm.streaming.stl_records import triangle_count
@@ -18,8 +18,6 @@ FACE = {"auto": 1700, "cascade": 1700}
 """Bytes of a face at least while a method works, the file included."""
 OTHERS = 500
 """Of a face in methods that are not named above."""
-FREE = 0.8
-"""Fraction of the free memory that patches take."""
 
 
 def memory_for_patches(

@@ -22,7 +22,7 @@ from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.errors import MeshError, OutputError, ParameterError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.files import beside
-from cascadenorm.memory import memory_size
+from cascadenorm.memory import PROCESS, memory_size
 from cascadenorm.mesh import limit_threads
 from cascadenorm.registry import Method, find
 from cascadenorm.streaming.ply_rows import ELSEWHERE, ply_tables
@@ -31,9 +31,6 @@ from cascadenorm.streaming.store import Store
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-PROCESS = 350_000_000
-"""Bytes that a process takes before it has read anything, kernels included."""
 
 VERTEX = 2000
 """Bytes of memory for each vertex of a patch, its part of the halo included."""
