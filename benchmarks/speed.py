@@ -1,6 +1,6 @@
 """Time whole commands, from the first byte read to the last one written.
 
-python benchmarks/speed.py [--method NAME ...] [--device cuda]
+python benchmarks/speed.py [--method NAME ...]
 
 The meshes are made here: a torus with waves and noise along its normals. The table is printed, and written to
 benchmarks/speed.md.
@@ -42,26 +42,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Time the start and each method on meshes of two sizes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--method", action="append", help="may be given several times")
-    parser.add_argument("--device", default="cpu", help="cuda, where there is a GPU: of auto and cascade")
     parser.add_argument("--output", type=Path, default=Path(__file__).with_name("speed.md"))
     chosen = parser.parse_args(arguments)
-    methods = chosen.method or ["auto", "cascade", *(["bilateral-normal"] if chosen.device == "cpu" else [])]
+    methods = chosen.method or ["auto", "cascade", "bilateral-normal"]
     rows = [("`cascadenorm --help`", timed(["--help"]))]
     with tempfile.TemporaryDirectory() as folder:
         warm = Path(folder) / "warm.ply"
         save_mesh(warm, wavy_torus(40, 30))
         for method in methods:
-            denoised(warm, method, chosen.device)  # kernels are compiled once, and kept
+            denoised(warm, method)  # kernels are compiled once, and kept
         for size, steps in SIZES.items():
             mesh = Path(folder) / f"{steps[0]}.ply"
             save_mesh(mesh, wavy_torus(*steps))
-            rows += [(f"{method}, {size}", denoised(mesh, method, chosen.device)) for method in methods]
+            rows += [(f"{method}, {size}", denoised(mesh, method)) for method in methods]
     machine = f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    where = "" if chosen.device == "cpu" else f", {chosen.device}"
     lines = [
-        f"# Time and memory of whole commands{'' if chosen.device == 'cpu' else ' on a GPU'}",
+        "# Time and memory of whole commands",
         "",
-        f"Reading and writing included, kernels compiled before; {machine}{where}. "
+        f"Reading and writing included, kernels compiled before; {machine}. "
         "`python benchmarks/speed.py` writes this page.",
         "",
         "| command | seconds | peak memory, GiB |",
@@ -73,10 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(text, end="")
 
 
-def denoised(mesh: Path, method: str, device: str) -> Run:
+def denoised(mesh: Path, method: str) -> Run:
     """Time the denoising of a file."""
-    where = [] if device == "cpu" else ["--set", f"device={device}"]
-    return timed(["denoise", str(mesh), "-o", str(mesh.with_suffix(".out.ply")), "--method", method, "--force", *where])
+    return timed(["denoise", str(mesh), "-o", str(mesh.with_suffix(".out.ply")), "--method", method, "--force"])
 
 
 def timed(arguments: Sequence[str]) -> Run:

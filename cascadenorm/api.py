@@ -65,7 +65,7 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
     MeshError : no valid mesh; its subclass ReadError where a file cannot be read
     ParameterError : an unknown method or parameter, a value out of range, a mask of the wrong shape
     OutputError : the file to be written exists already, or cannot be written
-    MissingDependencyError : a package for the format or the device is not installed
+    MissingDependencyError : a package for the format is not installed
     """
     controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     chosen = find(method)

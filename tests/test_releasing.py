@@ -46,7 +46,7 @@ def test_the_recipe_asks_for_what_the_package_asks_for(recipe):
     wanted = requirements([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
     assert requirements(asked) == wanted
     extras = PROJECT["optional-dependencies"]
-    users = [text for name in ("formats", "pyvista", "viz", "train", "gpu") for text in extras[name] if "[" not in text]
+    users = [text for name in ("formats", "pyvista", "viz", "train") for text in extras[name] if "[" not in text]
     limits = requirements([text.replace(" ", "", 1) for text in recipe["requirements"]["run_constraints"]])
     assert limits == {name: bounds for name, bounds in requirements(users).items() if name != "tqdm"}
 

@@ -7,13 +7,12 @@ from functools import cache
 from importlib import resources
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.baselines.vertex_update import Sweeps
-from cascadenorm.errors import MissingDependencyError
+from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
 from cascadenorm.geometry.safeguards import safeguarded
 from cascadenorm.geometry.segmentation_steps import without_voxel_faces
 from cascadenorm.learned.descriptors import (
@@ -29,7 +28,6 @@ from cascadenorm.learned.descriptors import (
     SMOOTH_SIGMA_R,
 )
 from cascadenorm.learned.drift import without_drift
-from cascadenorm.learned.engine import PROCESSOR, Engine
 from cascadenorm.learned.features import CONTEXT_STEPS, FLOOR
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage_settings import CHOICES, StageSettings
@@ -68,16 +66,16 @@ class Cascade:
     stages: tuple[Regression, ...]
     card: Mapping[str, Any]
 
-    def steps(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Iterator[Mesh]:
+    def steps(self, mesh: Mesh, *, sweeps: int = 20) -> Iterator[Mesh]:
         """Yield the mesh after each stage."""
         noisy = mesh
         for number in track(len(self.stages)):
-            mesh = apply_stage(self.stages[number], mesh, noisy, sweeps=sweeps, engine=engine)
+            mesh = apply_stage(self.stages[number], mesh, noisy, sweeps=sweeps)
             yield mesh
 
-    def vertices(self, mesh: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Vectors:
+    def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:
         """Return the vertices of the mesh after the last stage, (n, 3)."""
-        *_, last = self.steps(mesh, sweeps=sweeps, engine=engine)
+        *_, last = self.steps(mesh, sweeps=sweeps)
         return last.vertices
 
     def to_bytes(self) -> bytes:
@@ -123,11 +121,13 @@ class Cascade:
         return cls(tuple(stages), header["card"])
 
 
-def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int = 20, engine: Engine = PROCESSOR) -> Mesh:
+def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int = 20) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from the filtered ones, its vertices moved to them."""
     settings = stage.settings
-    normals = engine.regress(stage, mesh, stage_stack(settings, mesh, noisy, engine.filters))
-    vertices = engine.recover(mesh, normals, sweeps=sweeps, weighting=settings.weighting, foldovers=settings.foldovers)
+    normals = stage.normals(mesh, stage_stack(settings, mesh, noisy))
+    vertices = recover_vertices(
+        mesh, normals, sweeps=sweeps, weighting=settings.weighting, foldovers=settings.foldovers
+    )
     return mesh.moved(vertices)
 
 
@@ -146,11 +146,10 @@ def shipped(name: str) -> Cascade:
 
 
 Model = Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm train` made; none: ours")]
-Device = Annotated[Literal["cpu", "cuda"], Parameter("what computes: the processor, or a GPU through torch")]
 
 
 @method("auto", source="after Wang, Liu, Tong 2016", family="learned", converges=True)
-def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device = "cpu") -> Vectors:
+def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
     """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, in three stages.
 
     Formula
@@ -165,12 +164,12 @@ def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device
     stay hard. It learned from generated shapes: an error of a kind that none of them has may be left.
     """
     start = without_voxel_faces(mesh)
-    vertices = _loaded(model, "auto").vertices(start, sweeps=sweeps, engine=_engine(device))
+    vertices = _loaded(model, "auto").vertices(start, sweeps=sweeps)
     return safeguarded(mesh, without_drift(mesh, vertices))
 
 
 @method("cascade", source="Wang, Liu, Tong 2016", family="learned")
-def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Device = "cpu") -> Vectors:
+def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
     """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages.
 
     Formula
@@ -184,17 +183,7 @@ def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20, device: Dev
     Its filters reach five mean edge lengths far: heavy noise, and errors that are correlated over many edges, are left
     in part. The vertex update may fold faces over.
     """
-    return _loaded(model, "cascade").vertices(mesh, sweeps=sweeps, engine=_engine(device))
-
-
-def _engine(device: str) -> Engine:
-    if device == "cpu":
-        return PROCESSOR
-    try:
-        from cascadenorm.learned import torch_engine
-    except ModuleNotFoundError:
-        raise MissingDependencyError(f"device={device!r}", package="torch", extra="gpu") from None
-    return torch_engine.engine(device)
+    return _loaded(model, "cascade").vertices(mesh, sweeps=sweeps)
 
 
 def _loaded(model: Cascade | Path | None, name: str) -> Cascade:

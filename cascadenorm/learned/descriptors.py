@@ -69,17 +69,6 @@ def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...], neighborh
     return filtered_normals(mesh, guides, sigma_s=SIGMA_S, sigma_r=sigma_r, cutoff=CUTOFF, rings=rings)
 
 
-class Filters(NamedTuple):
-    """The filters that pass over a mesh many times: those of the baselines, or the same on a GPU."""
-
-    iterated_bilateral: Callable[..., Stack]
-    smoothed: Callable[..., Stack]
-
-
-FILTERS = Filters(iterated_bilateral_normals, smoothed_normals)
-"""Those of the processor."""
-
-
 class Descriptor(NamedTuple):
     """What a stage may read of a mesh and of how it was before the first stage.
 
@@ -90,13 +79,13 @@ class Descriptor(NamedTuple):
     """
 
     size: int
-    fill: Callable[[Stack, Mesh, Mesh, Filters, Neighborhood], None]
+    fill: Callable[[Stack, Mesh, Mesh, Neighborhood], None]
 
 
 def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, own: bool = False) -> Descriptor:
     """B-FND, or with G-FND, behind the normal of the face itself if wanted."""
 
-    def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
+    def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         out[:, int(own) :] = describe(mesh, neighborhood)
         if own:
             out[:, 0] = mesh.normals
@@ -105,8 +94,8 @@ def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, own: b
 
 
 def _iterated(passes: tuple[int, ...]) -> Descriptor:
-    def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
-        filters.iterated_bilateral(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes, out=out)
+    def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
+        iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes, out=out)
 
     return Descriptor(1 + len(ITERATED_SIGMA_R) * len(passes), fill)
 
@@ -114,9 +103,9 @@ def _iterated(passes: tuple[int, ...]) -> Descriptor:
 def _first() -> Descriptor:
     iterated = _iterated(ITERATED_PASSES)
 
-    def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
-        iterated.fill(out[:, : iterated.size], mesh, noisy, filters, neighborhood)
-        filters.smoothed(mesh, out[:, SMOOTHING_DIRECTION], SMOOTH_PASSES, out=out[:, iterated.size :])
+    def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
+        iterated.fill(out[:, : iterated.size], mesh, noisy, neighborhood)
+        smoothed_normals(mesh, out[:, SMOOTHING_DIRECTION], SMOOTH_PASSES, out=out[:, iterated.size :])
 
     return Descriptor(iterated.size + len(SMOOTH_PASSES), fill)
 
@@ -125,11 +114,11 @@ def _later() -> Descriptor:
     """Filter what the stage before left; and smooth the noisy mesh along its normals, so that detail can come back."""
     iterated, passes = _iterated(LATER_ITERATED_PASSES), LATER_SMOOTH_PASSES
 
-    def fill(out: Stack, mesh: Mesh, noisy: Mesh, filters: Filters, neighborhood: Neighborhood) -> None:
+    def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         bilateral, smoothed, of_noisy = np.split(out, [iterated.size, iterated.size + len(passes)], axis=1)
-        iterated.fill(bilateral, mesh, noisy, filters, neighborhood)
-        filters.smoothed(mesh, out[:, SMOOTHING_DIRECTION], passes, out=smoothed)
-        filters.smoothed(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R, out=of_noisy)
+        iterated.fill(bilateral, mesh, noisy, neighborhood)
+        smoothed_normals(mesh, out[:, SMOOTHING_DIRECTION], passes, out=smoothed)
+        smoothed_normals(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R, out=of_noisy)
 
     return Descriptor(iterated.size + 2 * len(passes), fill)
 

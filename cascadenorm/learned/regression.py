@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.learned.descriptors import DESCRIPTORS, FILTERS, Filters, Stack
+from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
 from cascadenorm.learned.features import Array, FeatureScaler
 from cascadenorm.learned.stage_settings import ACTIVATIONS, StageSettings
 from cascadenorm.mesh import Mesh, Vectors, in_blocks, one_blas_thread, unit
@@ -97,11 +97,11 @@ class Regression:
         return np.asarray(x @ weight[cluster] + bias[cluster])
 
 
-def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh, filters: Filters = FILTERS) -> Stack:
+def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh) -> Stack:
     """Filter the normals of a mesh for a stage; the noisy normals, if it sees them, are last in the stack."""
     size, fill = DESCRIPTORS[settings.descriptor]
     stack = np.empty((len(mesh.faces), size + settings.sees_noisy, 3), np.float32)
-    fill(stack[:, :size], mesh, noisy, filters, settings.neighborhood)
+    fill(stack[:, :size], mesh, noisy, settings.neighborhood)
     if settings.sees_noisy:
         stack[:, -1] = noisy.normals
     return stack
