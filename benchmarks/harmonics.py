@@ -19,7 +19,7 @@ from cascadenorm.geometry.fast_harmonics import fast_harmonics
 from cascadenorm.geometry.harmonics import Harmonics, manifold_harmonics
 from cascadenorm.mesh import Mesh, thread_count
 
-SIZES = (20_000, 50_000, 100_000)  # vertices
+SIZES = (20_000, 50_000, 100_000, 500_000)  # vertices
 
 
 class Comparison(NamedTuple):
