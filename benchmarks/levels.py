@@ -35,7 +35,7 @@ Maker = Callable[[Family, float, np.random.Generator], Measured]
 def grainy(family: Family, share: float, rng: np.random.Generator) -> Measured:
     """Mesh a grey volume whose grain deviates by a share of the contrast."""
     field = family.shape(0.05, rng)
-    return tomogram(field, extent_of(field, rng=rng), faces=FACES, level=10 * share, rng=rng)
+    return tomogram(field, extent_of(field, rng=rng), faces=FACES, level=5 * share, rng=rng)
 
 
 def reconstructed(family: Family, gaps: float, rng: np.random.Generator) -> Measured:

@@ -54,7 +54,8 @@ class DatasetConfig:
     min_faces, max_faces : bounds for the wanted number of faces, drawn log-uniformly and met within a third or so
     noise_kinds : drawn with equal chance; name one twice to double its chance. `sensor` is for the families that
         cameras see: half of their meshes get it, and no other mesh, unless it is the only kind
-    min_level, max_level : noise level in mean edge lengths, drawn log-uniformly
+    min_level, max_level : noise level in mean edge lengths, drawn log-uniformly; that of volumes and points in units
+        of their own, drawn uniformly
     """
 
     count: int = 2000
@@ -136,7 +137,11 @@ def _pulled(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
 
 
 def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Generator) -> tuple[NoiseKind, float]:
-    """Draw kind and level of noise: that of depth cameras for what they see, little for few faces, none for CAD."""
+    """Draw kind and level of noise: that of depth cameras for what they see, little for few faces, none for CAD.
+
+    Levels of volumes and points are drawn uniformly, the others log-uniformly: grain and points that are off by little
+    leave a surface as good as clean.
+    """
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
     if family is not None and family.measured:  # whose level is that of its own error
         kinds = [kind for kind in kinds if kind != "none"] or ["normal"]
@@ -146,7 +151,10 @@ def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Gener
         kinds = ["none"]  # nobody measures such triangles
     sensed = not kinds or (family is not None and family.seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
-    level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))
+    if family is not None and family.measured:
+        level = float(rng.uniform(config.min_level, config.max_level))
+    else:
+        level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))
     return kind, 0.0 if kind == "none" else level
 
 

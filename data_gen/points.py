@@ -21,7 +21,9 @@ MARGIN = 6  # cells around the shape
 OUTLIERS = 0.01  # share of the points, at most
 ROUNDS = 12  # of conjugate gradients
 STIFFNESS = 0.05  # of the pull of a point on the grid, at screening 1
-FEWEST, MOST = 3_000, 60_000  # points
+FEWEST, MOST = 1_500, 60_000  # points
+SPARSEST, DENSEST = 0.1, 4.0  # points, in halves of the faces: down to one point for 20 faces
+NOISIER = 0.3  # share of the clouds whose error is up to twice the level
 
 
 def reconstruction(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
@@ -38,7 +40,9 @@ def reconstruction(field: Field, extent: Extent, *, faces: int, level: float, rn
         The points hold no closed surface.
     """
     cell = float(np.sqrt(CELLS * extent.area / faces))
-    count = int(np.clip(0.5 * faces * np.exp(rng.uniform(np.log(0.25), np.log(4))), FEWEST, MOST))
+    count = int(np.clip(0.5 * faces * np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST))), FEWEST, MOST))
+    if rng.random() < NOISIER:
+        level *= float(rng.uniform(1, 2))
     points, normals = sampled_points(field, extent.rough, count=count, level=level, size=cell, rng=rng)
     half = 0.5 * (extent.upper - extent.lower) + MARGIN * cell
     nodes = grid(half, np.full(3, cell)) + extent.middle

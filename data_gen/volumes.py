@@ -12,6 +12,8 @@ from cascadenorm.data_gen.measured import Measured, beneath
 from cascadenorm.data_gen.placement import direction, random_rotation
 from cascadenorm.data_gen.surface import Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.untangle import untangled
+from cascadenorm.geometry.averages import averaged
+from cascadenorm.geometry.segmentation_steps import without_voxel_faces
 from cascadenorm.mesh import Mesh, Vectors, scatter_add
 
 Volume = NDArray[np.float64]
@@ -23,7 +25,9 @@ STEPPED = 3.2  # faces of marching cubes on a mask, for a surface whose area is 
 GREY = 2.3  # the same on grey values
 NETS = 0.7  # the same for surface nets, against marching cubes
 TILT = 15.0  # degrees; so little makes long, low steps on planes
-DECIMATED = 0.12  # share of the meshes that are decimated, as before an export
+VOXEL_FACES = 0.06  # share of the segmentations that are the faces of voxels
+SMOOTHED = 0.1  # share of the other segmentations that are smoothed a little, as before an export
+DECIMATED = 0.15  # share of the meshes that are decimated
 
 
 def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator) -> Measured:
@@ -40,12 +44,18 @@ def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng:
         The mask is empty.
     """
     stretch = float(rng.uniform(1.5, 4)) if slices else 1.0
-    nets, kept = _mesher(rng=rng)
+    voxel_faces = bool(rng.random() < VOXEL_FACES)
+    nets, kept = (True, 1.0) if voxel_faces else _mesher(rng=rng)
     voxel = float(np.sqrt(STEPPED * (NETS if nets else 1) * extent.area / (faces / kept) / stretch**0.6))
     steps = voxel * np.array([1.0, 1.0, stretch])
     nodes, axes = _lattice(extent, steps, rng=rng)
     volume = _mask(_sampled(field, nodes) / voxel, slices=slices, rng=rng)
-    mesh = surface_nets(volume) if nets else marching_cubes(volume)
+    if voxel_faces:
+        mesh = without_voxel_faces(surface_nets(np.round(volume), centered=True))
+    else:
+        mesh = surface_nets(volume) if nets else marching_cubes(volume)
+        if rng.random() < SMOOTHED:
+            mesh = mesh.moved(averaged(mesh.vertices, mesh.topology.vertex_neighbors, int(rng.integers(1, 9))))
     return _measured(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
 
 
@@ -67,7 +77,7 @@ def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.
 
     Parameters
     ----------
-    level : strength of the grain, in tenths of the contrast
+    level : deviation of the grain, in fifths of the contrast
     """
     stretch = float(rng.uniform(1, 2)) if rng.random() < 0.3 else 1.0
     nets, kept = _mesher(rng=rng)
@@ -78,7 +88,7 @@ def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.
     spread = float(rng.uniform(0.4, 1.4))
     blurred = gaussian_filter(share, spread / np.array([1.0, 1.0, stretch]))
     grain = gaussian_filter(rng.normal(size=blurred.shape), float(rng.uniform(0.3, 1.3)))
-    volume = blurred + 0.1 * level * grain / grain.std()
+    volume = blurred + 0.2 * level * grain / grain.std()
     threshold = 0.5 + float(rng.uniform(-0.08, 0.08))
     volume -= threshold - 0.5
     mesh = surface_nets(volume) if nets else marching_cubes(volume)
@@ -101,8 +111,12 @@ def marching_cubes(volume: Volume) -> Mesh:
     return Mesh(vertices.astype(np.float64), faces)
 
 
-def surface_nets(volume: Volume) -> Mesh:
+def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
     """Mesh where the values pass 0.5 by a vertex in each cell and a quadrangle around each crossing (Gibson 1998).
+
+    Parameters
+    ----------
+    centered : vertices are the centres of their cells, so that quadrangles are the faces of voxels
 
     Returns
     -------
@@ -129,7 +143,10 @@ def surface_nets(volume: Volume) -> Mesh:
         crossings.append((axis, others, node, low > high))
     used, vertex = np.unique(np.concatenate(cells), return_inverse=True)
     number.flat[used] = np.arange(len(used))
-    vertices = scatter_add(vertex, np.concatenate(places), len(used)) / np.bincount(vertex)[:, None]
+    if centered:
+        vertices = np.argwhere(number >= 0) + 0.5
+    else:
+        vertices = scatter_add(vertex, np.concatenate(places), len(used)) / np.bincount(vertex)[:, None]
     triangles = []
     for axis, others, node, falling in crossings:
         around = []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shapes import signed_volume
 
-from cascadenorm.data_gen import fields
+from cascadenorm.data_gen import fields, points
 from cascadenorm.data_gen.points import poisson, reconstruction, sampled_points
 from cascadenorm.data_gen.surface import extent_of
 from cascadenorm.data_gen.volumes import marching_cubes
@@ -49,3 +49,18 @@ def test_noisier_points_make_larger_bumps():
         made = reconstruction(BALL, extent_of(BALL, rng=rng), faces=5000, level=level, rng=rng)
         errors.append(np.degrees(angles_between(made.noisy.normals, made.normals)).mean())
     assert errors[1] > 1.5 * errors[0]
+
+
+def test_clouds_differ_in_density_up_to_fewer_points_than_a_tenth_of_the_vertices(monkeypatch):
+    counts = []
+
+    def counted(field, rough, *, count, **settings):
+        counts.append(count)
+        return sampled_points(field, rough, count=count, **settings)
+
+    monkeypatch.setattr(points, "sampled_points", counted)
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        reconstruction(BALL, extent_of(BALL, rng=rng), faces=30_000, level=0.3, rng=rng)
+    assert min(counts) < 0.08 * 30_000
+    assert max(counts) > 0.8 * 30_000

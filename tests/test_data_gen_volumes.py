@@ -8,6 +8,7 @@ from cascadenorm.data_gen import fields
 from cascadenorm.data_gen.measured import beneath
 from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.volumes import marching_cubes, segmentation, surface_nets, tomogram
+from cascadenorm.geometry.segmentation_steps import has_voxel_faces
 from cascadenorm.mesh import angles_between
 
 BALL = fields.sphere(radius=0.8)
@@ -35,13 +36,16 @@ def test_the_truth_of_a_segmented_ball_is_radial(settings, seed):
     np.testing.assert_allclose(made.normals[known], radial, atol=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_steps_of_a_segmentation_are_those_of_voxels(seed):
-    noisy = measured(segmentation, BALL, seed=seed, slices=False).noisy
-    gap = np.linalg.norm(noisy.vertices, axis=1) - 0.8
-    voxel = noisy.mean_edge_length / 0.9  # edges of marching cubes on a mask are ½√2 voxels long, and one
-    assert 0.1 * voxel < gap.std() < 0.4 * voxel
-    assert np.abs(gap).max() < voxel
+def test_the_steps_of_segmentations_are_those_of_voxels():
+    deviations, largest = [], []
+    for seed in range(9):
+        noisy = measured(segmentation, BALL, seed=seed, slices=False).noisy
+        gap = np.linalg.norm(noisy.vertices, axis=1) - 0.8
+        voxel = noisy.mean_edge_length / 0.9  # edges of marching cubes on a mask are ½√2 voxels long, and one
+        deviations.append(gap.std() / voxel)
+        largest.append(np.abs(gap).max() / voxel)
+    assert 0.1 < np.median(deviations) < 0.4  # some are smoothed, some ragged
+    assert np.median(largest) < 1
 
 
 def test_thick_slices_make_higher_steps_along_their_axis():
@@ -70,6 +74,13 @@ def test_meshes_of_a_mask_are_closed_outward_and_hold_its_voxels(mesher):
     assert not mesh.topology.boundary_vertices.any()
     assert (mesh.topology.edge_faces.counts == 2).all()
     assert signed_volume(mesh) == pytest.approx(volume.sum(), rel=0.05)
+
+
+def test_centred_surface_nets_are_the_faces_of_the_voxels():
+    volume = mask(8.0)
+    mesh = surface_nets(volume, centered=True)
+    assert has_voxel_faces(mesh)
+    assert signed_volume(mesh) == pytest.approx(volume.sum(), rel=1e-12)
 
 
 def test_surface_nets_are_exact_on_a_plane_of_grey_values():

@@ -32,7 +32,7 @@ MAY_IMPORT = {
     "remote_files": {"errors"},
     "geometry": METHODS,
     "baselines": {*METHODS, "baselines"},
-    "data_gen": {"mesh", "errors", "progress", "workers", "data_gen"},
+    "data_gen": {"mesh", "errors", "progress", "workers", "geometry", "data_gen"},
     "learned": {*METHODS, "baselines", "data_gen", "workers", "learned"},
     "io": {*MESH, "io"},
     "interop": {*MESH, "io"},

@@ -164,7 +164,7 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
         "data": f"procedural shapes with simulated noise from cascadenorm.data_gen; {others}",
         "faces_trained_on": faces,
         "validation_chord_by_stage_and_cluster": losses,
-        "limits": "triangle meshes whose noise is not correlated over many faces; strong sensor noise is smoothed less",
+        "limits": "errors like those of the meshes it was trained on; detail as fine as the error may be lost with it",
         "licence": "MIT",
         "config": asdict(config),
     }
