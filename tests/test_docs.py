@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from textwrap import dedent
+from urllib.parse import unquote, urlsplit
 
 import pytest
 from shapes import icosphere
@@ -60,6 +61,59 @@ def test_links_lead_to_files_and_headings(page):
             continue  # the build of the site makes it, and warns of links that lead nowhere
         assert target.exists(), link
         assert not anchor or anchor in anchors(target), f"{link}: {named(target)} has no such heading"
+
+
+EXTERNAL = re.compile(r"\bhttps?:/+\w[^\s\[\]()<>`\"'\\\\]*", re.IGNORECASE)
+DOI = re.compile(r"10\.\d{4,9}/[-\w.;:/]*\w")
+OWN = re.compile(r"/github(?:\.com)?/OWNER/cascadenorm(?:/(?:blob|tree|raw)/[^/]+/([^#?]+))?")
+WITH_LINKS = [*PAGES, *sorted((ROOT / "notebooks").glob("*.ipynb")), ROOT / "CITATION.cff", ROOT / "pyproject.toml"]
+
+
+def external_links(text: str) -> list[str]:
+    """Addresses in a text, without the punctuation that ends a sentence."""
+    return [link.rstrip(".,;:!") for link in EXTERNAL.findall(text)]
+
+
+def faults(link: str) -> list[str]:
+    """What is wrong with the form of an external link, and with what it names of this repository."""
+    parts = urlsplit(link)
+    found = [] if parts.scheme == "https" else ["write https"]
+    if not re.fullmatch(r"(?:[a-z0-9-]+\.)+[a-z]{2,}", parts.netloc):
+        found.append("its host is no name")
+    if "doi" in parts.netloc and not (parts.netloc == "doi.org" and DOI.fullmatch(parts.path[1:])):
+        found.append("write https://doi.org/10.…/…")
+    own = OWN.search(link)
+    if own and own[1] and not (ROOT / unquote(own[1])).exists():
+        found.append(f"the repository has no {own[1]}")
+    return found
+
+
+def spelled_alike(link: str) -> str:
+    """What links have in common that lead to the same page."""
+    return re.sub(r"^https?://(?:www\.)?|\.git$|/$", "", link.partition("#")[0].lower())
+
+
+def test_faults_of_links_are_found():
+    assert external_links("see (https://a.org/b), https://c.org/d. Or http://e.org; https://… is none") == [
+        "https://a.org/b", "https://c.org/d", "http://e.org",
+    ]  # fmt: skip
+    good = ("https://doi.org/10.1145/2980179.2980232", "https://github.com/OWNER/cascadenorm/blob/main/docs/start.md#a")
+    assert [faults(link) for link in good] == [[], []]
+    for link in ("http://a.org", "https://localhost/x", "https://dx.doi.org/10.1145/1", "https://doi.org/doi:10.1145/1",
+                 "https://doi.org/10.1145/", "https://github.com/OWNER/cascadenorm/tree/main/no/such"):  # fmt: skip
+        assert len(faults(link)) == 1, link
+    assert spelled_alike("https://www.A.org/b/") == spelled_alike("https://a.org/b.git#c") == "a.org/b"
+
+
+def test_external_links_are_well_formed_and_each_has_one_spelling():
+    """There is no network in tests, so that a page exists is not asked."""
+    spellings: dict[str, set[str]] = {}
+    for page in WITH_LINKS:
+        for link in external_links(page.read_text(encoding="utf-8")):
+            assert not faults(link), f"{named(page)}: {link}: {', '.join(faults(link))}"
+            spellings.setdefault(spelled_alike(link), set()).add(link.partition("#")[0])
+    assert len(spellings) > 20
+    assert not [links for links in spellings.values() if len(links) > 1]
 
 
 def test_the_architecture_names_only_what_exists():
