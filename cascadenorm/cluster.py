@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
+from cascadenorm.child_processes import interrupts_blocked
 from cascadenorm.errors import MissingDependencyError, ParameterError
-from cascadenorm.workers import interrupts_blocked
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -15,9 +15,9 @@ from typing import Any, Generic, NoReturn, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from cascadenorm.child_processes import interrupts_blocked
 from cascadenorm.errors import WorkerError
 from cascadenorm.mesh import limit_threads
-from cascadenorm.workers import interrupts_blocked
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

@@ -3,19 +3,17 @@
 By concurrent.futures: joblib's processes print traces at Ctrl-C and outlive a parent that is killed.
 """
 
-import os
-import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing import get_context, parent_process, resource_tracker
-from threading import Thread
+from multiprocessing import get_context
 from typing import Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from cascadenorm.child_processes import end_with_parent, interrupts_blocked
 from cascadenorm.errors import WorkerError
 from cascadenorm.mesh import limit_threads
 
@@ -60,32 +58,6 @@ def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], items:
     """Submit work to the pool, whose processes start here; they ignore Ctrl-C, and the parent stops them."""
     with interrupts_blocked():
         return pool.map(partial(_on_one_thread, work), items)
-
-
-@contextmanager
-def interrupts_blocked() -> Iterator[None]:
-    """Block SIGINT until the end of the block, and for good in the processes that are started in it."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # the first process would start it, which unblocks SIGINT
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def end_with_parent() -> None:
-    """End this process when its parent is killed, rather than wait for work for ever."""
-    parent = parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    Thread(target=watch, daemon=True).start()
 
 
 def _on_one_thread(work: Callable[[Item], Result], item: Item) -> Result:

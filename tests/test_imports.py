@@ -24,9 +24,10 @@ MAY_IMPORT = {
     "progress": set(),
     "mesh": MESH,
     "registry": {"mesh", "errors"},
-    "workers": {"mesh", "errors"},
-    "worker_processes": {"mesh", "errors", "workers"},
-    "cluster": {"errors", "workers"},
+    "child_processes": set(),
+    "workers": {"mesh", "errors", "child_processes"},
+    "worker_processes": {"mesh", "errors", "child_processes"},
+    "cluster": {"errors", "child_processes"},
     "memory": {"errors"},
     "digests": set(),
     "remote_files": {"errors"},
@@ -62,7 +63,7 @@ MAY_IMPORT = {
                 "interop", "inspection", "evaluation", "render", "api", "denoised_files", "reports"},
     "frontends": {*METHODS, "interop", "controls", "api", "regions", "inspection", "evaluation.metrics", "frontends"},
     "frontends.blender": {*METHODS, "io.normals", "controls", "api", "inspection", "frontends"},
-    "studio": {*METHODS, "workers", "io", "interop", "controls", "api", "denoised_files", "reports", "studio"},
+    "studio": {*METHODS, "child_processes", "io", "interop", "controls", "api", "denoised_files", "reports", "studio"},
     "cli": {*METHODS, "workers", "learned", "data_gen", "io", "interop", "controls", "api", "denoised_files",
             "filled_files", "batch", "streaming", "models", "model_cards", "regions", "evaluation", "spectra",
             "inspection", "render", "reports", "studio", "cli"},
@@ -179,6 +180,16 @@ def loaded_by(code: str) -> set[str]:
 )
 def test_help_starts_without_numerical_packages(code):
     assert not loaded_by(code) & {"numpy", "numba", "scipy", "trimesh", "torch", "sklearn", "safetensors"}
+
+
+def test_the_studio_serves_its_page_without_numerical_packages():
+    code = """
+from pathlib import Path
+from cascadenorm.studio.application import Application
+from cascadenorm.studio.server import Uploads
+from cascadenorm.studio.session import Session
+assert len(Application(Session(), Uploads(Path(), most=0)).routes()) > 10"""
+    assert not loaded_by(code) & {"numpy", "numba", "scipy", "trimesh", "torch", "safetensors"}
 
 
 def test_the_command_that_denoises_does_not_import_what_makes_data(tmp_path):

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.volume import closed_parts, volumes
-from cascadenorm.inspection.defects import pinched_vertices
 from cascadenorm.mesh import Mesh
 
 
@@ -27,8 +26,13 @@ class Enclosed(NamedTuple):
     manifold: NDArray[np.bool_]
 
 
-def enclosed(mesh: Mesh) -> Enclosed:
-    """Measure the closed parts of a mesh."""
+def enclosed(mesh: Mesh, pinched: NDArray[np.bool_]) -> Enclosed:
+    """Measure the closed parts of a mesh.
+
+    Parameters
+    ----------
+    pinched : (n,) which vertices have several fans of faces
+    """
     closed = closed_parts(mesh)
     number, total = closed
     of_face, of_edge = number[mesh.faces[:, 0]], number[mesh.topology.edges[:, 0]]
@@ -37,6 +41,6 @@ def enclosed(mesh: Mesh) -> Enclosed:
     assert len(parts) == total
     counts = [np.bincount(of[of >= 0], minlength=total) for of in (number, of_edge, of_face)]
     manifold = np.ones(total, bool)
-    pinched = number[pinched_vertices(mesh.topology)]
-    manifold[pinched[pinched >= 0]] = False
+    of_pinched = number[pinched]
+    manifold[of_pinched[of_pinched >= 0]] = False
     return Enclosed(inside[first], volumes(mesh, closed), counts[0] - counts[1] + counts[2], manifold)

@@ -146,7 +146,8 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
     small, exponent = in_frame(mesh)
     topology, around = mesh.topology, mesh.topology.edge_faces.counts
     numbered = given._replace(face_numbers=given.face_numbers[good])
-    parts = enclosed(small)
+    pinched = pinched_vertices(topology)
+    parts = enclosed(small, pinched)
     flat, thin = thin_faces(small)
     looks = len(mesh.faces) <= MOST_FACES_CROSSED if self_intersections is None else self_intersections
     crossing = crossing_faces(small, repeats(small.vertices)[1]) if looks else None
@@ -162,7 +163,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "boundary_loops": boundary_loop_count(topology),
         "boundary_edges": int((around == 1).sum()),
         "non_manifold_edges": numbered.at_edges(topology.edges[around > 2]),
-        "non_manifold_vertices": numbered.at_vertices(pinched_vertices(topology)),
+        "non_manifold_vertices": numbered.at_vertices(pinched),
         "flipped_edges": numbered.at_edges(topology.edges[flipped_edges(topology)]),
         "inside_out": numbered.at_faces(inside_out),
         "zero_area": numbered.at_faces(flat),

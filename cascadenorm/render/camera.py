@@ -70,13 +70,16 @@ class Camera:
             raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")
         faces = _framed_faces(mesh)
         axes = _axes(_direction(mesh, faces, up) if direction is None else direction, up)
-        points = _framed_points(mesh, faces)
+        points = _points(mesh, faces)
         low, high = points.min(axis=0), points.max(axis=0)
         middle, diagonal = (low + high) / 2, np.linalg.norm(high - low)
         strength = float(2 * perspective / diagonal) if diagonal else 0.0
-        flat = projected((points - middle) @ axes.T, strength)[:, :2]
-        center = middle + (flat.min(axis=0) + flat.max(axis=0)) / 2 @ axes[:2]
-        flat = projected((points - center) @ axes.T, strength)[:, :2]  # nearer points have gone farther
+        framed = (points - middle) @ axes.T
+        flat = projected(framed, strength)[:, :2]
+        aside = (flat.min(axis=0) + flat.max(axis=0)) / 2
+        center = middle + aside @ axes[:2]
+        framed[:, :2] -= aside
+        flat = projected(framed, strength)[:, :2]  # nearer points have gone farther
         width, height = np.abs(flat).max(axis=0)
         return cls(axes, center, (float(width), float(height)), strength)
 
@@ -119,7 +122,7 @@ class Camera:
 
     def around(self, mesh: Mesh, *, count: int, up: Up = "y") -> list["Camera"]:
         """Return cameras on a walk around the whole mesh, at equal angles about the upward axis, of one reach."""
-        points = _framed_points(mesh, _framed_faces(mesh))
+        points = _points(mesh, _framed_faces(mesh))
         center = (points.min(axis=0) + points.max(axis=0)) / 2
         angles = 2 * np.pi * np.arange(count) / count
         cameras = [replace(self, center=center, axes=self.axes @ _turn(angle, up).T) for angle in angles]
@@ -156,6 +159,9 @@ def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
     seen = np.flatnonzero(mesh.areas > 0)
     if not len(seen):
         return np.arange(len(mesh.faces))
+    corners = _points(mesh, seen)
+    if mesh.areas.sum() >= LEAST_COVERAGE * np.sum(np.ptp(corners, axis=0) ** 2):
+        return seen  # they cover enough at any distance that two of them have
     weights = np.minimum(mesh.areas[seen], mesh.heights[seen] ** 2)
     middle = np.array([_weighted_median(along, weights) for along in mesh.centroids[seen].T])
     distances = np.linalg.norm(mesh.corners[seen] - middle, axis=2).max(axis=1)
@@ -164,9 +170,11 @@ def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
     return seen[outward[: np.flatnonzero(covered)[-1] + 1]] if covered.any() else seen
 
 
-def _framed_points(mesh: Mesh, faces: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Vertices of the faces that decide on the frame."""
-    return mesh.vertices[np.unique(mesh.faces[faces])]
+def _points(mesh: Mesh, faces: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Vertices of faces."""
+    used = np.zeros(len(mesh.vertices), bool)
+    used[mesh.faces[faces]] = True
+    return mesh.vertices[used]
 
 
 def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:

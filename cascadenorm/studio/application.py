@@ -14,10 +14,8 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from cascadenorm.errors import CascadenormError, ParameterError
-from cascadenorm.io.files import is_mesh_name
-from cascadenorm.studio.saving import plain_name
+from cascadenorm.studio.names import plain_name, spelled
 from cascadenorm.studio.session import RequestFailed, Session
-from cascadenorm.studio.settings import form, spelled
 from cascadenorm.studio.uploads import TooLarge, Uploads
 
 MOST_LETTERS = 1 << 20
@@ -28,13 +26,13 @@ PULSE = 1.0
 """Seconds without an event after which a comment is sent, so that a closed page is noticed."""
 
 ASSETS = {
-    "/": ("cascadenorm.studio", "studio.html", "text/html"),
-    "/studio.css": ("cascadenorm.studio", "studio.css", "text/css"),
-    "/studio.js": ("cascadenorm.studio", "studio.js", "text/javascript"),
-    "/viewer.css": ("cascadenorm.reports", "report.css", "text/css"),
-    "/viewer.js": ("cascadenorm.reports", "viewer.js", "text/javascript"),
+    "/": ("studio/studio.html", "text/html"),
+    "/studio.css": ("studio/studio.css", "text/css"),
+    "/studio.js": ("studio/studio.js", "text/javascript"),
+    "/viewer.css": ("reports/report.css", "text/css"),
+    "/viewer.js": ("reports/viewer.js", "text/javascript"),
 }
-"""Static files of the page: for each path the package, file name and media type."""
+"""Static files of the page: for each path the file in the package, and the media type."""
 
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -73,7 +71,7 @@ class Application:
 
     async def form(self, _: Request) -> Response:
         """Methods and controls."""
-        return JSONResponse(form())
+        return JSONResponse(await self._session.form())
 
     async def events(self, request: Request) -> Response:
         """Server-sent events, until the page is closed."""
@@ -118,7 +116,7 @@ class Application:
         if not isinstance(names, list) or not names:
             raise ParameterError("the request names no file")
         paths = [self._uploads.path(drop, name) for name in names]
-        path = next((path for path in paths if is_mesh_name(path)), paths[0])
+        path = paths[await self._session.ask("which", names=[path.name for path in paths])]
         await self._session.open(path, path.name, saves=False)
         return JSONResponse({})
 
@@ -178,8 +176,8 @@ class Application:
         return Path(shown).with_name(plain_name(name))
 
 
-def _asset(package: str, name: str, kind: str) -> Handler:
-    content = files(package).joinpath(name).read_bytes()
+def _asset(name: str, kind: str) -> Handler:
+    content = files("cascadenorm").joinpath(name).read_bytes()
 
     async def handler(_: Request) -> Response:
         return Response(content, media_type=kind)

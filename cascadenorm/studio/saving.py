@@ -22,9 +22,6 @@ from cascadenorm.studio.painting import has_paint
 from cascadenorm.studio.settings import Chosen
 from cascadenorm.studio.workbench import Workbench
 
-MOST_BYTES = 200
-"""Longest file name, in bytes of UTF-8."""
-
 
 class Recipe(NamedTuple):
     """What reproduces a file: names and settings, with arrays given by their files."""
@@ -35,16 +32,6 @@ class Recipe(NamedTuple):
     parameters: dict[str, Any]
     strength: float
     controls: dict[str, Any]
-
-
-def plain_name(name: object) -> str:
-    """Return the name of a file in a folder that is known; raises OutputError for anything else, such as a path."""
-    bad = not isinstance(name, str) or name.startswith(".") or not name.strip() or len(name.encode()) > MOST_BYTES
-    if bad or any(letter in '/\\\\:*?"<>|' or ord(letter) < 32 for letter in str(name)):
-        raise OutputError(
-            f"{name!r} is not a plain file name", hint="give one without folders, such as part_denoised.ply"
-        )
-    return str(name)
 
 
 def save(

@@ -38,12 +38,19 @@ class Session:
         self.opened: Event | None = None
         self.scenes: dict[int, bytes] = {}
         self._worker: Worker | None = None
+        self._form: dict[str, Any] | None = None
 
     def start(self) -> None:
         """Start the worker, which takes a second, before it is needed."""
         self._worker = self._started()
 
     # work
+
+    async def form(self) -> dict[str, Any]:
+        """Return the description of the form; raises RequestFailed where the worker ends before."""
+        if self._form is None:
+            self._form = await self._ask("form")
+        return self._form
 
     async def open(self, path: Path, name: str, *, saves: bool) -> None:
         """Open a mesh file in the place of the one before; raises RequestFailed, and that one stays then.
@@ -64,6 +71,7 @@ class Session:
         self.opened = {"type": "opening", "name": Path(name).name}
         self._tell(self.opened)
         try:
+            await self.form()  # a page has nothing to show without it
             await self.open(path, name, saves=True)
         except RequestFailed as error:
             self.opened = {"type": "unopened", **error.content}

@@ -11,6 +11,7 @@ from cascadenorm.controls.selection import FILES
 from cascadenorm.controls.settings import Controls, checked
 from cascadenorm.errors import ParameterError
 from cascadenorm.registry import Method, Setting, by_family, find
+from cascadenorm.studio.names import label
 
 MOST_LETTERS = 10_000
 """Longest text of a setting, in characters."""
@@ -68,19 +69,13 @@ def chosen(given: Mapping[str, Any]) -> Chosen:
     return Chosen(method, method.checked(parameters), checked(controls), controls)
 
 
-def spelled(name: str, value: object = None) -> str:
-    """Return the form's label of a setting, for messages."""
-    label = _label(name)
-    return f"“{label}”" if value is None else f"“{label}”: {value}"
-
-
 def _input(setting: Setting) -> dict[str, Any]:
     """Describe a setting: the browser makes an input of it."""
     about = setting.about
     number = setting.kinds in ((int,), (float,))
     return {
         "name": setting.name,
-        "label": _label(setting.name),
+        "label": label(setting.name),
         "help": about.help,
         "unit": about.unit,
         "allowed": about.allowed,
@@ -113,10 +108,6 @@ def _plain(given: Any) -> dict[str, Any]:
         if not known or len(str(value)) > MOST_LETTERS:
             raise ParameterError("must be a number or a short text", parameter=str(name))
     return given
-
-
-def _label(name: str) -> str:
-    return name.replace("_", " ").capitalize()
 
 
 def _text(value: Any) -> str:

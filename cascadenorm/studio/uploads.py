@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 from cascadenorm.errors import OutputError, ReadError
-from cascadenorm.studio.saving import plain_name
+from cascadenorm.studio.names import plain_name
 
 
 class TooLarge(ReadError):

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -83,11 +84,15 @@ class Workbench:
         self.target = str(Path(name).with_name(suggested_name(self.file, Path(name))))
         self.shown = display(self.mesh)
         self.scenes = Comparison(Given("before", self.name, self.file))
-        self.coarse = coarse(self.mesh)
         self.paint = np.zeros(len(self.mesh.vertices), np.uint8)
         self._results: dict[str, Result] = {}
         self._steps: dict[float, Steps] = {}
         self._steps_key = ""
+
+    @cached_property
+    def coarse(self) -> Coarse | None:
+        """The mesh of the previews; None for a small one."""
+        return coarse(self.mesh)
 
     def about(self) -> dict[str, Any]:
         """Return the facts about the file that the page shows, and its scene."""

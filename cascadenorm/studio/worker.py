@@ -7,24 +7,21 @@ its progress; if it does not do so in time, the process is killed and another on
 from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
 from time import monotonic
 from typing import Any, NamedTuple
 
-from cascadenorm.errors import CascadenormError, MeshError, OutputError, ParameterError
-from cascadenorm.studio import saving
-from cascadenorm.studio.settings import spelled
-from cascadenorm.studio.workbench import Workbench
-from cascadenorm.workers import end_with_parent, interrupts_blocked
+from cascadenorm.child_processes import end_with_parent, interrupts_blocked
+from cascadenorm.errors import CascadenormError, OutputError, ParameterError
+from cascadenorm.studio.names import spelled
 
 INTERVAL = 0.1
 """Seconds between two reports of progress."""
 
 
 class Request(NamedTuple):
-    """Work to be done: kind is "open", "paint", "denoise", "save", "download" or "recipe"."""
+    """Work to be done: kind is one of those in `requests`."""
 
     number: int
     kind: str
@@ -102,13 +99,30 @@ class Worker:
 def _serve(connection: Connection, oldest: Any) -> None:
     """Handle requests until the connection is closed."""
     end_with_parent()
-    work = _Work(connection, oldest)
+    from cascadenorm.studio.requests import Requests  # here: the server starts without numerical packages
+
+    requests = Requests()
     while True:
         try:
             request = connection.recv()
         except (EOFError, OSError):
             return
-        connection.send(work.done(request))
+        connection.send(_reply(request, requests.done, _Reports(connection, oldest, request)))
+
+
+def _reply(request: Request, done: Callable[..., Any], reports: "_Reports") -> Reply:
+    """Return the reply that ends a request."""
+    try:
+        return Reply(request.number, "done", done(request.kind, request.arguments, reports.progress, reports.preview))
+    except Cancelled:
+        return Reply(request.number, "cancelled", None)
+    except CascadenormError as error:
+        return Reply(request.number, "failed", _about(error))
+    except MemoryError:
+        return Reply(request.number, "failed", {"error": "there is not enough memory for this mesh"})
+    except Exception as error:
+        told = f"{type(error).__name__}: {error} (please report it)"
+        return Reply(request.number, "failed", {"error": told})
 
 
 def _about(error: CascadenormError) -> dict[str, Any]:
@@ -121,64 +135,21 @@ def _about(error: CascadenormError) -> dict[str, Any]:
     return told
 
 
-class _Work:
-    def __init__(self, connection: Connection, oldest: Any) -> None:
-        self._connection, self._oldest = connection, oldest
-        self._opened: Workbench | None = None
+class _Reports:
+    """What is told of a request while it is worked on."""
 
-    @property
-    def _bench(self) -> Workbench:
-        if self._opened is None:
-            raise MeshError("no mesh is open", hint="open one")
-        return self._opened
+    def __init__(self, connection: Connection, oldest: Any, request: Request) -> None:
+        self._connection, self._oldest, self._request = connection, oldest, request
+        self._said = 0.0
 
-    def done(self, request: Request) -> Reply:
-        """Return the reply that ends a request."""
-        try:
-            return Reply(request.number, "done", self._do(request))
-        except Cancelled:
-            return Reply(request.number, "cancelled", None)
-        except CascadenormError as error:
-            return Reply(request.number, "failed", _about(error))
-        except MemoryError:
-            return Reply(request.number, "failed", {"error": "there is not enough memory for this mesh"})
-        except Exception as error:
-            told = f"{type(error).__name__}: {error} (please report it)"
-            return Reply(request.number, "failed", {"error": told})
+    def progress(self, fraction: float) -> None:
+        """Tell the fraction that is done, now and then; raises Cancelled where the request was cancelled."""
+        if self._request.kind == "denoise" and self._request.number < self._oldest.value:
+            raise Cancelled
+        if monotonic() - self._said >= INTERVAL:
+            self._said = monotonic()
+            self._connection.send(Reply(self._request.number, "progress", fraction))
 
-    def _do(self, request: Request) -> Any:
-        given = request.arguments
-        listener = self._listener(request)
-        match request.kind:
-            case "open":
-                self._opened = Workbench(Path(given["path"]), given["name"])
-                return self._bench.about()
-            case "paint":
-                return self._bench.take_paint(given["codes"])
-            case "denoise":
-                return self._bench.denoise(given["settings"], listener, self._preview(request))
-            case "save":
-                return saving.save(
-                    self._bench, given["settings"], Path(given["target"]), listener, force=given["force"]
-                )
-            case "download":
-                return saving.packed(self._bench, given["settings"], given["name"], listener)
-            case "recipe":
-                return saving.recipe(self._bench, given["settings"], Path(given["target"]))
-        raise ValueError(request.kind)
-
-    def _listener(self, request: Request) -> Callable[[float], None]:
-        said = 0.0
-
-        def listen(fraction: float) -> None:
-            nonlocal said
-            if request.kind == "denoise" and request.number < self._oldest.value:
-                raise Cancelled
-            if monotonic() - said >= INTERVAL:
-                said = monotonic()
-                self._connection.send(Reply(request.number, "progress", fraction))
-
-        return listen
-
-    def _preview(self, request: Request) -> Callable[[bytes], None]:
-        return lambda scene: self._connection.send(Reply(request.number, "preview", scene))
+    def preview(self, scene: bytes) -> None:
+        """Tell what a coarse mesh gave."""
+        self._connection.send(Reply(self._request.number, "preview", scene))

@@ -225,6 +225,11 @@ export class Stage {
     this.draw();
   }
 
+  // The element that holds the canvas may have another size than what is drawn.
+  resized(): void {
+    if (!this.fits) this.draw();
+  }
+
   // Draw with the next frame of the browser.
   draw(): void {
     if (this.waiting) return;
@@ -277,15 +282,20 @@ export class Stage {
 
   // Make the canvas as large as the element that holds it; false where that has no size.
   private fit(): boolean {
-    const width = this.canvas.parentElement?.clientWidth;
-    const height = this.canvas.parentElement?.clientHeight;
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement ?? this.canvas;
     if (!width || !height) return false;
-    const ratio = Math.min(devicePixelRatio, 2);
-    if (this.canvas.clientWidth !== width || this.canvas.clientHeight !== height || this.renderer.getPixelRatio() !== ratio) {
-      this.renderer.setPixelRatio(ratio);
+    if (!this.fits) {
+      this.renderer.setPixelRatio(pixelRatio());
       this.renderer.setSize(width, height);
     }
     return true;
+  }
+
+  private get fits(): boolean {
+    const { canvas, renderer } = this;
+    const holder = canvas.parentElement ?? canvas;
+    const alike = canvas.clientWidth === holder.clientWidth && canvas.clientHeight === holder.clientHeight;
+    return alike && renderer.getPixelRatio() === pixelRatio();
   }
 
   // Take over the state.
@@ -316,6 +326,10 @@ export class Stage {
     this.camera.updateProjectionMatrix();
     this.camera.updateMatrixWorld();
   }
+}
+
+function pixelRatio(): number {
+  return Math.min(devicePixelRatio, 2);
 }
 
 function mapTexture(signed: boolean): THREE.DataTexture {

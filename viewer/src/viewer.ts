@@ -46,7 +46,7 @@ export class Viewer {
     this.readHash();
     this.stage.onMove = () => this.save();
     this.stage.onFrame = () => this.overlay();
-    new ResizeObserver(() => this.stage.draw()).observe(this.holder);
+    new ResizeObserver(() => this.stage.resized()).observe(this.holder);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.theme());
     addEventListener("hashchange", () => this.readHash());
     this.listen(canvas);
