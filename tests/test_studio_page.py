@@ -58,8 +58,11 @@ class Page(Browser):
         """Wait until the answer to a change is shown."""
         self.wait(more=True)
 
-    def drop(self, *files):
+    def drop(self, *files, replacing=False):
+        """Drop files; with `replacing`, agree that what is not saved is lost."""
         self.js(DROP, [[file.name, b64encode(file.read_bytes()).decode()] for file in files])
+        if replacing:
+            self.press_button(f"Open {files[0].name}")
 
     def fill(self, selector, value):
         """Change a field as a user does who leaves it then."""
@@ -177,7 +180,7 @@ def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, 
 def test_what_is_wrong_is_said_and_what_is_open_stays(page, named, tmp_path):
     page.at(named).wait()
     (tmp_path / "letter.ply").write_text("dear reader", encoding="utf-8")
-    page.drop(tmp_path / "letter.ply")
+    page.drop(tmp_path / "letter.ply", replacing=True)
     page.said(".failed", "letter.ply")
     assert page.one("h1").text == "rough.ply"
     page.fill(".strength input[type=number]", "-3")
@@ -309,7 +312,7 @@ def test_another_mesh_is_opened_after_painting_without_the_paint(page, named, tm
     drag(page, (60, 0), (20, 0))
     page.begun()
     assert page.one(".painting > button").text == "Clear all paint"
-    page.drop(tmp_path / "other.ply")
+    page.drop(tmp_path / "other.ply", replacing=True)
     page.said("h1", "other.ply")
     page.begun()
     after = page.canvas()
@@ -319,10 +322,56 @@ def test_another_mesh_is_opened_after_painting_without_the_paint(page, named, tm
 
     # it looks as it does without another one before it
     page.at(named).wait()
-    page.drop(tmp_path / "other.ply")
+    page.drop(tmp_path / "other.ply", replacing=True)
     page.said("h1", "other.ply")
     page.begun()
     assert (page.canvas() == after).all()
+
+
+@needs_browser
+def test_it_is_asked_before_what_is_not_saved_is_lost(page, named, tmp_path):
+    save_mesh(tmp_path / "other.ply", noisy(icosphere(2), 0.2))
+    page.at(named).wait()
+    leaving = "const e = new Event('beforeunload', {cancelable: true}); dispatchEvent(e); return e.defaultPrevented"
+    lost = "return document.querySelector('.leaving[open] p')?.innerText"
+
+    # the result is kept, by the button that has the focus and by Escape
+    for key in (Keys.ENTER, Keys.ESCAPE):
+        page.drop(tmp_path / "other.ply")
+        assert page.js(lost) == "The result is not saved and will be lost."
+        assert page.one(".leaving h2").text == "Open other.ply in place of rough.ply?"
+        assert page.js("return document.activeElement.innerText") == "Keep rough.ply" and page.js(leaving)
+        webdriver.ActionChains(page.driver).send_keys(key).perform()
+        page.settle()
+        assert page.js(lost) is None and page.one("h1").text == "rough.ply"
+
+    # what is saved is not lost, but what is painted then
+    page.press_button("Save…")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "Saved as")
+    page.press_button("Close")
+    assert not page.js(leaving)
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    assert page.js(leaving)
+    page.js("document.querySelector('.painting input[value=pin]').click()")
+    drag(page, (60, 0), (20, 0))
+    page.begun()
+    page.drop(tmp_path / "other.ply")
+    assert page.js(lost) == "The paint and the result are not saved and will be lost."
+    page.press_button("Open other.ply")
+    page.said("h1", "other.ply")
+    page.begun()
+
+    # saved again: another mesh is opened unasked
+    page.press_button("Save…")
+    page.press_button("Download")
+    page.said(".saving [role=status]", "Downloaded as")
+    page.press_button("Close")
+    page.drop(tmp_path / "rough.ply")
+    assert page.js(lost) is None
+    page.said("h1", "rough.ply")
+    page.begun()
 
 
 @needs_browser

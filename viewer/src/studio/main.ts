@@ -15,6 +15,7 @@ async function start(root: HTMLElement): Promise<void> {
 
 const root = document.getElementById("studio")!;
 start(root).catch((error: Error) => {
+  root.querySelector(".starting")?.remove();
   root.append(make("p", { class: "ended", role: "alert" }, error.message));
   root.dataset.state = "ended";
 });

@@ -32,6 +32,7 @@ export class Saving {
   }
 
   open({ suggested, saves }: Opened): void {
+    this.dialog.close(); // it was about another mesh
     this.name.value = suggested;
     this.beside.hidden = !saves;
   }

@@ -7,6 +7,7 @@ import { Brush } from "./brush";
 import { Dropping } from "./dropping";
 import { SettingsForm, Values } from "./form";
 import { History } from "./history";
+import { Leaving } from "./leaving";
 import { Saving } from "./saving";
 import { Status } from "./status";
 import { modelOf, Viewer } from "./viewer";
@@ -26,6 +27,7 @@ export class Studio {
   private readonly form: SettingsForm;
   private readonly saving: Saving;
   private readonly dropping: Dropping;
+  private readonly leaving = new Leaving();
   private readonly save = make("button", { type: "button", disabled: true, click: () => this.saving.show(this.shown!) }, "Save…");
   private readonly copies: HTMLButtonElement[];
   private readonly back = make("button", { type: "button", disabled: true, title: "Ctrl+Z", click: () => this.go(true) }, "Undo");
@@ -42,7 +44,8 @@ export class Studio {
   private result: Surface | null = null;
   private savedAs = ""; // the file that was written last
   private turn = 0; // of the scenes: one that comes late is not shown
-  private unsaved = false;
+  private unsaved = false; // the result
+  private savedPaint: Uint8Array | null = null;
 
   constructor(
     private readonly root: HTMLElement,
@@ -59,7 +62,7 @@ export class Studio {
       () => this.remember(),
     );
     this.saving = new Saving(api, (file) => this.saved(file));
-    this.dropping = new Dropping((files) => this.attempt(() => api.drop(files), "Opening the mesh…"));
+    this.dropping = new Dropping((files) => void this.replace(files));
     this.copies = [
       make("button", { type: "button", disabled: true, click: () => void this.copy("command") }, "Copy as command line"),
       make("button", { type: "button", disabled: true, click: () => void this.copy("python") }, "Copy as Python"),
@@ -85,8 +88,9 @@ export class Studio {
         make("section", { class: "view", "aria-label": "Mesh" }, this.viewerRoot, this.dropping.zone),
       ),
       this.saving.dialog,
+      this.leaving.dialog,
     );
-    addEventListener("beforeunload", (event) => this.unsaved && event.preventDefault());
+    addEventListener("beforeunload", (event) => this.lost && event.preventDefault());
     addEventListener("keydown", (event) => this.key(event));
     this.brush.element.hidden = true;
     root.dataset.state = "empty";
@@ -105,6 +109,7 @@ export class Studio {
 
   end(): void {
     this.unsaved = false;
+    this.savedPaint = this.brush.codes;
     this.status.fail("The studio has ended: start it again.");
     this.root.dataset.state = "ended";
   }
@@ -132,6 +137,8 @@ export class Studio {
     this.title.textContent = document.title = opened.name;
     this.counts.textContent = `${opened.faces.toLocaleString("en")} faces, ${opened.vertices.toLocaleString("en")} vertices`;
     this.status.notice(opened.notice && `${opened.notice}; these stay as they are.`);
+    this.savedPaint = null;
+    this.leaving.dialog.close();
     this.saving.open(opened);
     this.brush.open(opened.painted);
     this.brush.element.hidden = false;
@@ -141,8 +148,25 @@ export class Studio {
     this.ask();
   }
 
+  // Open files, unless work would be lost that the user wants to keep.
+  private async replace(files: File[]): Promise<void> {
+    const { lost, opened } = this;
+    const other = files.length > 1 ? `${files.length} files` : files[0].name;
+    if (lost && !(await this.leaving.ask(opened!.name, other, lost))) return;
+    await this.attempt(() => this.api.drop(files), `Opening ${other}…`);
+  }
+
+  // What is not saved, in words.
+  private get lost(): string {
+    const { codes } = this.brush;
+    const painted = codes !== this.savedPaint && codes.some((code) => code !== 0);
+    if (painted) return this.unsaved ? "The paint and the result are not saved" : "The paint is not saved";
+    return this.unsaved ? "The result is not saved" : "";
+  }
+
   private saved(file: string): void {
     this.unsaved = false;
+    this.savedPaint = this.brush.codes;
     this.savedAs = file;
     if (this.result) this.result.file = file;
   }
