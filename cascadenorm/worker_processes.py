@@ -55,15 +55,17 @@ class Worker(Generic[Job, Result]):
 
         Raises
         ------
-        WorkerError : the process has ended before
+        WorkerError : the process has ended before, or its result cannot be read
         """
         try:
             found: Result = self.link.recv()
         except (EOFError, OSError):
-            self._process.join()
+            self._process.join(GRACE)
             code = self._process.exitcode
             cause = signal.Signals(-code).name if code is not None and code < 0 else f"exit code {code}"
             raise WorkerError(f"the process that did the work ended early ({cause}): memory may be short") from None
+        except Exception as error:  # of whatever class cannot be made again here
+            raise WorkerError(f"what the process returned cannot be read: {type(error).__name__}: {error}") from None
         return found
 
     @staticmethod

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,11 @@ import cascadenorm as cn
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.batch.inputs import Job, find_jobs
 from cascadenorm.batch.manifest import Manifest
+from cascadenorm.batch.processes import LocalProcesses
 from cascadenorm.batch.scheduling import Place, Schedule, needed
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import Settled
-from cascadenorm.batch.work import Task, work
+from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.interop import save_mesh
@@ -431,3 +433,33 @@ def test_one_process_that_ends_early_leaves_the_others():
         assert workers[1].result() == 4
     finally:
         Worker.stop(workers)
+
+
+class OfLibrary(Exception):
+    """An error that cannot be made again from its text, as that of lxml."""
+
+    def __init__(self, line: int, column: int) -> None:
+        super().__init__(f"line {line}, column {column}")
+
+
+def answer(task: Task) -> Outcome:
+    """An outcome that cannot be read where it arrives, for one file."""
+    return Outcome(status="failed", error=OfLibrary(3, 4)) if task.job.source == "odd" else Outcome(status="kept")
+
+
+def test_a_process_whose_outcome_cannot_be_read_is_stopped_and_the_others_go_on():
+    tasks = [Task(job(1, name), None) for name in ("odd", "even")]
+    with closing(LocalProcesses(answer, Place(2, PROCESS, processes=2))) as processes:
+        for task in tasks:
+            processes.begin(processes.places[0], task, 1)
+        begun = [worker._process for worker in processes._busy.values()]
+        found = {}
+        while len(found) < 2:
+            found |= dict(processes.ended(60))
+        assert found[tasks[1].job] == Outcome(status="kept")
+        assert isinstance(found[tasks[0].job], WorkerError) and "cannot be read: TypeError" in str(found[tasks[0].job])
+        assert [process.is_alive() for process in begun] == [False, True]
+        processes.begin(processes.places[0], tasks[1], 1)
+        assert processes.ended(60) == [(tasks[1].job, Outcome(status="kept"))]
+    assert not begun[1].is_alive()
+

@@ -61,12 +61,14 @@ class LocalProcesses:
         jobs = {worker: job for job, worker in self._busy.items()}
         found: list[tuple[Job, Outcome | WorkerError]] = []
         for worker in first_ready(list(jobs), seconds):
-            del self._busy[jobs[worker]]
+            job = jobs[worker]
             try:
-                found.append((jobs[worker], worker.result()))
+                found.append((job, worker.result()))
                 self._idle.append(worker)
+                del self._busy[job]
             except WorkerError as error:
-                found.append((jobs[worker], error))
+                found.append((job, error))
+                self.stop(job)
         return found
 
     def stop(self, job: Job) -> None:
