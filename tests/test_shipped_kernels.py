@@ -86,6 +86,17 @@ def test_another_one_compiles(shipped, setting, value):
 
 
 @compiled_only
+def test_another_source_of_a_kernel_that_it_calls_compiles(tmp_path):
+    helper = "from cascadenorm.mesh.kernels import kernel\n\n@kernel\ndef amount():\n    return {}\n"
+    calling = {"factor": "amount()", "before": "from helper import amount"}
+    (tmp_path / "helper.py").write_text(helper.format("2.0"))
+    assert run(tmp_path, "own", "ship", **calling, NUMBA_CPU_NAME=NAME, NUMBA_CPU_FEATURES="") == COMPILED
+    assert run(tmp_path, "empty", **calling) == TAKEN
+    (tmp_path / "helper.py").write_text(helper.format("3.0"))
+    assert run(tmp_path, "other", **calling) == ["[0.0, 3.0, 6.0, 3.0] 0"] * 2
+
+
+@compiled_only
 def test_where_a_file_is_damaged_the_kernel_is_compiled(shipped):
     for path in (shipped / "shipped").iterdir():
         path.write_bytes(path.read_bytes()[:100])

@@ -42,7 +42,7 @@ def shipped_file(function: Callable[..., Any], signature: object, target: tuple[
     python = sys.implementation.cache_tag, getattr(sys, "abiflags", "")
     versions = numba.__version__, llvmlite.__version__, np.__version__.partition(".")[0]
     name = f"{function.__module__}.{function.__qualname__}"
-    key = name, _digest(inspect.getfile(function)), str(signature), python, versions, system, shipped
+    key = name, _digest(function.__module__), str(signature), python, versions, system, shipped
     return FOLDER / f"{name}-{sha256(repr(key).encode()).hexdigest()[:32]}.nbc"
 
 
@@ -54,5 +54,16 @@ def shipped_processor(triple: str, processor: str, features: str) -> str | None:
 
 
 @cache
-def _digest(path: str) -> str:
-    return sha256(Path(path).read_bytes()).hexdigest()
+def _digest(module: str) -> str:
+    """Return a digest of what the kernels of a module are compiled from: its source, and that of kernels they call."""
+    modules = [module]
+    constants = []
+    for name in modules:
+        for key, value in sorted(vars(sys.modules[name]).items()):
+            if key.isupper() and type(value) in (int, float, bool):  # also those of modules without kernels
+                constants.append((name, key, value))
+            called = getattr(getattr(value, "py_func", None), "__module__", name)
+            if called not in modules:
+                modules.append(called)
+    sources = [Path(inspect.getfile(sys.modules[name])).read_bytes() for name in modules]
+    return sha256(repr((constants, [sha256(source).digest() for source in sources])).encode()).hexdigest()
