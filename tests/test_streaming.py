@@ -294,6 +294,17 @@ def test_binary_stl_is_welded_on_disk(place):
         cn.denoise_large_file("scan.stl", "out.ply", memory=1, **SETTINGS)
 
 
+def test_more_triangles_than_corners_can_be_numbered_are_refused(place):
+    count = 2**32 // 3 + 1
+    with Path("scan.stl").open("wb") as file:
+        file.write(bytes(80) + count.to_bytes(4, "little"))
+        file.truncate(84 + 50 * count)  # 72 GB, of which the disk holds none
+    with pytest.raises(
+        cn.ReadError, match="has 1,431,655,766 triangles, and at most 1,431,655,765 can be read in parts"
+    ):
+        cn.denoise_large_file("scan.stl", "parts.stl", memory=1, **SETTINGS)
+
+
 def test_places_of_negative_zero_are_those_of_zero(place):
     corners = BALL.vertices[BALL.faces].astype("<f4")
     corners[np.abs(corners) < 0.02] = 0
@@ -318,11 +329,16 @@ def test_files_that_do_not_fit_are_denoised_in_patches(place, capsys, monkeypatc
     assert "needs about 3 MB for 5,120 faces, and 1 MB are free: it is denoised in patches" in said
     assert len(said.splitlines()) == 1
     assert Path("parts.ply").read_bytes() == Path("whole.ply").read_bytes()
-    refused = (words[:2], "auto depends on the whole mesh"), ([*words, "--only", "0"], "only needs the whole mesh")
-    for chosen, why in refused:
+    refused = [
+        (words[:2], "auto depends on the whole mesh", ": choose one of bilateral-normal, laplacian"),
+        ([*words, "--only", "0"], "only needs the whole mesh in memory", ": leave it out, or "),
+        ([*words, "--keep-volume"], "volume depends on the whole mesh", ": leave it out, or "),
+    ]
+    for chosen, why, way_out in refused:
         assert run([*chosen, "-o", "other.ply"]) == 2
         said = capsys.readouterr().err
-        assert why in said and "choose one of bilateral-normal, laplacian" in said and len(said.splitlines()) == 1
+        assert why in said and way_out in said and len(said.splitlines()) == 1
+        assert said.count("choose one of") == (why[:4] == "auto")
     assert run([*words, "-o", "whole.ply"]) == 5  # is there already
     assert "whole.ply exists already" in capsys.readouterr().err
     save_mesh(place / "scan.off", BALL)

@@ -55,11 +55,11 @@ def memory_for_patches(
     try:
         check_patches(source, output, chosen, parameters, every, force=force)
     except CascadenormError as error:
-        error.hint, error.remedy = "", None  # other ways out need memory
-        local = ", ".join(name for name, known in registered().items() if known.rings is not None)
-        raise ParameterError(
-            f"{source}: {why}; in patches it cannot be done, since {error}", hint=f"choose one of {local} with --memory"
-        ) from error
+        hint, error.hint = error.hint, ""
+        if chosen.receptive_field(parameters, 1) is None:
+            local = ", ".join(name for name, known in registered().items() if known.rings is not None)
+            hint = f"choose one of {local} with --memory"
+        raise ParameterError(f"{source}: {why}; in patches it cannot be done, since {error}", hint=hint) from error
     return max(1, int(FREE * free)), why
 
 

@@ -19,7 +19,7 @@ HEAD = 1 << 16
 
 CORNERS = ("vertex_indices", "vertex_index")
 NORMALS = ("nx", "ny", "nz")
-ELSEWHERE = "denoise it in memory, or convert it"
+ELSEWHERE = "convert it, or denoise it where the whole fits into memory"
 
 
 class Table(NamedTuple):

@@ -18,6 +18,9 @@ from cascadenorm.streaming.tiles import Buckets
 CORNER = np.dtype([("corner", "u4"), ("xyz", "f4", (3,))])
 FIRST = np.dtype([("corner", "u4"), ("first", "u4")])
 
+MOST = 2**32 // 3
+"""Triangles of a file at most: its corners are numbered in 32 bits."""
+
 
 def triangle_count(path: Path) -> int:
     """Return the number of triangles of a binary STL file.
@@ -37,6 +40,15 @@ def triangle_count(path: Path) -> int:
             str(path)
         )
     return count
+
+
+def check_triangles(path: Path) -> None:
+    """Raise ReadError unless a file is binary STL with few enough triangles for `welded`."""
+    count = triangle_count(path)
+    if count > MOST:
+        raise ReadError(
+            f"the file has {count:,} triangles, and at most {MOST:,} can be read in parts", hint="split it into several"
+        ).within(str(path))
 
 
 def welded(path: Path, folder: Path, span: int) -> PlyTables:

@@ -26,7 +26,7 @@ from cascadenorm.memory import PROCESS, memory_size
 from cascadenorm.mesh import limit_threads
 from cascadenorm.registry import Method, find
 from cascadenorm.streaming.ply_rows import ELSEWHERE, ply_tables
-from cascadenorm.streaming.stl_records import moved_records, triangle_count, welded
+from cascadenorm.streaming.stl_records import check_triangles, moved_records, welded
 from cascadenorm.streaming.store import Store
 
 if TYPE_CHECKING:
@@ -132,14 +132,16 @@ def check_patches(
     for name in IN_MEMORY:
         if controls[name] is not None:  # type: ignore[literal-required]
             raise ParameterError(
-                "needs the whole mesh in memory", parameter=name, hint="leave it out, or denoise in memory"
+                "needs the whole mesh in memory",
+                parameter=name,
+                hint="leave it out, or denoise where the whole fits into memory",
             )
     check_local(method, parameters, 1, controls)
     target = beside(Path(source), "denoised") if output is None else Path(output)
     check_output(target, force=force)
     stl = _is_stl(Path(source))
     if stl:
-        triangle_count(Path(source))
+        check_triangles(Path(source))
     else:
         ply_tables(Path(source))
     if target.suffix.lower() != (".stl" if stl else ".ply"):
