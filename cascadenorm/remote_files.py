@@ -25,12 +25,16 @@ class RemoteFile(NamedTuple):
     Parameters
     ----------
     size : in bytes, 0 where the server does not tell
-    version : a text that changes with the content
+    version : a text that changes with the content; None where there is no file
     """
 
     url: str
     size: int
-    version: str
+    version: str | None
+
+
+class ChangedError(ReadError):
+    """A file that was written to while it was read."""
 
 
 def is_url(name: object) -> bool:
@@ -79,13 +83,31 @@ def exists(url: str) -> bool:
 
 
 def fetched(url: str, folder: Path) -> Path:
-    """Copy a file into a folder of this machine, and return its path; ReadError where that fails."""
+    """Copy a file into a folder of this machine, and return its path.
+
+    Raises
+    ------
+    ReadError : that fails
+    ChangedError : the file was replaced meanwhile; the copy may have parts of both, as large files come in pieces
+    """
     target = folder / file_name(url)
     folder.mkdir(parents=True, exist_ok=True)
     with _explained(url, ReadError, "read"):
         system, path = _opened(url)
+        before = _version(system, path)
         system.get_file(path, str(target))
+        if _version(system, path) != before:
+            raise ChangedError(f"{url} changed while it was read", hint="try again when it is complete")
     return target
+
+
+def _version(system: Any, path: str) -> str:
+    """A text that changes with the content of a file; empty where the server does not say."""
+    system.invalidate_cache()
+    try:
+        return _described(path, system.info(path)).version or ""
+    except Exception:  # the copy itself says what is wrong
+        return ""
 
 
 def put(folder: Path, url: str) -> None:
@@ -119,7 +141,7 @@ def _file(url: str) -> RemoteFile:
         try:
             return _described(url, system.info(path))
         except FileNotFoundError:
-            return RemoteFile(url, 0, "")
+            return RemoteFile(url, 0, None)
 
 
 def _described(url: str, entry: dict[str, Any]) -> RemoteFile:

@@ -17,7 +17,7 @@ from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.digests import file_digest
 from cascadenorm.errors import CascadenormError, OutputError, ReadError
 from cascadenorm.io.atomic import check_output
-from cascadenorm.remote_files import exists, fetched, file_name, is_url, put
+from cascadenorm.remote_files import ChangedError, exists, fetched, file_name, is_url, put
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -80,10 +80,6 @@ class Outcome:
     seconds: float = 0.0
 
 
-class _Changed(ReadError):
-    """A file that was written to while it was read."""
-
-
 def work(settings: Settings, task: Task) -> Outcome:
     """Check a file, or denoise it; what goes wrong is an outcome."""
     start = time.perf_counter()
@@ -139,7 +135,7 @@ def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
             raise error.within(job.source) from error.__cause__
         if mesh_digest(source) != digest:
             output.unlink(missing_ok=True)
-            raise _Changed(f"{job.source} changed while it was read", hint="try again when it is complete")
+            raise ChangedError(f"{job.source} changed while it was read", hint="try again when it is complete")
         written = mesh_digest(output)
         if is_url(job.output):
             _check_target(settings, task)
@@ -215,5 +211,5 @@ def _after(error: Exception) -> Literal["go on", "again", "stop"]:
     cause = error.__cause__ or error
     if isinstance(cause, OSError) and cause.errno in FULL:
         return "stop"
-    passing = isinstance(error, MemoryError | _Changed) or (isinstance(cause, OSError) and cause is not error)
+    passing = isinstance(error, MemoryError | ChangedError) or (isinstance(cause, OSError) and cause is not error)
     return "again" if passing and not isinstance(cause, FileNotFoundError | PermissionError) else "go on"
