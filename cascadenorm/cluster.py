@@ -1,18 +1,30 @@
 """The connection to a Dask cluster, or a cluster of its own on this machine for as long as the work takes."""
 
 import logging
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from os import PathLike
 from typing import TYPE_CHECKING
 
 from cascadenorm.child_processes import interrupts_blocked
 from cascadenorm.errors import MissingDependencyError, ParameterError
+from cascadenorm.remote_files import is_url
 
 if TYPE_CHECKING:
     from distributed import Client
 
 LOCAL = "local"
 """The name of a cluster on this machine, in place of the address of a scheduler."""
+
+POLL = 1.0
+"""Seconds between two looks at which workers are there."""
+
+PATIENCE = 300.0
+"""Seconds to wait while a cluster has no worker that can be used."""
+
+ANSWER = 30.0
+"""Seconds that the outcome of finished work may take to arrive, and a worker to be restarted."""
 
 
 @contextmanager
@@ -59,6 +71,24 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
                 hint='start one by `dask scheduler`, or use "local" for a cluster on this machine',
             ) from None
         yield stack.enter_context(client)
+
+
+def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> str | None:
+    """Return the folder in which workers must run, this one; None where names of files mean the same in any folder.
+
+    Parameters
+    ----------
+    places : files, folders, patterns
+    values : anything; those that are files count
+    """
+    files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
+    absolute = all(is_url(name) or os.path.isabs(name) for name in [*places, *files])
+    return None if absolute else os.getcwd()
+
+
+def in_words(error: Exception) -> str:
+    """Return the text of an error of Dask's, or its name where it has none."""
+    return str(error) or type(error).__name__
 
 
 @contextmanager

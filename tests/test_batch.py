@@ -7,7 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +193,17 @@ def test_ctrl_c_leaves_no_process_and_no_half_file(place):
     assert len(results(place / "out")) < 60
 
 
+@contextmanager
+def watching(*words: str) -> Iterator[subprocess.Popen]:
+    """A watch for the block, which ends with it whatever happens there."""
+    command = [*COMMAND, *words, *FAST]
+    with subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.send_signal(signal.SIGINT)
+
+
 def test_a_watched_folder_gives_each_file_when_it_is_complete(place):
     scans(place / "other", 2)
     (place / "in").mkdir()
@@ -211,6 +223,26 @@ def test_a_watched_folder_gives_each_file_when_it_is_complete(place):
         assert process.wait(timeout=30) == 130
     assert not lines(place / "in" / "out", "failed")
     assert sorted(results(place / "in" / "out")) == ["later.ply", "scan.ply"]
+
+
+def test_a_watch_goes_on_when_its_folder_is_gone_for_a_while_and_where_results_would_clash(place):
+    scans(place / "other", 2)
+    (place / "other" / "b" / "0.ply").rename(place / "later.ply")
+    (place / "other" / "a").rename(place / "in")
+    with watching("in", "-o", "out", "--format", "stl", "--watch", "0.5") as process:
+        wait_for(lambda: done_so_far(place / "out") == 1, 300)
+        (place / "in").rename(place / "away")
+        assert process.stderr.readline() == "cascadenorm: in: not there at present: the watch goes on\n"
+        save_mesh(place / "away" / "0.obj", BALL)
+        (place / "later.ply").rename(place / "away" / "later.ply")
+        time.sleep(1.5)
+        (place / "away").rename(place / "in")
+        wait_for(lambda: done_so_far(place / "out") == 2, 300)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said.splitlines()[0].startswith("cascadenorm: in/0.ply and in/0.obj would both be written to out/0.stl: ")
+    assert not lines(place / "out", "failed") and sorted(results(place / "out")) == ["0.stl", "later.stl"]
 
 
 def test_a_full_disk_ends_the_batch_and_it_goes_on_later(place, capsys):
@@ -289,7 +321,7 @@ def test_two_files_with_one_place_for_their_results_are_refused(place):
     scans(place / "scans", 1)
     save_mesh(place / "scans" / "a" / "0.obj", BALL)
     with pytest.raises(OutputError, match=r"0\.obj and scans/a/0\.ply would both be written to out/a/0\.stl"):
-        find_jobs("scans", Path("out"), "stl")
+        denoise_files("scans", "out", format="stl", method="laplacian")
 
 
 def job(size: int, name: str = "scan.ply") -> Job:
@@ -462,4 +494,3 @@ def test_a_process_whose_outcome_cannot_be_read_is_stopped_and_the_others_go_on(
         processes.begin(processes.places[0], tasks[1], 1)
         assert processes.ended(60) == [(tasks[1].job, Outcome(status="kept"))]
     assert not begun[1].is_alive()
-

@@ -1,5 +1,7 @@
 """Batches over files at URLs, against an S3-compatible server and a web server on the loopback address."""
 
+import hashlib
+import signal
 from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -8,8 +10,9 @@ from threading import Thread
 
 import pytest
 from shapes import icosphere, noisy
-from test_batch import FAST, lines, results, scans
+from test_batch import FAST, done_so_far, lines, results, scans, wait_for, watching
 
+import cascadenorm as cn
 from cascadenorm import remote_files
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.batch.inputs import find_jobs
@@ -105,6 +108,73 @@ def test_files_of_a_web_server_are_denoised_into_a_folder(tmp_path, monkeypatch)
     finally:
         server.shutdown()
         server.server_close()
+
+
+class Overwritten(SimpleHTTPRequestHandler):
+    """A web server on which each file is replaced after half of it has been read, as often as a list says."""
+
+    times: list[int]
+    new: bytes
+
+    def copyfile(self, source, outputfile):
+        whole = source.read()
+        outputfile.write(whole[: len(whole) // 2])
+        if self.times:
+            self.times.pop()
+            Path(self.translate_path(self.path)).write_bytes(self.new)
+        source.seek(len(whole) // 2)
+        outputfile.write(source.read()[: len(whole) - len(whole) // 2])
+
+    def log_message(self, *_):
+        pass
+
+
+def test_a_file_that_is_replaced_while_it_is_read_is_tried_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scans(tmp_path / "new", 1)
+    new = (tmp_path / "new" / "a" / "0.ply").read_bytes()
+    (tmp_path / "scan.ply").write_bytes(new.replace(b"ply\n", b"ply\ncomment\n", 1))  # longer, and mostly the same
+    names = {"times": [1], "new": new, "protocol_version": "HTTP/1.1"}
+    handler = partial(type("Handler", (Overwritten,), names), directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        found = denoise_files(
+            f"http://127.0.0.1:{server.server_port}/scan.ply", "out", method="laplacian", workers=1, retries=1
+        )
+        server.shutdown()
+    (line,) = found.lines
+    assert line["attempts"] == 2 and line["input_sha256"] == hashlib.sha256(new).hexdigest()
+    cn.denoise_file(tmp_path / "new" / "a" / "0.ply", "alone.ply", method="laplacian")
+    assert (tmp_path / "out" / "scan.ply").read_bytes() == (tmp_path / "alone.ply").read_bytes()
+
+
+def test_a_watch_goes_on_when_its_server_does_not_answer_for_a_while(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scans(tmp_path / "scans", 2)
+    (tmp_path / "scans" / "b").rename(tmp_path / "later")
+    monkeypatch.setattr(SimpleHTTPRequestHandler, "log_message", lambda *_: None)
+    handler = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+
+    def start(port):
+        server = ThreadingHTTPServer(("127.0.0.1", port), handler)
+        Thread(target=server.serve_forever, daemon=True).start()
+        return server
+
+    server = start(0)
+    root = f"http://127.0.0.1:{server.server_port}/scans/*/*.ply"
+    with watching(root, "-o", "out", "--watch", "0", "--workers", "1") as process:
+        wait_for(lambda: done_so_far(tmp_path / "out") == 1, 300)
+        server.shutdown()
+        server.server_close()
+        assert process.stderr.readline().startswith(f"cascadenorm: {root} cannot be read: ")
+        (tmp_path / "later").rename(tmp_path / "scans" / "b")
+        server = start(server.server_port)
+        wait_for(lambda: done_so_far(tmp_path / "out") == 2, 300)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+        server.shutdown()
+        server.server_close()
+    assert process.returncode == 130 and not lines(tmp_path / "out", "failed")
 
 
 def test_a_result_that_does_not_arrive_is_a_failure_of_its_file_alone(bucket, tmp_path):

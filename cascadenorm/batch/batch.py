@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -15,13 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cascadenorm.api import DEFAULT_METHOD
-from cascadenorm.batch.inputs import Job, Sources, all_absolute, check_sources, find_jobs, listed
+from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs, listed
 from cascadenorm.batch.manifest import NAME, Line, Manifest
 from cascadenorm.batch.processes import LocalProcesses, Processes
 from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
-from cascadenorm.batch.watching import Settled
+from cascadenorm.batch.watching import SCAN, Watched
 from cascadenorm.batch.work import Outcome, Task, work
+from cascadenorm.cluster import folder_of_names
 from cascadenorm.controls.settings import Controls, takes_controls
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.io.atomic import remove_unfinished
@@ -32,12 +32,6 @@ from cascadenorm.remote_files import check_writable, is_url
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-SCAN = 0.5
-"""Least number of seconds between two scans of a watched folder."""
-
-SCANNING = 20
-"""The next scan waits this many times as long as the last one took, so that scans take at most 5 % of the time."""
 
 COST = 20_000
 """Fixed cost of a file in the progress, as the bytes that take the same time."""
@@ -107,7 +101,8 @@ def denoise_files(
         are for this machine
     manifest : file that records what became of each file: what is done, by the digests of file, settings and result,
         is not done again. None is `manifest.jsonl` in the folder of the results; where that is a URL, name one
-    on_failure : called with each failure as it happens
+    on_failure : called with each failure as it happens; with `watch` also where the sources cannot be listed, which
+        does not end it, and with files whose results would replace those of others
 
     `threads` counts those of all processes.
 
@@ -141,12 +136,16 @@ def denoise_files(
     else:
         from cascadenorm.batch.cluster_processes import ClusterProcesses  # needs distributed
 
-        fixed = all_absolute([*listed(sources), output], [*settings.parameters.values(), *settings.controls.values()])
-        place = None if fixed else os.getcwd()
+        values = [*settings.parameters.values(), *settings.controls.values()]
+        place = folder_of_names([*listed(sources), output], values)
         started = ClusterProcesses(partial(work, settings), scheduler, here, count=workers, folder=place)
     with closing(started) as processes, closing(Manifest(record.parent, record.name)) as lines:
         run = _Run(settings.key, folder, lines, processes, retries, timeout, listener, on_failure)
-        run.all(jobs if watch is None else [], find, None if watch is None else Settled(watch))
+        if watch is None:
+            run.all(jobs)
+        else:
+            names = ", ".join(listed(sources))
+            run.all([], Watched(find, watch, lambda error: run.tell(Failure(names, error))))
     return run.done
 
 
@@ -210,25 +209,26 @@ class _Run:
         self._found = self._ended = 0
         self.done = Batch([], [], [])
 
-    def all(self, jobs: list[Job], find: Callable[[], list[Job]], settled: Settled | None) -> None:
+    def all(self, jobs: list[Job], watched: Watched | None = None) -> None:
         """Denoise the files, and those that settle later; no process or partial file is left, even after an error."""
-        scan = 0.0  # when to look for further files
         try:
             _remove_unfinished(jobs)
             self._add(jobs)
-            while self._schedule.left or settled is not None:
+            while self._schedule.left or watched is not None:
                 self._begin_all()
-                for job, outcome in self._processes.ended(self._patience(None if settled is None else SCAN)):
+                for job, outcome in self._processes.ended(self._patience(None if watched is None else SCAN)):
                     self._end(job, outcome)
                 self._stop_late()
-                if settled is not None and (begin := time.monotonic()) >= scan:
-                    busy = {job.source for job in self._attempts}
-                    self._add(settled.take([job for job in find() if job.source not in busy]))
-                    end = time.monotonic()
-                    scan = end + max(SCAN, SCANNING * (end - begin))
+                if watched is not None:
+                    self._add(watched.take({job.source for job in self._attempts}))
         finally:
             self._processes.close()
             _remove_unfinished(list(self._busy))
+
+    def tell(self, failure: Failure) -> None:
+        """Tell the caller of a failure as it happens."""
+        if self._on_failure is not None:
+            self._on_failure(failure)
 
     def _add(self, jobs: list[Job]) -> None:
         self._schedule.add(jobs)
@@ -289,8 +289,7 @@ class _Run:
             self.done.lines.append(line)
         if outcome.error is not None:
             self.done.failures.append(Failure(task.job.source, outcome.error))
-            if self._on_failure is not None:
-                self._on_failure(self.done.failures[-1])
+            self.tell(self.done.failures[-1])
             if outcome.then == "stop":
                 raise OutputError(
                     "the disk is full",

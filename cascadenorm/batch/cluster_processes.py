@@ -24,22 +24,13 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.processes import Work
 from cascadenorm.batch.scheduling import Place
 from cascadenorm.batch.work import Outcome, Task
-from cascadenorm.cluster import connected
+from cascadenorm.cluster import ANSWER, PATIENCE, POLL, connected, in_words
 from cascadenorm.errors import WorkerError
 from cascadenorm.memory import available_memory
 from cascadenorm.mesh import limit_threads
 
 if TYPE_CHECKING:
     from distributed import Client, Future
-
-POLL = 1.0
-"""Seconds between two looks at which workers are there."""
-
-PATIENCE = 300.0
-"""Seconds that a batch waits while its cluster has no worker that it can use."""
-
-ANSWER = 30.0
-"""Seconds that the outcome of finished work may take to arrive, and a worker to be restarted."""
 
 MEMORY = 0.8
 """Fraction of a worker's memory that files may need: above it Dask pauses the worker, and at 95 % ends it."""
@@ -170,7 +161,7 @@ class ClusterProcesses:
 
     def _without_scheduler(self, error: Exception) -> WorkerError:
         return WorkerError(
-            f"the scheduler at {self._scheduler} does not answer any more: {_in_words(error)}",
+            f"the scheduler at {self._scheduler} does not answer any more: {in_words(error)}",
             hint="run the same again: what is done is kept",
         )
 
@@ -180,7 +171,7 @@ class ClusterProcesses:
             found: Outcome = future.result(timeout=ANSWER)
         except Exception as error:  # whatever Dask raises where a worker or its answer is lost
             self._members.pop(member.address, None)  # another process may have its address now
-            return WorkerError(f"the worker {member.address} did not do the work: {_in_words(error)}")
+            return WorkerError(f"the worker {member.address} did not do the work: {in_words(error)}")
         return found
 
     def _look(self) -> list[tuple[Job, Outcome | WorkerError]]:
@@ -208,7 +199,7 @@ class ClusterProcesses:
             about = future.result(timeout=ANSWER)
         except Exception as error:
             if future.status == "error":  # else it has gone meanwhile
-                self._refused[address] = _in_words(error)
+                self._refused[address] = in_words(error)
             return
         if about.version != cascadenorm.__version__:
             self._refused[address] = f"it has cascadenorm {about.version}, and here is {cascadenorm.__version__}"
@@ -238,7 +229,3 @@ class ClusterProcesses:
             self._client.restart_workers([address], timeout=ANSWER, raise_for_error=False)
         except Exception:  # there is no nanny, or the worker is gone already
             return
-
-
-def _in_words(error: Exception) -> str:
-    return str(error) or type(error).__name__

@@ -23,13 +23,14 @@ class Job(NamedTuple):
     ----------
     source, output : paths or URLs
     size : of the source, in bytes
-    changed : when the source was changed, in nanoseconds; at a URL a text that changes with it
+    changed : when the source was changed, in nanoseconds; at a URL a text that changes with it; None where it is not
+        there
     """
 
     source: str
     output: str
     size: int
-    changed: int | str
+    changed: int | str | None
 
 
 class _Found(NamedTuple):
@@ -39,7 +40,7 @@ class _Found(NamedTuple):
     source: str
     inside: str
     size: int
-    changed: int | str
+    changed: int | str | None
 
 
 def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -> list[Job]:
@@ -57,7 +58,6 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
 
     Raises
     ------
-    OutputError : two files have the same output path
     ReadError : some sources are URLs and others are not, or a server does not answer
     """
     places = listed(sources)
@@ -65,18 +65,11 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
     if any(remote) and not all(remote):
         raise ReadError("some sources are URLs and others are not: denoise them in separate batches")
     jobs: dict[str, Job] = {}
-    outputs: dict[str, str] = {}
     for found in _remote(places, str(folder)) if any(remote) else _local(places, Path(folder).resolve()):
         if found.identity in jobs:
             continue
         inside = PurePath(found.inside) if format is None else PurePath(found.inside).with_suffix(f".{format}")
         output = f"{folder}/{inside.as_posix()}" if is_url(folder) else str(Path(folder, inside))
-        if output in outputs:
-            raise OutputError(
-                f"{outputs[output]} and {found.source} would both be written to {output}",
-                hint="rename one, or denoise them in separate batches",
-            )
-        outputs[output] = found.source
         jobs[found.identity] = Job(found.source, output, found.size, found.changed)
     return sorted(jobs.values(), key=lambda job: (-job.size, job.source))
 
@@ -85,7 +78,7 @@ def _local(places: Sequence[str], results: Path) -> Iterator[_Found]:
     """Files of this machine."""
     base = _common([_fixed_part(place) for place in places])
     for path in (path for place in places for path in _files(place)):
-        real = path.resolve()
+        real = Path(os.path.realpath(path))  # where `resolve` raises, the work on the file says what is wrong
         if results not in real.parents:
             yield _Found(str(real), str(path), os.path.relpath(path.absolute(), base), *_state(path))
 
@@ -106,13 +99,31 @@ def _remote(places: Sequence[str], results: str) -> Iterator[_Found]:
 
 
 def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> None:
-    """Raise ReadError where there is no file."""
+    """Refuse a batch without files, or with two whose results have one place.
+
+    Raises
+    ------
+    ReadError : there is no file
+    OutputError : two files have the same output path
+    """
     if not jobs:
         named = ", ".join(listed(sources))
         raise ReadError(
             f"{named}: no mesh files were found (those in the output folder {folder} are not read)",
             hint='check the names, and quote patterns, such as "scans/**/*.ply"',
         )
+    owners: dict[str, Job] = {}
+    for job in sorted(jobs):
+        if owners.setdefault(job.output, job) is not job:
+            raise same_output(owners[job.output], job)
+
+
+def same_output(one: Job, other: Job) -> OutputError:
+    """Return the error of two files with the same output path."""
+    return OutputError(
+        f"{one.source} and {other.source} would both be written to {one.output}",
+        hint="rename one, or denoise them in separate batches",
+    )
 
 
 def listed(sources: Sources) -> list[str]:
@@ -120,18 +131,12 @@ def listed(sources: Sources) -> list[str]:
     return [str(sources)] if isinstance(sources, str | PathLike) else [str(source) for source in sources]
 
 
-def all_absolute(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> bool:
-    """Test whether names of files mean the same in any working folder: places, and values that are files."""
-    files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
-    return all(is_url(name) or os.path.isabs(name) for name in [*places, *files])
-
-
-def _state(path: Path) -> tuple[int, int]:
-    """Size and time of change; 0 where there is no file, which the work itself will say."""
+def _state(path: Path) -> tuple[int, int | None]:
+    """Size and time of change; None where there is no file, which the work itself will say."""
     try:
         found = path.stat()
     except (OSError, ValueError):
-        return 0, 0
+        return 0, None
     return found.st_size, found.st_mtime_ns
 
 
@@ -143,7 +148,15 @@ def _files(place: str) -> Iterable[Path]:
         found.sort()
     else:
         return [Path(place)]
-    return [path for path in found if is_mesh_name(path) and path.is_file()]
+    return [path for path in found if is_mesh_name(path) and _may_be_file(path)]
+
+
+def _may_be_file(path: Path) -> bool:
+    """Test for a file; one that a network share cannot tell of now counts, and the work on it says what is wrong."""
+    try:
+        return path.is_file()
+    except OSError:
+        return True
 
 
 def _fixed_part(place: str) -> Path:
