@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial
 from multiprocessing import get_context
 from typing import Protocol, TypeVar
@@ -32,12 +33,16 @@ class Map(Protocol):
 def side_by_side(count: int) -> Iterator[Map]:
     """Keep a pool of processes for the block; for a count of 1 none is started, and threads are not limited.
 
-    For work in Python between short kernels, in which threads would wait for one another.
+    For work in Python between short kernels, in which threads would wait for one another. Within `done_by` another map
+    does it.
 
     Raises
     ------
     WorkerError : one of the processes ended before its work was done
     """
+    if (other := _other.get()) is not None:
+        yield other
+        return
     if count == 1:
         yield map
         return
@@ -52,6 +57,19 @@ def side_by_side(count: int) -> Iterator[Map]:
             ) from None
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def done_by(other: Map) -> Iterator[None]:
+    """Have the work of `side_by_side` done by another map for the block, such as that of a cluster."""
+    token = _other.set(other)
+    try:
+        yield
+    finally:
+        _other.reset(token)
+
+
+_other: ContextVar[Map | None] = ContextVar("_other", default=None)
 
 
 def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item], /) -> Iterator[Result]:

@@ -4,11 +4,14 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from cascadenorm.cluster import LOCAL, folder_of_names
+from cascadenorm.cluster_map import side_by_side_on
 from cascadenorm.controls import checked
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.metrics import Measures
@@ -74,6 +77,7 @@ def evaluate(
     seeds: int = 1,
     keep: str | PathLike[str] | None = None,
     workers: int = 1,
+    scheduler: str | None = None,
     progress: Progress = silent,
 ) -> Evaluation:
     """Denoise the noisy mesh of each pair by each method and measure it against the clean one.
@@ -94,6 +98,8 @@ def evaluate(
     keep : folder for the meshes and their measures; what is there from an earlier run of the same files, settings,
         weights and version is not computed again
     workers : processes, each of one thread if there are several; times then depend on what else runs
+    scheduler : address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster of
+        so many processes on this machine; None starts processes without Dask
     progress : called with (task, parts done, parts in all, what comes next)
 
     Returns
@@ -104,7 +110,8 @@ def evaluate(
     Raises
     ------
     ParameterError : a method, a program or a parameter that does not exist, a value out of range, another program that
-        is called like a method
+        is called like a method; no scheduler at the address
+    WorkerError : processes, or workers of a cluster, have ended before the work was done
     ReadError : there are no pairs, or no folder of results; results, and several pairs of one name
     """
     checked({"strength": strength, "threads": threads})  # raises for values out of range
@@ -114,6 +121,8 @@ def evaluate(
         find(name).checked(parameters or {})
     programs = {name: checked_command(name, command) for name, command in (commands or {}).items()}
     _check_numbers(workers, noise, seeds)
+    if noise is not None and keep is None and scheduler not in (None, LOCAL):
+        raise ParameterError("must be a folder that all workers see: the noisy meshes go there", parameter="keep")
     pairs = _pairs(folders)
     places = {name: Path(place) for name, place in (results or {}).items()}
     _check_names([*places, *programs], methods)
@@ -125,8 +134,18 @@ def evaluate(
             pairs = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
         runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
         done = Evaluation([], [], pairs, records)
-        _work_off(runs, done, workers, progress)
+        folder = folder_of_names(_names(pairs, places, keep), [*settings.values(), *chain(*programs.values())])
+        with side_by_side_on(scheduler, workers=workers, folder=folder):
+            _work_off(runs, done, workers, progress)
     return done
+
+
+def _names(
+    pairs: Sequence[Pair], places: Mapping[str, Path], keep: str | PathLike[str] | None
+) -> list[str | PathLike[str]]:
+    """Return the files and folders of an evaluation."""
+    files = [file for pair in pairs for file in (pair.noisy, pair.clean)]
+    return [*files, *places.values(), *([] if keep is None else [keep])]
 
 
 def _pairs(folders: Places | Iterable[Pair | str | PathLike[str]]) -> list[Pair]:

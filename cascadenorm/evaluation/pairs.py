@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm import data_gen
+from cascadenorm.cluster_map import side_by_side_on
 from cascadenorm.data_gen import DatasetConfig, write_dataset
 from cascadenorm.data_gen.noise import displacements
 from cascadenorm.data_gen.patches import patch, patches
@@ -155,6 +156,7 @@ def write_pairs(
     count: int,
     seed: int,
     workers: int = 1,
+    scheduler: str | None = None,
     force: bool = False,
     progress: Progress = silent,
 ) -> None:
@@ -165,13 +167,16 @@ def write_pairs(
     folder : made if it is not there
     count, seed : how many, and of what; the same numbers give the same files
     workers : processes
+    scheduler : address of the scheduler of a Dask cluster, whose workers make the pairs; "local" makes a cluster of so
+        many processes on this machine; None starts processes without Dask. Files are written here
     force : write into a folder that is not empty
     progress : called with (task, pairs done, pairs in all) after each pair
 
     Raises
     ------
     OutputError : the folder is not empty and force is not given, or it is a file or cannot be made
-    MissingDependencyError : scikit-image is not installed
+    MissingDependencyError : scikit-image is not installed, or distributed for a scheduler
+    ParameterError, WorkerError : as `on_cluster` says
     """
     if find_spec("skimage") is None:
         raise MissingDependencyError("generating data", package="skimage", extra="train")
@@ -181,7 +186,8 @@ def write_pairs(
         raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
     config = replace(DATA, count=count, seed=seed)
     try:
-        write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)
+        with side_by_side_on(scheduler, workers=workers, folder=None):
+            write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)
     except OutputError:
         raise
     except OSError as error:

@@ -8,7 +8,16 @@ import typer
 
 from cascadenorm.cli.app import app
 from cascadenorm.cli.errors import PARTLY, complain, worded
-from cascadenorm.cli.options import Force, Json, ReportFile, Set, named_values, parameter_values, takes_controls
+from cascadenorm.cli.options import (
+    Force,
+    Json,
+    ReportFile,
+    Scheduler,
+    Set,
+    named_values,
+    parameter_values,
+    takes_controls,
+)
 
 if TYPE_CHECKING:
     from cascadenorm.evaluation.harness import Evaluation
@@ -147,6 +156,7 @@ def evaluate(
     html: Html = None,
     keep: Keep = None,
     workers: Workers = 1,
+    scheduler: Scheduler = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
@@ -179,6 +189,7 @@ def evaluate(
             seeds=seeds,
             keep=keep,
             workers=workers,
+            scheduler=scheduler,
             progress=progress,
             **controls,
         )

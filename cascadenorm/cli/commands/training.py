@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.options import Force, takes_controls
+from cascadenorm.cli.options import Force, Scheduler, takes_controls
 from cascadenorm.messages import counted
 
 
@@ -17,6 +17,7 @@ def generate(
     count: Annotated[int, typer.Option(min=1, help="Number of pairs.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same files.")] = 0,
     workers: Annotated[int, typer.Option(min=1, help="Number of processes; the files do not depend on it.")] = 1,
+    scheduler: Scheduler = None,
     force: Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")] = False,
 ) -> None:
     """Generate pairs of noisy and clean meshes: random shapes with many kinds of noise."""
@@ -24,7 +25,9 @@ def generate(
     from cascadenorm.evaluation import pairs
 
     with progress_bars.progress_tasks() as progress:
-        pairs.write_pairs(folder, count=count, seed=seed, workers=workers, force=force, progress=progress)
+        pairs.write_pairs(
+            folder, count=count, seed=seed, workers=workers, scheduler=scheduler, force=force, progress=progress
+        )
     print(f"{counted(count, 'pair')} in {folder}")
 
 
