@@ -12,6 +12,8 @@ from cascadenorm.errors import ParameterError
 
 PROCESS = 350_000_000
 """Bytes that a process takes before it has read anything, kernels included."""
+FACE = 1800
+"""Bytes that a face takes in the learned methods, which need most; benchmarks/speed.md has what was measured."""
 FREE = 0.8
 """Fraction of the free memory that work uses by default."""
 

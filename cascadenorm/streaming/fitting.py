@@ -8,16 +8,16 @@ from cascadenorm.controls.settings import checked
 from cascadenorm.errors import CascadenormError, ParameterError, ReadError
 from cascadenorm.io.atomic import check_output
 from cascadenorm.io.files import beside
-from cascadenorm.memory import FREE, amount, free_memory
+from cascadenorm.memory import FACE, FREE, amount, free_memory
 from cascadenorm.registry import find, registered
 from cascadenorm.streaming.ply_rows import ply_tables
 from cascadenorm.streaming.stl_records import triangle_count
 from cascadenorm.streaming.streaming import check_patches
 
-FACE = {"auto": 1700, "cascade": 1700}
-"""Bytes of a face at least while a method works, the file included."""
+FACES = {"auto": FACE, "cascade": FACE}
+"""Bytes of a face while a method works, the file included."""
 OTHERS = 500
-"""Of a face in methods that are not named above."""
+"""Of a face at least in methods that are not named above."""
 
 
 def memory_for_patches(
@@ -45,7 +45,7 @@ def memory_for_patches(
         faces = triangle_count(Path(source)) if Path(source).suffix.lower() == ".stl" else _ply_faces(Path(source))
     except ReadError:
         return None
-    need, free = faces * FACE.get(method, OTHERS), free_memory()
+    need, free = faces * FACES.get(method, OTHERS), free_memory()
     if free is None or need <= free:
         return None
     chosen, every = find(method), checked(controls)
