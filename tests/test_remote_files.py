@@ -110,6 +110,24 @@ def test_files_of_a_web_server_are_denoised_into_a_folder(tmp_path, monkeypatch)
         server.server_close()
 
 
+def test_a_file_takes_as_many_requests_as_the_plan_counts(bucket, tmp_path, monkeypatch):
+    from werkzeug.serving import WSGIRequestHandler
+
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "benchmarks")
+    import scale
+
+    scans(tmp_path / "scans", 4)
+    for path in (tmp_path / "scans").rglob("*.ply"):
+        bucket.upload_file(str(path), path.relative_to(tmp_path).as_posix())
+    asked: list[str] = []
+    monkeypatch.setattr(WSGIRequestHandler, "log_request", lambda handler, *_: asked.append(handler.requestline))
+    root = f"s3://{bucket.name}"
+    found = denoise_files(f"{root}/scans/**/*.ply", f"{root}/out", method="laplacian", workers=1, manifest="m.jsonl")
+    assert len(found.lines) == 4 and not found.failures
+    of_files = [line for line in asked if "/scans/" in line or "out" in line]  # without the listing of the sources
+    assert len(of_files) == 4 * scale.REQUESTS
+
+
 class Overwritten(SimpleHTTPRequestHandler):
     """A web server on which each file is replaced after half of it has been read, as often as a list says."""
 
