@@ -58,9 +58,9 @@ def report(lines: list[dict], wall: float, workers: int) -> None:
     ended = [(datetime.fromisoformat(line["time"]).timestamp(), line) for line in lines if line["status"] == "done"]
     begin, steady = ended[4 * workers][0], [line for _, line in ended[4 * workers + 1 :]]
     span = workers * (ended[-1][0] - begin)
-    inside = sum(line["report"]["seconds"] for line in steady)
+    inside = sum(line["summary"]["seconds"] for line in steady)
     process = sum(line["seconds"] for line in steady)
-    print(f"{len(ended)} files of {ended[0][1]['report']['faces']} faces in {wall:.1f} s, {workers} processes")
+    print(f"{len(ended)} files of {ended[0][1]['summary']['faces']} faces in {wall:.1f} s, {workers} processes")
     print(f"denoising {100 * inside / span:.1f} % of the time of the processes once they run")
     print(
         f"reading, digests, writing {100 * (process - inside) / span:.1f} %, waiting {100 * (1 - process / span):.1f} %"
