@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 archive.extractall(site)
         runs = pool.map(lambda pair: twice(mesh, *pair), product(METHODS, sites))
         sizes = [f"{wheel.stat().st_size / 1e6:.1f} MB" for wheel in chosen.wheels]
-        kinds = [f"{kind}, {size}" for kind, size in zip(("for all", "for one platform"), sizes, strict=True)]
+        kinds = [f"{kind}, {size}" for kind, size in zip(("universal", "for one platform"), sizes, strict=True)]
         rows = [
             f"| {method} | {kind} | {first.compiled} | {first.seconds:.1f} | {later.seconds:.1f} |"
             for (method, kind), (first, later) in zip(product(METHODS, kinds), runs, strict=True)

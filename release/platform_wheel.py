@@ -1,10 +1,10 @@
-"""Make a wheel with compiled kernels, for this platform and this Python, from the wheel for all.
+"""Make a wheel with compiled kernels, for this platform and this Python, from the universal wheel.
 
     pip install dist/cascadenorm-0.1.0-py3-none-any.whl         # for what the package needs
     python release/platform_wheel.py dist/cascadenorm-0.1.0-py3-none-any.whl --output dist
 
 pip prefers such a wheel where it fits. Its kernels serve the releases of numba and llvmlite that are installed now;
-with others the user compiles, as with the wheel for all. So after a release of numba make these wheels again with
+with others the user compiles, as with the universal wheel. So after a release of numba make these wheels again with
 `--build 1`, the next time 2: of two wheels of a version, pip takes the one with the larger number.
 """
 
@@ -25,7 +25,7 @@ COMPILE = Path(__file__).with_name("compile_kernels.py")
 def main(arguments: list[str] | None = None) -> None:
     """Unpack the wheel, compile in what it unpacks to, check that nothing is left to compile, and pack."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("wheel", type=Path, help="the wheel for all platforms")
+    parser.add_argument("wheel", type=Path, help="the universal wheel")
     parser.add_argument("--output", type=Path, default=Path(), help="folder for the new wheel")
     parser.add_argument("--build", type=int, help="number of this build of the version")
     chosen = parser.parse_args(arguments)
