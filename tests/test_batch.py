@@ -1,5 +1,6 @@
 """Many files: each once, whatever fails, is killed or comes later."""
 
+import errno
 import json
 import os
 import resource
@@ -25,7 +26,7 @@ from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import Settled
 from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.cli import run
-from cascadenorm.errors import OutputError, ParameterError, WorkerError
+from cascadenorm.errors import OutputError, ParameterError, ReadError, WorkerError
 from cascadenorm.interop import save_mesh
 from cascadenorm.io.atomic import remove_unfinished
 from cascadenorm.memory import PROCESS
@@ -275,6 +276,27 @@ def test_results_lie_as_the_files_do(place):
     assert [job.source for job in find_jobs("scans/b/[0].ply", Path("out"))] == ["scans/b/[0].ply"]
 
 
+def test_a_folder_that_cannot_be_listed_is_not_passed_over(place, monkeypatch):
+    scans(place / "scans", 2)
+    listed = os.scandir
+
+    def stale(folder):
+        if Path(folder).name == "b":
+            raise OSError(errno.ESTALE, os.strerror(errno.ESTALE), folder)
+        return listed(folder)
+
+    monkeypatch.setattr(os, "scandir", stale)
+    with pytest.raises(ReadError, match=r"scans/b cannot be listed: Stale file handle: try again, or name"):
+        find_jobs("scans", Path("out"))
+
+
+def test_a_file_that_is_given_twice_by_links_is_denoised_once(place):
+    scans(place / "scans", 1)
+    (place / "scans" / "link.ply").symlink_to(place / "scans" / "a" / "0.ply")
+    (place / "scans" / "c").symlink_to(place / "scans" / "a")
+    assert len(find_jobs(["scans", "scans/c/*.ply"], Path("out"))) == 1
+
+
 def test_results_stay_in_their_folder_where_sources_lie_beside_the_working_folder(tmp_path, monkeypatch):
     scans(tmp_path, 2)
     monkeypatch.chdir(tmp_path / "a")
@@ -433,8 +455,10 @@ def test_a_file_that_changes_while_it_is_read_is_tried_again(place):
     found = work(settings, task._replace(checked=True, digest=checked.input_digest))
     assert (found.status, found.then) == ("failed", "again") and "changed while it was read" in str(found.error)
     assert not (place / "out" / "a" / "0.ply").exists()
-    missing = work(settings, Task(Job("a/1.ply", "out/a/1.ply", 0, 0), None))
+    missing = work(settings, Task(Job("a/1.ply", "out/a/1.ply", 0, None), None))
     assert (missing.status, missing.then) == ("failed", "go on")
+    gone = work(settings, Task(Job("a/1.ply", "out/a/1.ply", 10, 5), None))  # since it was listed
+    assert (gone.status, gone.then) == ("failed", "again")
     assert str(missing.error) == "a/1.ply cannot be read: No such file or directory"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from functools import partial
@@ -184,7 +184,8 @@ class _Begun:
 
 
 def _remove_unfinished(jobs: list[Job]) -> None:
-    remove_unfinished([Path(job.output) for job in jobs if not is_url(job.output)])
+    with suppress(OSError):  # a share that is gone; the next batch removes them
+        remove_unfinished([Path(job.output) for job in jobs if not is_url(job.output)])
 
 
 class _Run:

@@ -77,8 +77,11 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
 def _local(places: Sequence[str], results: Path) -> Iterator[_Found]:
     """Files of this machine."""
     base = _common([_fixed_part(place) for place in places])
+    folders: dict[Path, Path] = {}
     for path in (path for place in places for path in _files(place)):
-        real = Path(os.path.realpath(path))  # where `resolve` raises, the work on the file says what is wrong
+        if path.parent not in folders:
+            folders[path.parent] = Path(os.path.realpath(path.parent))  # once a folder: each look at a share takes time
+        real = Path(os.path.realpath(path)) if path.is_symlink() else folders[path.parent] / path.name
         if results not in real.parents:
             yield _Found(str(real), str(path), os.path.relpath(path.absolute(), base), *_state(path))
 
@@ -144,11 +147,21 @@ def _files(place: str) -> Iterable[Path]:
     if has_magic(place) and not os.path.exists(place):
         found = [Path(name) for name in sorted(glob(place, recursive=True))]
     elif os.path.isdir(place):
-        found = [Path(parent, name) for parent, _, names in os.walk(place) for name in names if name[0] != "."]
+        walk = os.walk(place, onerror=_unlisted)
+        found = [Path(parent, name) for parent, _, names in walk for name in names if name[0] != "."]
         found.sort()
     else:
         return [Path(place)]
     return [path for path in found if is_mesh_name(path) and _may_be_file(path)]
+
+
+def _unlisted(error: OSError) -> None:
+    """Raise ReadError for a folder that cannot be listed, unless it has gone meanwhile."""
+    if not isinstance(error, FileNotFoundError):
+        raise ReadError(
+            f"{error.filename} cannot be listed: {error.strerror or error}",
+            hint="try again, or name the files by a pattern that leaves it out",
+        ) from error
 
 
 def _may_be_file(path: Path) -> bool:

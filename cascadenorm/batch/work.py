@@ -90,7 +90,7 @@ def work(settings: Settings, task: Task) -> Outcome:
             status="failed",
             input_digest=task.digest,
             error=error,
-            then=_after(error),
+            then=_after(error, task.job),
             seconds=time.perf_counter() - start,
         )
 
@@ -207,9 +207,11 @@ def _is_ours(task: Task) -> bool:
     return bool(line["status"] == "started") or _digest(output, task) == line["output_sha256"]
 
 
-def _after(error: Exception) -> Literal["go on", "again", "stop"]:
+def _after(error: Exception, job: Job) -> Literal["go on", "again", "stop"]:
+    """Tell what to do after a failure; a file that was there when it was listed may come back with its share."""
     cause = error.__cause__ or error
     if isinstance(cause, OSError) and cause.errno in FULL:
         return "stop"
     passing = isinstance(error, MemoryError | ChangedError) or (isinstance(cause, OSError) and cause is not error)
-    return "again" if passing and not isinstance(cause, FileNotFoundError | PermissionError) else "go on"
+    lasting = isinstance(cause, PermissionError) or (isinstance(cause, FileNotFoundError) and job.changed is None)
+    return "again" if passing and not lasting else "go on"
