@@ -469,6 +469,18 @@ def test_a_page_that_is_loaded_again_goes_on_and_one_that_is_closed_ends_the_stu
 
 
 @needs_browser
+def test_a_page_says_when_the_studio_has_ended(page, studio, tmp_path):
+    save_mesh(tmp_path / "one.ply", cn.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    page.at(studio).wait("empty")
+    page.drop(tmp_path / "one.ply")
+    page.wait()
+    assert page.one(".counts").text == "1 face, 3 vertices"
+    studio.close()
+    page.wait("ended")
+    assert page.one(".failed").text == "The studio has ended: start it again."
+
+
+@needs_browser
 @pytest.mark.parametrize("dark", [False, True])
 def test_nothing_sticks_out_on_a_phone_and_controls_have_names(page, named, dark):
     page.sized(390, 844, dark=dark)

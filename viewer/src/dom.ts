@@ -65,6 +65,10 @@ export function checkbox(
   return { element: make("label", { class: "check" }, input, label), update: () => void (input.checked = checked()) };
 }
 
+export function counted(count: number, one: string, several: string): string {
+  return `${count.toLocaleString("en")} ${count === 1 ? one : several}`;
+}
+
 export function short(value: number): string {
   if (!Number.isFinite(value)) return "none";
   const size = Math.abs(value);

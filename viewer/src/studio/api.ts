@@ -146,7 +146,7 @@ export class Api {
     const reader = (await this.asked("GET", "events")).body!.pipeThrough(new TextDecoderStream()).getReader();
     let text = "";
     for (;;) {
-      const { done, value } = await reader.read();
+      const { done, value } = await reader.read().catch(() => ({ done: true, value: "" })); // it may end amid a part
       if (done) return;
       const parts = (text + value).split("\n\n");
       text = parts.pop()!;

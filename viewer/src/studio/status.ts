@@ -1,6 +1,6 @@
 // What goes on: progress with the time left, and what came of it.
 
-import { make } from "../dom";
+import { counted, make } from "../dom";
 
 const SOON = 0.5; // seconds left that are not worth a number
 
@@ -42,7 +42,7 @@ export class Status {
   }
 
   done(seconds: number, moved: number): void {
-    this.say(`Denoised in ${duration(seconds)}; ${moved.toLocaleString("en")} vertices moved.`);
+    this.say(`Denoised in ${duration(seconds)}; ${counted(moved, "vertex", "vertices")} moved.`);
   }
 
   cancelled(): void {

@@ -1,6 +1,6 @@
 // The page: what is open, what is asked for, what is shown.
 
-import { make } from "../dom";
+import { counted, make } from "../dom";
 import type { Model, Surface } from "../model";
 import { Api, Form, Opened, Settings, Told } from "./api";
 import { Brush } from "./brush";
@@ -135,7 +135,7 @@ export class Studio {
     this.unsaved = false;
     this.savedAs = "";
     this.title.textContent = document.title = opened.name;
-    this.counts.textContent = `${opened.faces.toLocaleString("en")} faces, ${opened.vertices.toLocaleString("en")} vertices`;
+    this.counts.textContent = `${counted(opened.faces, "face", "faces")}, ${counted(opened.vertices, "vertex", "vertices")}`;
     this.status.notice(opened.notice && `${opened.notice}; these stay as they are.`);
     this.savedPaint = null;
     this.leaving.dialog.close();
