@@ -14,9 +14,11 @@ from PIL import Image
 from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.api import denoised_file
 from cascadenorm.cli import run
 from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh
+from cascadenorm.reports import report_denoised
 
 ROOT = Path(__file__).parents[1]
 VIEWER = ROOT / "viewer"
@@ -389,6 +391,20 @@ def test_on_a_phone_nothing_sticks_out(browser, report):
     assert browser.js("return document.documentElement.scrollWidth") <= 390
     assert browser.one(".stage").rect["width"] > 340
     assert browser.one(".panel").rect["y"] >= browser.one(".stage").rect["y"] + browser.one(".stage").rect["height"] - 1
+    browser.sized(1200, 800)
+
+
+@needs_browser
+def test_on_a_phone_settings_and_what_they_mean_are_read_without_scrolling_sideways(browser, tmp_path):
+    save_mesh(tmp_path / "rough.ply", CLEAN)
+    report_denoised(tmp_path / "r.html", denoised_file(tmp_path / "rough.ply", tmp_path / "out.ply"))
+    browser.sized(390, 844)
+    browser.open(tmp_path / "r.html")
+    assert browser.js("return document.querySelector('.prose').getBoundingClientRect().right") <= 390
+    cells = "return [...document.querySelector('.prose tbody tr').children].map(e => [e.innerText, e.innerHTML])"
+    name, value, default, meaning = browser.js(cells)
+    assert [one[0] for one in (name, value, default)] == ["model", "none", "none"]
+    assert meaning[1] == "weights that <code>cascadenorm train</code> made; none: ours"
     browser.sized(1200, 800)
 
 

@@ -67,10 +67,10 @@ def setting_rows(done: DenoisingSummary) -> Rows:
     rows: Rows = [("", "value", "default", "meaning")]
     for parameter in find(done.method).given_by_name:
         value = done.parameters.get(parameter.name, parameter.default)
-        rows.append((parameter.name, str(value), str(parameter.default), parameter.about.help))
+        rows.append((parameter.name, _setting(value), _setting(parameter.default), parameter.about.help))
     given = {"strength": done.strength, **done.controls}
     for name, value in given.items():
-        rows.append((name, str(value), str(CONTROLS[name].default), CONTROLS[name].about.help))
+        rows.append((name, _setting(value), _setting(CONTROLS[name].default), CONTROLS[name].about.help))
     return rows
 
 
@@ -144,6 +144,10 @@ def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Ins
 
 def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
+
+
+def _setting(value: object) -> str:
+    return "none" if value is None else str(value)
 
 
 def _number(value: float | None) -> str:

@@ -1,6 +1,7 @@
 """One self-contained page of HTML: text and a picture, and the viewer where scripts run."""
 
 import json
+import re
 from base64 import b64encode
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
@@ -9,6 +10,8 @@ from typing import Any
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """What browsers enforce: the page loads nothing from elsewhere."""
+
+CODE, CODE_IN_HTML = re.compile("`([^`<>]+)`"), r"<code>\1</code>"
 
 
 def page(
@@ -112,7 +115,12 @@ def image(picture: bytes, caption: str) -> str:
 
 
 def table(
-    rows: Sequence[Sequence[str]], *, head: bool = True, bold: Collection[tuple[int, int]] = (), numbers: bool = False
+    rows: Sequence[Sequence[str]],
+    *,
+    head: bool = True,
+    bold: Collection[tuple[int, int]] = (),
+    numbers: bool = False,
+    prose: bool = False,
 ) -> str:
     """Return a table, the first cell of each row and the first row, if it is a head, naming the others.
 
@@ -120,6 +128,7 @@ def table(
     ----------
     bold : row and column of cells in bold
     numbers : whether all but the first column is numbers
+    prose : whether the last column is sentences, with code in backticks; a phone shows them below the other cells
     """
     lines = []
     for number, row in enumerate(rows):
@@ -130,9 +139,9 @@ def table(
                 f"<td><strong>{escape(cell)}</strong></td>" if (number, column) in bold else f"<td>{escape(cell)}</td>"
                 for column, cell in enumerate(row[1:], start=1)
             )
-        lines.append(f"<tr>{cells}</tr>")
+        lines.append(f"<tr>{CODE.sub(CODE_IN_HTML, cells) if prose else cells}</tr>")
     start, rest = (f"<thead>{lines[0]}</thead>", lines[1:]) if head else ("", lines)
-    kind = ' class="numbers"' if numbers else ""
+    kind = ' class="numbers"' if numbers else ' class="prose"' if prose else ""
     return f'<div class="table"><table{kind}>{start}<tbody>{"".join(rest)}</tbody></table></div>'
 
 

@@ -120,7 +120,7 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
     if done is not None:
         method = find(done.method)
         about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
-        sections.append(("Method and settings", about + table(facts.setting_rows(done))))
+        sections.append(("Method and settings", about + table(facts.setting_rows(done), prose=True)))
         again = code(facts.command_line(done)) + code(facts.python_call(done))
         sections.append(("Reproduce", again))
     sections.append(("Files", table(facts.file_rows(shown))))
@@ -167,7 +167,7 @@ def _summary(inspected: Inspected, measured: Measured, done: DenoisingSummary | 
     for one, found in inspected:
         noise = "noise unknown" if found.noise is None else f"noise of about {found.noise:.2g} mean edge lengths"
         kinds = counted(len(found.findings), "kind of defect", "kinds of defects") if found.findings else "no defects"
-        said.append(f"{one.label}: {found.faces:,} faces, {noise}, {kinds}.")
+        said.append(f"{one.label}: {found.faces:,} {'face' if found.faces == 1 else 'faces'}, {noise}, {kinds}.")
     return said
 
 
