@@ -32,6 +32,13 @@ INNER = box(0.4, (0.4, 0, 0))
 CUBE_IN_CUBE = Partition(box(0.8), lambda points: INNER(points)[:, None] * (1, -1))
 """The inner cube has a side on one of the outer cube's."""
 PARTITIONS = {"half balls": HALF_BALLS, "four cells": FOUR_CELLS, "cube in cube": CUBE_IN_CUBE}
+BALL_VOLUME = 4 / 3 * np.pi * 0.8**3
+VOLUMES = {
+    "half balls": [BALL_VOLUME / 2] * 2,
+    "four cells": [BALL_VOLUME / 4] * 4,
+    "cube in cube": [0.8**3, 1.6**3 - 0.8**3],
+}
+"""Of the regions, without their voxels."""
 
 
 def walls(name: str, *, voxel: float = 0.1) -> LabelledMesh:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from partitions import PARTITIONS, walls
+from partitions import PARTITIONS, VOLUMES, walls
 
 import cascadenorm as cn
 from cascadenorm.data_gen.partitions import LabelledMesh
@@ -49,7 +49,8 @@ def test_auto_straightens_walls_and_junction_curves(name):
     assert wall_angle(denoised, partition) < 0.3 * wall_angle(found, partition)
     (away, angle), (away_before, angle_before) = junctions(denoised, partition), junctions(found, partition)
     assert away < 0.6 * away_before and angle < 0.4 * angle_before
-    np.testing.assert_allclose(volumes(denoised), volumes(found), rtol=0.015 if name == "cube in cube" else 0.005)
+    off, off_before = (np.abs(volumes(each) / VOLUMES[name] - 1) for each in (denoised, found))
+    assert (off < off_before + (0.015 if name == "cube in cube" else 0.001)).all()  # nets cut corners off
 
 
 @pytest.mark.parametrize("method", ["bilateral-normal", "guided-normal", "taubin"])
