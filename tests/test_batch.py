@@ -290,6 +290,21 @@ def test_a_folder_that_cannot_be_listed_is_not_passed_over(place, monkeypatch):
         find_jobs("scans", Path("out"))
 
 
+def test_a_file_that_cannot_be_looked_at_now_is_listed_for_the_work_to_say_so(place, monkeypatch):
+    scans(place / "scans", 2)
+    for name in ("stat", "lstat"):
+        true = getattr(os, name)
+
+        def stale(path, *rest, true=true, **options):
+            if str(path).endswith("scans/b/0.ply"):
+                raise OSError(errno.ESTALE, os.strerror(errno.ESTALE), path)
+            return true(path, *rest, **options)
+
+        monkeypatch.setattr(os, name, stale)
+    found = {job.source: job.changed is None for job in find_jobs("scans", Path("out"))}
+    assert found == {"scans/a/0.ply": False, "scans/b/0.ply": True}
+
+
 def test_a_file_that_is_given_twice_by_links_is_denoised_once(place):
     scans(place / "scans", 1)
     (place / "scans" / "link.ply").symlink_to(place / "scans" / "a" / "0.ply")

@@ -81,7 +81,7 @@ def _local(places: Sequence[str], results: Path) -> Iterator[_Found]:
     for path in (path for place in places for path in _files(place)):
         if path.parent not in folders:
             folders[path.parent] = Path(os.path.realpath(path.parent))  # once a folder: each look at a share takes time
-        real = Path(os.path.realpath(path)) if path.is_symlink() else folders[path.parent] / path.name
+        real = Path(os.path.realpath(path)) if os.path.islink(path) else folders[path.parent] / path.name
         if results not in real.parents:
             yield _Found(str(real), str(path), os.path.relpath(path.absolute(), base), *_state(path))
 
