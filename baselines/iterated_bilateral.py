@@ -66,9 +66,8 @@ def range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
 def ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
     """One ring of faces, what each face weighs in its own average, and what each of its neighbours does there."""
     rings = mesh.topology.face_rings(1)
-    middling = np.median(mesh.areas[mesh.areas > 0]) if mesh.areas.any() else 1.0
-    share = 1 / np.maximum(mesh.areas / (LARGEST * middling), 1)  # of its area that a face weighs
-    own = (share * mesh.areas / middling).astype(np.float32)
+    share = 1 / np.maximum(mesh.areas / (LARGEST * mesh.median_area), 1)  # of its area that a face weighs
+    own = (share * mesh.areas / mesh.median_area).astype(np.float32)
     return rings, own, spatial_weights(mesh, rings, 1.0, own)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.neighborhoods import within
-from cascadenorm.mesh import Csr, Floats, Floats32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Bools, Csr, Floats, Floats32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance
 
 MOST_NEIGHBORS = 2048
@@ -50,6 +50,19 @@ def filtered_normals(
             spatial, spreads, 0.5 * farthest**2, out,
         )  # fmt: skip
     return out
+
+
+def faces_added(mesh: Mesh, faces: Bools, *, sigma_s: tuple[float, ...], cutoff: float) -> Bools:
+    """Return the faces, (m,), that `filtered_normals` adds for some faces, (m,), by distance; these are among them."""
+    radius, graph = cutoff * max(sigma_s) * mesh.mean_edge_length, mesh.topology.face_rings(1)
+    found, every = faces.copy(), np.flatnonzero(faces).astype(np.int32)
+    for first in range(0, len(every), FACES_AT_A_TIME):
+        rows = every[first : first + FACES_AT_A_TIME]
+        themselves = Csr(np.arange(len(rows) + 1, dtype=np.int64), rows)
+        radii = np.full(len(rows), radius)
+        near = within(mesh.centroids[rows], radii, mesh.centroids, graph, themselves, most=MOST_NEIGHBORS)
+        found[near.indices] = True
+    return found
 
 
 def _neighbors(mesh: Mesh, radius: float, rings: int | None) -> Iterator[tuple[int, Csr]]:

@@ -26,6 +26,7 @@ def recover_vertices(
     weighting: Weighting = "heights",
     foldovers: Foldovers = "avoid",
     movable: NDArray[np.bool_] | None = None,
+    start: Vectors | None = None,
 ) -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
@@ -44,12 +45,13 @@ def recover_vertices(
         over-relaxes, so that 20 sweeps converge as far as 100
     foldovers : "avoid", or "ignore", as published, where each step is the whole sum whatever faces it flips
     movable : (n,) the vertices that move; None: all
+    start : (n, 3) where earlier sweeps have left the vertices, which these continue; None: those of the mesh
 
     Returns
     -------
     (n, 3) float64; a vertex without a face stays
     """
-    vertices = mesh.vertices.copy()
+    vertices = (mesh.vertices if start is None else start).copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
     weights, step, avoid = face_weights(mesh, weighting), over_relaxation(weighting), foldovers == "avoid"
     for _ in range(sweeps):

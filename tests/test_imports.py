@@ -56,7 +56,7 @@ MAY_IMPORT = {
     "batch": {*METHODS, "worker_processes", "cluster", "remote_files", "memory", "digests", "learned.cascade",
               "controls", "io", "api", "denoised_files", "batch"},
     "model_cards": {"digests", "learned.cascade", "models"},
-    "streaming": {*METHODS, "memory", "controls", "io", "api", "denoised_files", "streaming"},
+    "streaming": {*METHODS, "memory", "baselines", "learned", "controls", "io", "api", "denoised_files", "streaming"},
     "models": {*METHODS, "learned", "io", "controls", "api", "evaluation.pairs"},
     "evaluation": {*METHODS, "workers", "cluster", "cluster_map", "memory", "digests", "learned", "data_gen", "io",
                    "interop", "controls", "api", "evaluation"},

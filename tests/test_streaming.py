@@ -178,7 +178,7 @@ def test_what_is_known_of_the_whole_is_what_is_known_in_memory(place, monkeypatc
     assert store.numbers.tolist() == order.numbers.tolist()
     seen = []
     for number in range(store.whole.patches):
-        patch, _ = store.patch(number, 2)
+        patch = store.patch(number, 2).patch
         whole, mine = patch.halo.whole, order.numbers[patch.vertices]
         assert (whole.group == expected.group[mine]).all() and (whole.around == expected.around[mine]).all()
         faces = patch.vertices[patch.faces]
@@ -330,15 +330,16 @@ def test_files_that_do_not_fit_are_denoised_in_patches(place, capsys, monkeypatc
     assert len(said.splitlines()) == 1
     assert Path("parts.ply").read_bytes() == Path("whole.ply").read_bytes()
     refused = [
-        (words[:2], "auto depends on the whole mesh", ": choose one of bilateral-normal, laplacian"),
+        ([*words[:3], "l0"], "l0 depends on the whole mesh", ": choose one of auto, bilateral-normal, cascade, laplacian"),
         ([*words, "--only", "0"], "only needs the whole mesh in memory", ": leave it out, or "),
         ([*words, "--keep-volume"], "volume depends on the whole mesh", ": leave it out, or "),
+        (["denoise", "scan.ply", "--keep-volume"], "volume depends on the whole mesh", ": leave it out, or "),
     ]
     for chosen, why, way_out in refused:
         assert run([*chosen, "-o", "other.ply"]) == 2
         said = capsys.readouterr().err
         assert why in said and way_out in said and len(said.splitlines()) == 1
-        assert said.count("choose one of") == (why[:4] == "auto")
+        assert said.count("choose one of") == (why[:2] == "l0")
     assert run([*words, "-o", "whole.ply"]) == 5  # is there already
     assert "whole.ply exists already" in capsys.readouterr().err
     save_mesh(place / "scan.off", BALL)
@@ -411,7 +412,8 @@ def test_vertices_that_are_not_finite_or_split_are_refused(place):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--method", "auto"], "auto depends on the whole mesh"),
+        (["--method", "l0"], "l0 depends on the whole mesh"),
+        (["--keep-volume"], "--keep-volume depends on the whole mesh"),
         (["--method", "bilateral-normal", "--set", "fit=least-squares"], "bilateral-normal depends on the whole mesh"),
         (["--method", "taubin", "--fixed", "0"], "--fixed needs the whole mesh in memory"),
         (["--method", "taubin", "--keep-volume"], "--keep-volume depends on the whole mesh"),

@@ -185,6 +185,12 @@ def check_local(method: Method, parameters: Mapping[str, Any], groups: int, cont
     ParameterError : the method or a control sees all of the mesh
     """
     rings = _rings(method, parameters, groups)
+    check_local_controls(controls)
+    return rings
+
+
+def check_local_controls(controls: Controls) -> None:
+    """Refuse controls that see all of the mesh; raises ParameterError."""
     for name, setting in CONTROLS.items():
         given: Any = controls[name]  # type: ignore[literal-required]
         if name not in LOCAL and given is not None and given != setting.default:
@@ -198,7 +204,6 @@ def check_local(method: Method, parameters: Mapping[str, Any], groups: int, cont
             "is 'smooth', which needs whole boundary loops; it must be 'free' or 'fixed' in a patch",
             parameter="boundary",
         )
-    return rings
 
 
 def cut_within(mesh: Mesh, around: NDArray[np.int32], rings: int) -> NDArray[np.bool_]:
@@ -206,12 +211,17 @@ def cut_within(mesh: Mesh, around: NDArray[np.int32], rings: int) -> NDArray[np.
     return np.asarray(steps_from(mesh.topology, mesh.topology.vertex_faces.counts != around, rings) < rings)
 
 
-def as_part(mesh: Mesh, whole: Whole) -> Mesh:
-    """Return a patch as the method sees it: in the frame of the whole, and oriented as it is."""
+def as_part(mesh: Mesh, whole: Whole, components: NDArray[np.int32] | None = None, **facts: float) -> Mesh:
+    """Return a patch as the method sees it: in the frame of the whole, and oriented as it is.
+
+    Parameters
+    ----------
+    components, facts : further ones of the whole, as `Mesh.as_part` takes them
+    """
     faces = mesh.faces.copy()
     faces[whole.flipped] = faces[whole.flipped, ::-1]
     framed = whole.frame.of(Mesh(mesh.vertices, faces))
-    return framed.as_part(whole.mean_edge_length, whole.group)
+    return framed.as_part(whole.group, components, mean_edge_length=whole.mean_edge_length, **facts)
 
 
 def _rings(method: Method, parameters: Mapping[str, Any], groups: int) -> int:

@@ -6,16 +6,22 @@ is of third order in the length of the edge on any smooth surface.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.geometry.averages import averaged
+from cascadenorm.geometry.parts import AT_ONCE, Found, Part, Surface, nth
+from cascadenorm.geometry.rounding import rounding
 from cascadenorm.mesh import (
     Bools,
     Csr,
     Floats,
     Index,
+    Ints,
     Ints32,
     Mesh,
     Vectors,
@@ -26,6 +32,7 @@ from cascadenorm.mesh import (
 )
 from cascadenorm.mesh.vectors import Vector, add, cross, dot, length, row, subtract
 
+RINGS = 3  # edges around a vertex that the chords of its edges depend on
 PASSES = 8  # averages over neighbours that a noise estimate is taken from: about four rings
 FEWEST = 150  # edges that bend, or join smooth vertices, of a component from which a share of error is taken
 SMOOTH = 0.5 * math.sqrt(3)
@@ -75,7 +82,31 @@ def local_noise(mesh: Mesh, residuals: Floats) -> Floats:
     return np.sqrt(np.divide(sums[:, 0], sums[:, 1], out=np.zeros(n), where=sums[:, 1] > 0))
 
 
-def error_shares(mesh: Mesh, measured: Chords, rounding: float, part: Ints32, count: int) -> Floats:
+def error_sums(part: Part, measured: Chords) -> dict[str, NDArray[Any]]:
+    """Measure what `error_shares` takes of each component of a part, (c,).
+
+    Parameters
+    ----------
+    measured : the chords of its mesh
+    """
+    mesh, own, count = part.mesh, part.interior_edges, len(part.components)
+    rise, bent = _bends(mesh, own)
+    first, second = mesh.topology.face_pairs[own].T
+    label = mesh.topology.face_components[first]
+    angle = angles_between(mesh.normals[first[bent]], mesh.normals[second[bent]])
+    smooth = measured.smooth[own]
+    squares = [scatter_add(label[smooth], values[own][smooth] ** 2, count) for values in measured[:2]]
+    return {
+        "bent": np.bincount(label[bent], minlength=count),
+        "signed": scatter_add(label[bent], np.copysign(angle, rise[bent]), count),
+        "angle": scatter_add(label[bent], angle, count),
+        "smooth": np.bincount(label[smooth], minlength=count),
+        "residuals": squares[0],
+        "sagittas": squares[1],
+    }
+
+
+def error_shares(surface: Surface, sums: Found, measured: Chords | None = None) -> Floats:
     """Residual of the chords over their sagitta, plus 1 - |Σ bend| / Σ |bend|, of each component, (count,).
 
     The bend of an edge is the angle between its faces, negative where it is concave. Residual and sagitta are root mean
@@ -84,41 +115,71 @@ def error_shares(mesh: Mesh, measured: Chords, rounding: float, part: Ints32, co
 
     Parameters
     ----------
-    measured : the chords of the mesh
-    rounding : how far the centroid of a face may lie off the plane of its neighbour where the two do not bend
-    part : (m,) component of each face, 0 … count - 1
+    sums : what `error_sums` gave, over all parts
+    measured : the chords, where the surface is a mesh in memory and they are known
     """
-    first, second = mesh.topology.face_pairs.T
-    across = mesh.centroids[second] - mesh.centroids[first]
-    rise = np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second])
-    bent = (np.abs(rise) > rounding) & (mesh.areas[first] > 0) & (mesh.areas[second] > 0)
-    label = part[first]
-    enough = np.bincount(label[bent], minlength=count) >= FEWEST
-    share = np.full(count, np.inf)
+    enough, many = sums["bent"] >= FEWEST, sums["smooth"] >= FEWEST
+    share = np.full(len(enough), np.inf)
     if not enough.any():
         return share
-    angle = angles_between(mesh.normals[first[bent]], mesh.normals[second[bent]])
-    along = np.abs(scatter_add(label[bent], np.copysign(angle, rise[bent]), count))
-    cancelled = 1 - along / np.maximum(scatter_add(label[bent], angle, count), np.finfo(float).tiny)
+    cancelled = 1 - np.abs(sums["signed"]) / np.maximum(sums["angle"], np.finfo(float).tiny)
+    error, bend = np.sqrt(sums["residuals"]), np.sqrt(sums["sagittas"])
+    few = enough & ~many
+    if few.any():
 
-    residuals, sagittas, smooth = measured
-    many = np.bincount(label[smooth], minlength=count) >= FEWEST
-    squares = [scatter_add(label[smooth], values[smooth] ** 2, count) for values in (residuals, sagittas)]
-    few = bent & ~many[label]
-    medians = [_medians(label[few], values[few], count) for values in (residuals, sagittas)]
-    error, bend = (np.where(many, np.sqrt(q), m) for q, m in zip(squares, medians, strict=True))
+        def chords_of_few(part: Part) -> Found:
+            mesh, own = part.mesh, part.interior_edges
+            _, bent = _bends(mesh, own)
+            label = part.components[mesh.topology.face_components[mesh.topology.face_pairs[own, 0]]]
+            chosen = bent & few[label]
+            residuals, sagittas, _ = measured or chords(mesh)
+            return {"label": label[chosen], "error": residuals[own][chosen], "bend": sagittas[own][chosen]}
+
+        parts = surface.each("chords", RINGS, chords_of_few)
+        error[few], bend[few] = (
+            _medians(parts, name, np.where(few, sums["bent"], 0))[few] for name in ("error", "bend")
+        )
     known = enough & (bend > 0)
     share[known] = error[known] / bend[known] + cancelled[known]
     return share
 
 
-def _medians(label: Ints32, values: Floats, count: int) -> Floats:
-    """Upper median of the values with each label; 0 where there are none."""
-    order = np.lexsort((values, label))
-    sizes = np.bincount(label, minlength=count)
-    middle = np.cumsum(sizes) - sizes + sizes // 2
-    out = np.zeros(count)
-    out[sizes > 0] = values[order[middle[sizes > 0]]]
+def _bends(mesh: Mesh, own: Bools) -> tuple[Floats, Bools]:
+    """Return how far the faces at some edges with two faces rise over each other, and whether they bend there.
+
+    Where two do not bend, rounding may put the centroid of one off the plane of the other.
+    """
+    first, second = mesh.topology.face_pairs[own].T
+    across = mesh.centroids[second] - mesh.centroids[first]
+    rise = np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second])
+    return rise, (np.abs(rise) > rounding(mesh)) & (mesh.areas[first] > 0) & (mesh.areas[second] > 0)
+
+
+def _values_of(parts: Iterable[tuple[Ints, Found]], name: str, component: Index) -> Iterator[Floats]:
+    """Return the values of one component, part by part."""
+    for _, found in parts:
+        yield found[name][found["label"] == component]
+
+
+def _medians(parts: Iterable[tuple[Ints, Found]], name: str, sizes: Ints) -> Floats:
+    """Upper median of the values of each component, (c,); 0 where it has none.
+
+    Parameters
+    ----------
+    sizes : (c,) how many it has; those of components with few are held in memory, some AT_ONCE values at a time
+    """
+    out, large = np.zeros(len(sizes)), sizes > AT_ONCE
+    for one in np.flatnonzero(large):
+        out[one] = nth(partial(_values_of, parts, name, one), int(sizes[one]) // 2)
+    group = (np.cumsum(np.where(large, 0, sizes)) - sizes) // AT_ONCE
+    for number in np.unique(group[(sizes > 0) & ~large]).tolist():
+        mine = np.flatnonzero((group == number) & (sizes > 0) & ~large)
+        chosen = np.isin(np.arange(len(sizes)), mine)
+        rows = [(found["label"][its], found[name][its]) for _, found in parts for its in [chosen[found["label"]]]]
+        label, values = (np.concatenate(columns) for columns in zip(*rows, strict=True))
+        ordered = values[np.lexsort((values, label))]
+        ends = np.cumsum(sizes[mine])
+        out[mine] = ordered[ends - sizes[mine] + sizes[mine] // 2]
     return out
 
 

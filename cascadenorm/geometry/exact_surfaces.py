@@ -1,13 +1,16 @@
 """Surfaces that were computed, not measured: their triangles are coplanar with a neighbour, as CAD leaves them, or bend
 evenly, as chords of a smooth surface."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.chords import Chords, chords, error_shares
+from cascadenorm.geometry.chords import RINGS, Chords, chords, error_shares, error_sums
+from cascadenorm.geometry.parts import Found, InMemory, Part, Surface, by_component
 from cascadenorm.geometry.rounding import rounding
 from cascadenorm.geometry.segmentation_steps import is_segmentation
-from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Bools, Floats, Index, Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 FACES, AREA = 0.2, 0.5
 """Shares of the triangles, and of the area, of a component that have a coplanar neighbour, from which it is exact."""
@@ -44,21 +47,42 @@ def exact_vertices(mesh: Mesh, measured: Chords | None = None) -> NDArray[np.boo
     (n,) bool; vertices without a face are not exact
     """
     exact = np.zeros(len(mesh.vertices), bool)
-    counts = coplanar_neighbors(mesh)
-    clean, part = counts > 0, mesh.topology.face_components
-    count = int(part.max()) + 1
-    faces = np.bincount(part[clean], minlength=count) / np.maximum(np.bincount(part, minlength=count), 1)
-    areas = np.maximum(scatter_add(part, mesh.areas, count), np.finfo(float).tiny)
-    covered = scatter_add(part[clean], mesh.areas[clean], count) / areas
-    measured = measured or chords(mesh)
-    unevenness = _unevenness(mesh, part, count)
-    flat = (faces >= FACES) & (covered >= AREA) & ((unevenness > UNEVEN) | (covered >= EVEN_AREA))
-    error = error_shares(mesh, measured, rounding(mesh), part, count)
-    smooth = (error <= ERROR) & ((unevenness > UNEVEN_CURVED) | (_creased(mesh, measured, part, count) >= CREASED))
-    computed = flat | smooth | ((error <= ERROR_FLAT) & (faces >= SOME))
-    if computed.any() and not is_segmentation(mesh):
-        exact[mesh.faces[computed[part]]] = True
+    computed = computed_components(InMemory(mesh), measured or chords(mesh)).computed
+    exact[mesh.faces[computed[mesh.topology.face_components]]] = True
     return exact
+
+
+class Components(NamedTuple):
+    """Of each connected component: whether it was computed, and how many of its edges have two faces, (c,)."""
+
+    computed: Bools
+    edges: Ints
+
+
+def computed_components(surface: Surface, measured: Chords | None = None) -> Components:
+    """Tell which components were computed and carry no error, as `exact_vertices` describes it.
+
+    Parameters
+    ----------
+    measured : the chords, where the surface is a mesh in memory and they are known
+    """
+
+    def measure(part: Part) -> Found:
+        known = measured or chords(part.mesh)
+        return {**_shape_sums(part, known), **error_sums(part, known)}
+
+    sums = by_component(surface.each("components", RINGS, measure), surface.components)
+    faces = sums["coplanar"] / np.maximum(sums["faces"], 1)
+    covered = sums["coplanar area"] / np.maximum(sums["area"], np.finfo(float).tiny)
+    unevenness = _unevenness(sums)
+    flat = (faces >= FACES) & (covered >= AREA) & ((unevenness > UNEVEN) | (covered >= EVEN_AREA))
+    error = error_shares(surface, sums, measured)
+    creased = sums["rough"] / np.maximum(sums["edges"], 1)  # edges that do not join smooth vertices
+    smooth = (error <= ERROR) & ((unevenness > UNEVEN_CURVED) | (creased >= CREASED))
+    computed = flat | smooth | ((error <= ERROR_FLAT) & (faces >= SOME))
+    if computed.any() and is_segmentation(surface):
+        computed[:] = False
+    return Components(computed, sums["edges"])
 
 
 def coplanar_neighbors(mesh: Mesh) -> NDArray[np.int8]:
@@ -70,19 +94,28 @@ def coplanar_neighbors(mesh: Mesh) -> NDArray[np.int8]:
     return out
 
 
-def _creased(mesh: Mesh, measured: Chords, part: Ints32, count: int) -> Floats:
-    """Share of the interior edges of each component that do not join smooth vertices, (count,)."""
-    label = part[mesh.topology.face_pairs[:, 0]]
-    rough = np.bincount(label[~measured.smooth], minlength=count)
-    return np.asarray(rough / np.maximum(np.bincount(label, minlength=count), 1))
-
-
-def _unevenness(mesh: Mesh, part: Ints32, count: int) -> Floats:
-    """Coefficient of variation of the edge lengths of each component, (count,)."""
-    corners = mesh.vertices[mesh.faces]
+def _shape_sums(part: Part, measured: Chords) -> dict[str, NDArray[Any]]:
+    """Sums over the faces, and over the edges with two faces, of each component of a part, (c,)."""
+    mesh, own, count = part.mesh, part.faces, len(part.components)
+    label, areas, clean = mesh.topology.face_components[own], mesh.areas[own], coplanar_neighbors(mesh)[own] > 0
+    corners = mesh.vertices[mesh.faces[own]]
     lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    moments = scatter_add(part, np.stack([lengths.sum(axis=1), np.square(lengths).sum(axis=1)], axis=1), count)
-    mean, square = (moments / np.maximum(3 * np.bincount(part, minlength=count), 1)[:, None]).T
+    inner = part.interior_edges
+    of_edges = mesh.topology.face_components[mesh.topology.face_pairs[inner, 0]]
+    return {
+        "faces": np.bincount(label, minlength=count),
+        "area": scatter_add(label, areas, count),
+        "coplanar": np.bincount(label[clean], minlength=count),
+        "coplanar area": scatter_add(label[clean], areas[clean], count),
+        "lengths": scatter_add(label, np.stack([lengths.sum(axis=1), np.square(lengths).sum(axis=1)], axis=1), count),
+        "edges": np.bincount(of_edges, minlength=count),
+        "rough": np.bincount(of_edges[~measured.smooth[inner]], minlength=count),
+    }
+
+
+def _unevenness(sums: Found) -> Floats:
+    """Coefficient of variation of the edge lengths of each component, (count,)."""
+    mean, square = (sums["lengths"] / np.maximum(3 * sums["faces"], 1)[:, None]).T
     return np.asarray(np.sqrt(np.maximum(square - mean**2, 0)) / np.maximum(mean, np.finfo(float).tiny))
 
 

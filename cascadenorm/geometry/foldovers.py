@@ -30,19 +30,36 @@ def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] 
     -------
     (n, 3)
     """
-    displacement = vertices - mesh.vertices
     held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
-    share = np.ones(len(displacement))
-    halvings = np.zeros(len(displacement), np.int64)
-    moved = vertices.copy()
-    while True:
-        flipped = held & (np.einsum("ij,ij->i", mesh.moved(moved).area_vectors, mesh.normals) <= 0)
-        if not flipped.any():
-            return moved
-        back = np.unique(mesh.faces[flipped])
-        halvings[back] += 1
-        share[back] = np.where(halvings[back] > HALVINGS, 0.0, 0.5 * share[back])
-        moved[back] = mesh.vertices[back] + share[back, None] * displacement[back]
+    halvings = np.zeros(len(vertices), np.uint8)
+    while halved_where_flipped(mesh, vertices, held, halvings).any():
+        pass
+    return partly_displaced(mesh, vertices, halvings)
+
+
+def halved_where_flipped(
+    mesh: Mesh, vertices: Vectors, held: NDArray[np.bool_], halvings: NDArray[np.uint8]
+) -> NDArray[np.bool_]:
+    """Count one more halving, in place, for the vertices of faces that flip, (m,), which are returned.
+
+    Parameters
+    ----------
+    held : (m,) faces that may not flip
+    halvings : (n,) of the displacement of each vertex so far
+    """
+    moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
+    flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.normals) <= 0)
+    back = np.unique(mesh.faces[flipped])
+    halvings[back] = np.minimum(halvings[back] + 1, HALVINGS + 1)
+    return np.asarray(flipped)
+
+
+def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8]) -> Vectors:
+    """Return vertices with their displacements halved so often, and dropped after HALVINGS of them."""
+    moved, back = vertices.copy(), np.flatnonzero(halvings)
+    share = np.where(halvings[back] > HALVINGS, 0.0, 0.5 ** halvings[back].astype(np.float64))
+    moved[back] = mesh.vertices[back] + share[:, None] * (vertices[back] - mesh.vertices[back])
+    return moved
 
 
 def foldovers(mesh: Mesh) -> NDArray[np.bool_]:

@@ -1,7 +1,5 @@
 """How exact the coordinates of a mesh can be at most."""
 
-import numpy as np
-
 from cascadenorm.mesh import Mesh
 
 COPLANAR = 3e-6
@@ -14,5 +12,4 @@ SMALL = 1e-3  # of the median edge length: the height is less than that too, whe
 
 def rounding(mesh: Mesh) -> float:
     """Largest height of a vertex over a plane that rounding explains."""
-    ends = mesh.vertices[mesh.topology.edges]
-    return min(COPLANAR * mesh.diagonal, SMALL * float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))))
+    return min(COPLANAR * mesh.diagonal, SMALL * mesh.median_edge_length)

@@ -3,9 +3,10 @@
 import numpy as np
 
 from cascadenorm.geometry.averages import averaged
+from cascadenorm.geometry.parts import Found, Part, Surface, added, in_parts
 from cascadenorm.geometry.rounding import rounding
 from cascadenorm.geometry.voxel_lattice import lattice_share
-from cascadenorm.mesh import Mesh, angles_between, scatter_add
+from cascadenorm.mesh import Mesh, Vectors, angles_between, scatter_add
 
 LATTICE = 0.5
 """Share of the edges that the most frequent vectors hold (see `lattice_share`), from which a mesh lies on a lattice.
@@ -21,26 +22,33 @@ ALONG_AXES = 0.98
 """Share of the area whose normals lie along three perpendicular directions, from which faces are those of voxels."""
 
 
-def is_segmentation(mesh: Mesh) -> bool:
+def is_segmentation(mesh: Mesh | Surface) -> bool:
     """Whether the edges are few vectors repeated and bend to and fro, and vertices lie inside of planes."""
-    if lattice_share(mesh) < LATTICE:
+    surface = in_parts(mesh)
+    if lattice_share(surface) < LATTICE:
         return False
-    steps = _share_of_steps(mesh)
-    return steps >= ALL_STEPS or (steps >= STEPS and _share_in_planes(mesh) >= IN_PLANES)
+    sums = added(surface.each("steps", 5, _steps))
+    steps = 1 - sums["left"] / max(sums["total"], np.finfo(float).tiny)
+    return bool(steps >= ALL_STEPS or (steps >= STEPS and sums["in planes"] / sums["vertices"] >= IN_PLANES))
 
 
-def has_voxel_faces(mesh: Mesh) -> bool:
+def has_voxel_faces(mesh: Mesh | Surface) -> bool:
     """Whether a mesh consists of the faces of the voxels of a segmentation (cuberille; Herman, Liu 1979)."""
-    if not mesh.area > 0:
+    surface = in_parts(mesh)
+    first = _normal_of_largest(surface, "first axis", None)
+    second = None if first is None else _normal_of_largest(surface, "second axis", first)
+    if first is None or second is None:
         return False
-    first = mesh.normals[np.argmax(mesh.areas)]
-    across = np.abs(mesh.normals @ first) < 1e-3
-    if not (across & (mesh.areas > 0)).any():
-        return False
-    second = mesh.normals[np.argmax(mesh.areas * across)]
     axes = np.stack([first, second, np.cross(first, second)])
-    along = np.abs(mesh.normals @ axes.T).max(axis=1) > 1 - 1e-4
-    return bool(mesh.areas[along].sum() >= ALONG_AXES * mesh.area) and is_segmentation(mesh)
+
+    def along_axes(part: Part) -> Found:
+        own = part.faces
+        areas = part.mesh.areas[own]
+        along = np.abs(part.mesh.normals[own] @ axes.T).max(axis=1) > 1 - 1e-4
+        return {"area": areas.sum(), "along": areas[along].sum()}
+
+    sums = added(surface.each("along axes", 1, along_axes))
+    return bool(sums["along"] >= ALONG_AXES * sums["area"]) and is_segmentation(surface)
 
 
 def without_voxel_faces(mesh: Mesh) -> Mesh:
@@ -48,25 +56,42 @@ def without_voxel_faces(mesh: Mesh) -> Mesh:
 
     The normals of voxel faces have three directions, whatever the shape; after one average they tell where it leads.
     """
-    if not has_voxel_faces(mesh):
-        return mesh
+    return mesh.moved(mean_centroids(mesh)) if has_voxel_faces(mesh) else mesh
+
+
+def mean_centroids(mesh: Mesh) -> Vectors:
+    """Return the mean of the centroids around each vertex, (n, 3); a vertex without a face stays."""
     around = mesh.topology.vertex_faces
     sums = scatter_add(mesh.faces.ravel(), np.repeat(mesh.centroids, 3, axis=0), len(mesh.vertices))
     used = mesh.topology.used_vertices[:, None]
-    return mesh.moved(np.where(used, sums / np.maximum(around.counts, 1)[:, None], mesh.vertices))
+    return np.where(used, sums / np.maximum(around.counts, 1)[:, None], mesh.vertices)
 
 
-def _share_in_planes(mesh: Mesh) -> float:
-    """Share of the vertices with faces whose faces all lie in one plane, to a fiftieth of a degree."""
-    least = np.ones(len(mesh.vertices))
-    cosines = np.einsum("ijk,ik->ij", mesh.vertex_normals[mesh.faces], mesh.normals)
-    np.minimum.at(least, mesh.faces, cosines)
-    return float((least[mesh.topology.used_vertices] > 1 - 1e-7).mean())
+def _normal_of_largest(surface: Surface, name: str, across: Vectors | None) -> Vectors | None:
+    """Return the normal of the largest face, of those across a direction if one is given; None where none has area."""
+
+    def largest(part: Part) -> Found:
+        areas, normals = np.where(part.faces, part.mesh.areas, 0.0), part.mesh.normals
+        if across is not None:
+            areas = areas * (np.abs(normals @ across) < 1e-3)
+        one = areas.argmax()
+        return {"area": areas[one], "normal": normals[one]}
+
+    found = max((found for _, found in surface.each(name, 1, largest)), key=lambda found: float(found["area"]))
+    return found["normal"] if found["area"] > 0 else None
 
 
-def _share_of_steps(mesh: Mesh) -> float:
-    """Share of the bends, angles times lengths of edges, that those of the other sign cancel within two rings."""
-    topology = mesh.topology
+def _steps(part: Part) -> Found:
+    """Sum over the vertices of a part what tells of steps.
+
+    Returns
+    -------
+    total, left : bends, angles times lengths of edges, and what is left of them where those of the other sign within
+        two rings cancel them
+    vertices, in planes : how many vertices have faces, and of how many these all lie in one plane, to a fiftieth of a
+        degree
+    """
+    mesh, topology = part.mesh, part.mesh.topology
     first, second = topology.face_pairs.T
     across = mesh.centroids[second] - mesh.centroids[first]
     rise = np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second])
@@ -75,5 +100,15 @@ def _share_of_steps(mesh: Mesh) -> float:
     bend = length * angles_between(mesh.normals[first], mesh.normals[second]) * (np.abs(rise) > rounding(mesh))
     signed = np.stack([np.copysign(bend, rise), bend], axis=1)
     at_vertices = scatter_add(ends.ravel(), np.repeat(signed, 2, axis=0), len(mesh.vertices))
-    left, total = np.abs(averaged(at_vertices, topology.vertex_neighbors, 2)).T
-    return float(1 - left.sum() / max(total.sum(), np.finfo(float).tiny))
+    left, total = np.abs(averaged(at_vertices, topology.vertex_neighbors, 2)[part.vertices]).T
+
+    least = np.ones(len(mesh.vertices))
+    cosines = np.einsum("ijk,ik->ij", mesh.vertex_normals[mesh.faces], mesh.normals)
+    np.minimum.at(least, mesh.faces, cosines)
+    used = part.vertices & topology.used_vertices
+    return {
+        "left": left.sum(),
+        "total": total.sum(),
+        "vertices": np.count_nonzero(used),
+        "in planes": np.count_nonzero(least[used] > 1 - 1e-7),
+    }  # fmt: skip

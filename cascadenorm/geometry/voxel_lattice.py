@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.geometry.parts import AT_ONCE, Found, Part, Surface, in_parts
 from cascadenorm.mesh import Mesh, Vectors, scatter_add
 
 Lattice = NDArray[np.float64]
@@ -30,18 +31,33 @@ ON_NODES = 0.5
 """Share of the vertices that lie on a plane of nodes across each axis; marching cubes put two thirds there."""
 
 
-def lattice_share(mesh: Mesh) -> float:
+def lattice_share(mesh: Mesh | Surface) -> float:
     """Share of the edges that the most frequent vectors hold; near 1 where vertices lie on a lattice, else near 0."""
-    edges = mesh.topology.edges
-    if len(edges) < FEWEST:
+    parts = in_parts(mesh).each("lattice", 1, _vectors)
+    edges, kinds = (sum(int(found[name]) for _, found in parts) for name in ("edges", "kinds"))
+    if edges < FEWEST:
         return 0.0
-    vectors = mesh.vertices[edges[:, 1]] - mesh.vertices[edges[:, 0]]
-    size = RESOLUTION * float(np.median(np.linalg.norm(vectors, axis=1)))
+    groups, most = -(-kinds // AT_ONCE), np.empty(0, np.int64)
+    for group in range(groups):  # each kind of vector is in one
+        chosen = [(found["keys"], found["counts"], found["keys"] % groups == group) for _, found in parts]
+        keys = np.concatenate([keys[mine] for keys, _, mine in chosen])
+        _, kind = np.unique(keys, return_inverse=True)
+        counts = np.bincount(kind.ravel(), np.concatenate([counts[mine] for _, counts, mine in chosen]))
+        most = np.sort(np.concatenate([most, counts.astype(np.int64)]))[-FREQUENT:]
+    return float(most.sum() / edges)
+
+
+def _vectors(part: Part) -> Found:
+    """Count the edges of a part, and the vectors along them by what they are rounded to."""
+    mesh = part.mesh
+    edges = mesh.topology.edges[part.edges]
+    size = RESOLUTION * mesh.median_edge_length
     if size == 0:
-        return 0.0
+        return {"edges": np.array(0), "kinds": np.array(0), "keys": np.empty(0, int), "counts": np.empty(0, int)}
+    vectors = mesh.vertices[edges[:, 1]] - mesh.vertices[edges[:, 0]]
     cells, _ = _directions(np.clip(vectors, -FARTHEST * size, FARTHEST * size), size)
-    _, counts = np.unique(cells @ np.array([1, 1 << 21, 1 << 42]), return_counts=True)
-    return float(np.sort(counts)[-FREQUENT:].sum() / len(edges))
+    keys, counts = np.unique(cells @ np.array([1, 1 << 21, 1 << 42]), return_counts=True)
+    return {"edges": np.array(len(edges)), "kinds": np.array(len(keys)), "keys": keys, "counts": counts}
 
 
 def lattice_of_mask(mesh: Mesh) -> Lattice | None:

@@ -164,7 +164,7 @@ def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
     stay hard. It learned from generated shapes: an error of a kind that none of them has may be left.
     """
     start = without_voxel_faces(mesh)
-    vertices = _loaded(model, "auto").vertices(start, sweeps=sweeps)
+    vertices = loaded(model, "auto").vertices(start, sweeps=sweeps)
     return safeguarded(mesh, without_drift(mesh, vertices))
 
 
@@ -183,10 +183,11 @@ def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
     Its filters reach five mean edge lengths far: heavy noise, and errors that are correlated over many edges, are left
     in part. The vertex update may fold faces over.
     """
-    return _loaded(model, "cascade").vertices(mesh, sweeps=sweeps)
+    return loaded(model, "cascade").vertices(mesh, sweeps=sweeps)
 
 
-def _loaded(model: Cascade | Path | None, name: str) -> Cascade:
+def loaded(model: Cascade | Path | None, name: str) -> Cascade:
+    """Return the networks of a learned method: a model of one's own, else the shipped one."""
     if isinstance(model, Cascade):
         return model
     if not isinstance(model, str | PathLike | None):

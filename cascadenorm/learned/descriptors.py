@@ -76,28 +76,37 @@ class Descriptor(NamedTuple):
     ----------
     size : k, the number of filtered normals of each face
     fill : writes them to a stack, (m, k, 3)
+    rings : edges around the vertices of a face on which they depend, where filters B and G add rings of faces
+    filters : how many of these follow on each other
     """
 
     size: int
     fill: Callable[[Stack, Mesh, Mesh, Neighborhood], None]
+    rings: int
+    filters: int = 0
 
 
-def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, own: bool = False) -> Descriptor:
-    """B-FND, or with G-FND, behind the normal of the face itself if wanted."""
+def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, times: int, own: bool = False) -> Descriptor:
+    """B-FND, or with G-FND, behind the normal of the face itself if wanted; so many filters follow on each other."""
 
     def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         out[:, int(own) :] = describe(mesh, neighborhood)
         if own:
             out[:, 0] = mesh.normals
 
-    return Descriptor(own + count, fill)
+    return Descriptor(own + count, fill, times * RINGS, times)
 
 
 def _iterated(passes: tuple[int, ...]) -> Descriptor:
     def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes, out=out)
 
-    return Descriptor(1 + len(ITERATED_SIGMA_R) * len(passes), fill)
+    return Descriptor(1 + len(ITERATED_SIGMA_R) * len(passes), fill, passes[-1])
+
+
+def _smoothing(passes: tuple[int, ...]) -> int:
+    """Edges that smoothed vertices depend on: those of the passes, and those of the normals around them."""
+    return passes[-1] + 1 + ITERATED_PASSES[1]
 
 
 def _first() -> Descriptor:
@@ -107,7 +116,7 @@ def _first() -> Descriptor:
         iterated.fill(out[:, : iterated.size], mesh, noisy, neighborhood)
         smoothed_normals(mesh, out[:, SMOOTHING_DIRECTION], SMOOTH_PASSES, out=out[:, iterated.size :])
 
-    return Descriptor(iterated.size + len(SMOOTH_PASSES), fill)
+    return Descriptor(iterated.size + len(SMOOTH_PASSES), fill, max(iterated.rings, _smoothing(SMOOTH_PASSES)))
 
 
 def _later() -> Descriptor:
@@ -120,15 +129,15 @@ def _later() -> Descriptor:
         smoothed_normals(mesh, out[:, SMOOTHING_DIRECTION], passes, out=smoothed)
         smoothed_normals(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R, out=of_noisy)
 
-    return Descriptor(iterated.size + 2 * len(passes), fill)
+    return Descriptor(iterated.size + 2 * len(passes), fill, max(iterated.rings, _smoothing(passes)))
 
 
 _B, _G = len(SIGMA_S) * len(SIGMA_R), len(SIGMA_S) * (len(SIGMA_R) - 1)
 DESCRIPTORS = {
-    "B": _bank(bilateral_descriptor, _B),
-    "B+G": _bank(guided_descriptor, _B + _G),
-    "n+B": _bank(bilateral_descriptor, _B, own=True),
-    "n+B+G": _bank(guided_descriptor, _B + _G, own=True),
+    "B": _bank(bilateral_descriptor, _B, times=1),
+    "B+G": _bank(guided_descriptor, _B + _G, times=2),
+    "n+B": _bank(bilateral_descriptor, _B, times=1, own=True),
+    "n+B+G": _bank(guided_descriptor, _B + _G, times=2, own=True),
     "iterated-64": _iterated(ITERATED_PASSES),
     "iterated-64+smoothed": _first(),
     "iterated-16": _iterated(LATER_ITERATED_PASSES),

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.averages import averaged
 from cascadenorm.learned.descriptors import Stack
-from cascadenorm.mesh import Floats32, Ints32, Mesh, in_blocks, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Bools, Floats, Floats32, Ints, Ints32, Mesh, in_blocks, kernel, parallel_for, scatter_add
 
 Array = NDArray[np.float32]
 
@@ -36,12 +37,13 @@ class FeatureScaler:
     context_mean: Array
     context_scale: Array
 
-    def context(self, stack: Stack, mesh: Mesh) -> list[Array]:
+    def context(self, stack: Stack, mesh: Mesh, sums: "ComponentSums | None" = None) -> list[Array]:
         """Average the principal components of the features around each face, and say how open the mesh is.
 
         Parameters
         ----------
         stack : (m, k, 3) filtered normals of all faces of the mesh
+        sums : those of the larger mesh of which it is a part; None: its own
 
         Returns
         -------
@@ -49,8 +51,16 @@ class FeatureScaler:
         """
         if not self.projection.size:
             return [np.empty((len(stack), 0), np.float32)]
-        components = in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
-        return [*context_features(components, mesh), openness(mesh)[:, None]]
+        components = self._principal(stack)
+        return [*context_features(components, mesh, sums), openness(mesh, sums)[:, None]]
+
+    def sums(self, stack: Stack, mesh: Mesh, among: Bools) -> "ComponentSums":
+        """Add what context features average over connected components, of some faces, (m,) bool."""
+        return component_sums(self._principal(stack[among]), mesh, among)
+
+    def _principal(self, stack: Stack) -> Array:
+        """Return the principal components of the features of faces, (m, p)."""
+        return in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
 
     def features(self, stack: Stack, context: Sequence[Array]) -> Array:
         """Return the normalised features of faces: their own, then those of their context.
@@ -102,7 +112,38 @@ def pairwise_features(stack: Stack) -> NDArray[np.float32]:
     return np.log(out, out=out)
 
 
-def context_features(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np.float32]]:
+class ComponentSums(NamedTuple):
+    """Sums over the faces of each connected component.
+
+    Parameters
+    ----------
+    faces : (c,) how many there are
+    values : (c, p) of features
+    area_vectors, areas : (c, 3), (c,)
+    """
+
+    faces: Ints
+    values: Floats
+    area_vectors: Floats
+    areas: Floats
+
+
+def component_sums(values: NDArray[np.float32], mesh: Mesh, among: Bools) -> ComponentSums:
+    """Add over some faces, (m,) bool, of each connected component; values are those of these faces, in their order."""
+    component = mesh.topology.face_components
+    count = int(component.max(initial=-1)) + 1
+    chosen = component[among]
+    return ComponentSums(
+        np.bincount(chosen, minlength=count),
+        scatter_add(chosen, values, count),
+        scatter_add(chosen, mesh.area_vectors[among], count),
+        scatter_add(chosen, mesh.areas[among], count),
+    )
+
+
+def context_features(
+    values: NDArray[np.float32], mesh: Mesh, sums: ComponentSums | None = None
+) -> list[NDArray[np.float32]]:
     """Average features over CONTEXT_STEPS rounds of one ring, and over the connected component.
 
     They tell a face what is around it at several scales, and how noisy the whole is.
@@ -110,13 +151,14 @@ def context_features(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np
     Parameters
     ----------
     values : (m, p), one row a face; overwritten
+    sums : those of the larger mesh of which it is a part; None: its own
 
     Returns
     -------
     5 of (m, p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
         then the mean over the connected component
     """
-    mean, rings = component_means(values, mesh), mesh.topology.face_rings(1)
+    mean, rings = component_means(values, mesh, sums), mesh.topology.face_rings(1)
     first, *further = np.diff(CONTEXT_STEPS, prepend=0).tolist()
     kept = [averaged(values, rings, first)]
     for rounds in further:
@@ -124,26 +166,38 @@ def context_features(values: NDArray[np.float32], mesh: Mesh) -> list[NDArray[np
     return [*kept, mean]
 
 
-def component_means(values: NDArray[np.float32], mesh: Mesh) -> NDArray[np.float32]:
+def component_means(values: NDArray[np.float32], mesh: Mesh, sums: ComponentSums | None = None) -> NDArray[np.float32]:
     """Average features, one row a face, over the connected component of the face, (m, p)."""
     component = mesh.topology.face_components
-    sizes = np.maximum(np.bincount(component), 1)
-    return _of_faces((scatter_add(component, values, len(sizes)) / sizes[:, None]).astype(np.float32), component)
+    if sums is None:
+        count = int(component.max(initial=-1)) + 1
+        faces, total = np.bincount(component, minlength=count), scatter_add(component, values, count)
+    else:
+        faces, total = sums.faces, sums.values
+    return _of_faces((total / np.maximum(faces, 1)[:, None]).astype(np.float32), component)
 
 
-def openness(mesh: Mesh) -> NDArray[np.float32]:
+def openness(mesh: Mesh, sums: ComponentSums | None = None) -> NDArray[np.float32]:
     """Return how far the connected component of each face is from closed, |Σ A n| / Σ A.
 
     What a depth camera sees from one side has other errors than a closed surface, whose fine detail they resemble.
+
+    Parameters
+    ----------
+    sums : those of the larger mesh of which it is a part; None: its own
 
     Returns
     -------
     (m,), from 0 where the component is closed to 1 where it is a flat sheet
     """
     component = mesh.topology.face_components
-    sums = scatter_add(component, mesh.area_vectors, int(component.max(initial=-1)) + 1)
-    areas = np.maximum(scatter_add(component, mesh.areas, len(sums)), np.finfo(float).tiny)
-    return _of_faces((np.linalg.norm(sums, axis=1) / areas).astype(np.float32), component)
+    if sums is None:
+        count = int(component.max(initial=-1)) + 1
+        vectors, areas = (scatter_add(component, values, count) for values in (mesh.area_vectors, mesh.areas))
+    else:
+        vectors, areas = sums.area_vectors, sums.areas
+    share = np.linalg.norm(vectors, axis=1) / np.maximum(areas, np.finfo(float).tiny)
+    return _of_faces(share.astype(np.float32), component)
 
 
 def _of_faces(values: Array, component: Ints32) -> Array:

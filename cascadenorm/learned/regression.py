@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
-from cascadenorm.learned.features import Array, FeatureScaler
+from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler
 from cascadenorm.learned.stage_settings import ACTIVATIONS, StageSettings
 from cascadenorm.mesh import Mesh, Vectors, in_blocks, one_blas_thread, unit
 
@@ -53,26 +53,27 @@ class Regression:
             layers=tuple((arrays[f"weight{n}"], arrays[f"bias{n}"]) for n in range(1, count + 1)),
         )
 
-    def normals(self, mesh: Mesh, stack: Stack) -> Vectors:
+    def normals(self, mesh: Mesh, stack: Stack, sums: ComponentSums | None = None) -> Vectors:
         """Regress the true normal of each face.
 
         Parameters
         ----------
         mesh : m faces, as the stage before left them
         stack : (m, k, 3) what `stage_stack` makes of them
+        sums : over connected components of the larger mesh of which it is a part, as `FeatureScaler.sums` gives them
 
         Returns
         -------
         (m, 3) float64, unit; where the weighted sum vanishes, the first of the filtered normals
         """
         with one_blas_thread():  # the blocks are on several threads already
-            context = self.scaler.context(stack, mesh)
+            context = self.scaler.context(stack, mesh, sums)
 
-            def sums(start: int, stop: int) -> Array:
+            def totals(start: int, stop: int) -> Array:
                 rows = slice(start, stop)
                 return self._sums(stack[rows], self.scaler.features(stack[rows], [part[rows] for part in context]))
 
-            total = in_blocks(len(stack), sums)
+            total = in_blocks(len(stack), totals)
         return unit(total, otherwise=stack[:, 0])
 
     def _sums(self, stack: Stack, x: Array) -> Array:
@@ -99,9 +100,9 @@ class Regression:
 
 def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh) -> Stack:
     """Filter the normals of a mesh for a stage; the noisy normals, if it sees them, are last in the stack."""
-    size, fill = DESCRIPTORS[settings.descriptor]
-    stack = np.empty((len(mesh.faces), size + settings.sees_noisy, 3), np.float32)
-    fill(stack[:, :size], mesh, noisy, settings.neighborhood)
+    descriptor = DESCRIPTORS[settings.descriptor]
+    stack = np.empty((len(mesh.faces), descriptor.size + settings.sees_noisy, 3), np.float32)
+    descriptor.fill(stack[:, : descriptor.size], mesh, noisy, settings.neighborhood)
     if settings.sees_noisy:
         stack[:, -1] = noisy.normals
     return stack

@@ -46,16 +46,30 @@ class Mesh:
         mesh.vertices.flags.writeable = False
         return mesh
 
-    def as_part(self, mean_edge_length: float, groups: NDArray[np.int32]) -> "Mesh":
-        """Return the same mesh as a part of a larger one, of which it has the mean edge length and `vertex_colors`.
+    def as_part(self, groups: NDArray[np.int32], components: NDArray[np.int32] | None = None, **facts: float) -> "Mesh":
+        """Return the same mesh as a part of a larger one, from which it takes what depends on all of that.
 
         Parameters
         ----------
-        groups : (n,) the colour of each vertex in the larger mesh, -1 for none
+        groups : (n,) the colour of each vertex in the larger mesh, as in `vertex_colors`, -1 for none
+        components : (n,) the connected component of each vertex there; None: those of the part
+        facts : as in `with_facts`
         """
         mesh = Mesh(self.vertices, self.faces)
-        mesh.__dict__["mean_edge_length"] = mean_edge_length
         mesh.topology.__dict__["vertex_colors"] = grouped(groups)
+        if components is not None:
+            mesh.topology.__dict__["components"] = components
+        return mesh.with_facts(**facts)
+
+    def with_facts(self, **facts: float) -> "Mesh":
+        """Return the same mesh with facts about a larger one, of which it is a part, in place of its own.
+
+        Parameters
+        ----------
+        facts : any of `mean_edge_length`, `median_edge_length`, `median_area` and `diagonal`
+        """
+        mesh = self.moved(self.vertices)
+        mesh.__dict__.update(facts)
         return mesh
 
     def __reduce__(self) -> tuple[type["Mesh"], tuple[Vectors, NDArray[np.int32]]]:
@@ -136,6 +150,17 @@ class Mesh:
         lengths = np.empty(len(self.topology.edges))
         parallel_for(len(lengths), _length_range, vertices, self.topology.edges, lengths)
         return _scaled(lengths.mean(), exponent)
+
+    @cached_property
+    def median_edge_length(self) -> float:
+        """Median length of the undirected edges."""
+        ends = self.vertices[self.topology.edges]
+        return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
+
+    @cached_property
+    def median_area(self) -> float:
+        """Median area of the faces that have one; 1 where none has."""
+        return float(np.median(self.areas[self.areas > 0])) if self.areas.any() else 1.0
 
     @property
     def area(self) -> float:

@@ -11,6 +11,7 @@ from cascadenorm.io.files import beside
 from cascadenorm.memory import FACE, FREE, amount, free_memory
 from cascadenorm.registry import find, registered
 from cascadenorm.streaming.ply_rows import ply_tables
+from cascadenorm.streaming.stages import STAGED
 from cascadenorm.streaming.stl_records import triangle_count
 from cascadenorm.streaming.streaming import check_patches
 
@@ -56,9 +57,9 @@ def memory_for_patches(
         check_patches(source, output, chosen, parameters, every, force=force)
     except CascadenormError as error:
         hint, error.hint = error.hint, ""
-        if chosen.receptive_field(parameters, 1) is None:
-            local = ", ".join(name for name, known in registered().items() if known.rings is not None)
-            hint = f"choose one of {local} with --memory"
+        if chosen.name not in STAGED and chosen.receptive_field(parameters, 1) is None:
+            able = ", ".join(name for name, known in registered().items() if known.rings is not None or name in STAGED)
+            hint = f"choose one of {able} with --memory"
         raise ParameterError(f"{source}: {why}; in patches it cannot be done, since {error}", hint=hint) from error
     return max(1, int(FREE * free)), why
 

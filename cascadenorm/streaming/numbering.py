@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.geometry.parts import median
 from cascadenorm.mesh import Frame, Topology
 from cascadenorm.mesh.topology_kernels import color_vertices
 from cascadenorm.streaming.ply_rows import PlyTables
@@ -21,11 +22,12 @@ class Numbered(NamedTuple):
 
     Parameters
     ----------
-    mean_edge_length : in the frame, to the last bit that of the mesh in memory
+    mean_edge_length, median_edge_length : in the frame, to the last bit those of the mesh in memory
     groups : number of groups of the vertex update
     """
 
     mean_edge_length: float
+    median_edge_length: float
     groups: int
 
 
@@ -55,9 +57,10 @@ def numbered(tables: PlyTables, frame: Frame, folder: Path, span: int) -> Number
                 groups[ids[start:stop]] = colors[start:stop]
     buckets.remove()
     np.save(folder / "groups.npy", groups)
-    mean = summed(lengths) / (lengths.stat().st_size // 8)
+    edges = lengths.stat().st_size // 8
+    mean, middle = summed(lengths) / edges, median(lambda: _numbers(lengths, edges), edges)
     lengths.unlink()
-    return Numbered(mean, int(groups.max()) + 1)
+    return Numbered(mean, middle, int(groups.max()) + 1)
 
 
 def _with_spans(tables: PlyTables, span: int) -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:
@@ -76,6 +79,12 @@ def _lengths(
     points = frame.points(tables.positions_of(ids))
     x, y, z = (points[mine[:, 1]] - points[mine[:, 0]]).T
     return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
+def _numbers(path: Path, count: int) -> Iterator[NDArray[np.float64]]:
+    """Return the numbers in a file, one block after the other."""
+    for first in range(0, count, LEAF):
+        yield np.fromfile(path, np.float64, min(LEAF, count - first), offset=8 * first)
 
 
 def summed(path: Path) -> float:

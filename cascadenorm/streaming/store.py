@@ -14,6 +14,7 @@ from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.mesh import Frame, Topology, Vectors, frame_between
 from cascadenorm.streaming.good_order import in_good_order
+from cascadenorm.streaming.layers import Layer
 from cascadenorm.streaming.numbering import numbered
 from cascadenorm.streaming.ply_rows import ELSEWHERE, PlyTables
 from cascadenorm.streaming.surface import Orientation
@@ -28,6 +29,27 @@ TILES = 4
 FACE = np.dtype([("id", "u4"), ("corners", "u4", (3,))])
 
 
+class StoredPatch(NamedTuple):
+    """A patch as it is read.
+
+    Parameters
+    ----------
+    patch : k vertices and j faces, with its halo
+    positions : (k, 3) of its vertices, in the type of the file
+    tiles : those that were read
+    vertex_rows, face_rows : (k,), (j,) places of its vertices and faces among the rows of these tiles
+    own_vertices, own_faces : numbers in the patch of what the rows of its own tiles are
+    """
+
+    patch: Patch
+    positions: NDArray[Any]
+    tiles: list[int]
+    vertex_rows: NDArray[np.int64]
+    face_rows: NDArray[np.int64]
+    own_vertices: NDArray[np.int64]
+    own_faces: NDArray[np.int64]
+
+
 class Gathered(NamedTuple):
     """Facts about the whole mesh.
 
@@ -35,7 +57,7 @@ class Gathered(NamedTuple):
     ----------
     depth : of the tree of tiles
     frame : as in `Whole`
-    mean_edge_length : in the frame
+    mean_edge_length, median_edge_length, diagonal : in the frame
     groups : number of groups of the vertex update
     single_sided : whether a part of the surface cannot be oriented
     """
@@ -43,6 +65,8 @@ class Gathered(NamedTuple):
     depth: int
     frame: Frame
     mean_edge_length: float
+    median_edge_length: float
+    diagonal: float
     groups: int
     single_sided: bool
 
@@ -94,15 +118,16 @@ class Store:
         path = self._folder / "numbers.npy"
         return np.load(path, mmap_mode="r") if path.exists() else None
 
-    def patch(self, number: int, rings: int) -> tuple[Patch, NDArray[Any]]:
-        """Return a patch with a halo of so many rings, and the positions of its vertices, (k, 3)."""
-        span = 1 << min(TILES, self.whole.depth)
-        own = set(range(number * span, (number + 1) * span))
+    def patch(self, number: int, rings: int) -> StoredPatch:
+        """Return a patch with a halo of so many rings."""
+        first, last = self.tiles_of(number)
+        own = set(range(first, last))
         tiles = own | self._beside(own)
         while True:
             vertices = np.concatenate([self._vertices.read(tile) for tile in sorted(tiles)])
-            vertices = vertices[np.argsort(vertices["id"])]
-            faces, flipped = self._faces_of(tiles)
+            order = np.argsort(vertices["id"])
+            own_ids, vertices = vertices["id"][self._of(tiles, own, self._vertices.starts)], vertices[order]
+            face_ids, once, faces, flipped = self._faces_of(tiles)
             known = vertices["id"]
             ids = np.union1d(known, faces)
             corners = np.searchsorted(ids, faces).astype(np.int32)
@@ -116,7 +141,8 @@ class Store:
         # all that is near is known: leave out the rest
         kept = near[corners].all(axis=1)
         numbers = np.cumsum(near, dtype=np.int32) - 1
-        mine = vertices[near[np.searchsorted(ids, known)]]
+        chosen = near[np.searchsorted(ids, known)]
+        mine = vertices[chosen]
         whole = Whole(
             frame=self.whole.frame,
             mean_edge_length=self.whole.mean_edge_length,
@@ -125,14 +151,49 @@ class Store:
             around=mine["around"],
             flipped=flipped[kept],
         )
-        return Patch(mine["id"].astype(np.int64), numbers[corners[kept]], Halo(~inside[near], whole)), mine["xyz"]
+        patch = Patch(mine["id"].astype(np.int64), numbers[corners[kept]], Halo(~inside[near], whole))
+        rows_of_own = face_ids[self._of(tiles, own, self._faces.starts)]
+        return StoredPatch(
+            patch=patch,
+            positions=mine["xyz"],
+            tiles=sorted(tiles),
+            vertex_rows=order[chosen],
+            face_rows=once[kept],
+            own_vertices=np.searchsorted(mine["id"], own_ids),
+            own_faces=np.searchsorted(face_ids[once[kept]], rows_of_own),
+        )
 
-    def _faces_of(self, tiles: set[int]) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
-        """Return the faces of some tiles, once each and ascending, and which have to be flipped."""
+    def tiles_of(self, number: int) -> tuple[int, int]:
+        """Return the first tile of a patch, and that which follows on its last one."""
+        span = 1 << min(TILES, self.whole.depth)
+        return number * span, (number + 1) * span
+
+    def vertex_layer(self, name: str, kind: Any) -> Layer:
+        """Return values of all vertices under a name, each of a type."""
+        return Layer(self._folder / f"{name}.bin", kind, self._vertices.starts)
+
+    def face_layer(self, name: str, kind: Any) -> Layer:
+        """Return values of all faces under a name, each of a type."""
+        return Layer(self._folder / f"{name}.bin", kind, self._faces.starts)
+
+    def rows(self, tile: int) -> tuple[NDArray[Any], NDArray[np.uint32]]:
+        """Return the numbers of the vertices of a tile, and the corners of the faces at them."""
+        return self._vertices.read(tile)["id"], self._faces.read(tile)["corners"]
+
+    def _of(self, tiles: set[int], own: set[int], starts: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which of the rows of some tiles are in the patch's own ones."""
+        each = sorted(tiles)
+        return np.repeat([tile in own for tile in each], [int(starts[tile + 1] - starts[tile]) for tile in each])
+
+    def _faces_of(
+        self, tiles: set[int]
+    ) -> tuple[NDArray[np.uint32], NDArray[np.int64], NDArray[np.uint32], NDArray[np.bool_]]:
+        """Return the number of the face in each row of some tiles, one row of each face, ascending, and of these faces
+        the corners, and which have to be flipped."""
         rows = np.concatenate([self._faces.read(tile) for tile in sorted(tiles)])
         flipped = np.concatenate([self._orientation.flipped(tile) for tile in sorted(tiles)])
         once = np.unique(rows["id"], return_index=True)[1]
-        return rows["corners"][once], flipped[once]
+        return rows["id"], once, rows["corners"][once], flipped[once]
 
     def _open(self, depth: int) -> None:
         self._vertices = Buckets(self._folder / "vertices.bin", self._vertex, 1 << depth)
@@ -145,7 +206,7 @@ class Store:
 
     def _written(self, span: int, size: Callable[[int], int]) -> Gathered:
         around = _faces_around(self.tables)
-        frame, sample = _frame(self.tables, around)
+        frame, diagonal, sample = _frame(self.tables, around)
         tables = in_good_order(self.tables, frame, around > 0, self._folder, span)
         around = around if self.numbers is None else around[self.numbers]
         np.save(self._folder / "around.npy", around)
@@ -158,7 +219,15 @@ class Store:
         single_sided = self._orientation.gather(tables, self._faces, self._tile, frame)
         for name in ("around.npy", "groups.npy", "ordered.ply"):
             (self._folder / name).unlink(missing_ok=True)
-        return Gathered(depth, frame, facts.mean_edge_length, facts.groups, single_sided)
+        return Gathered(
+            depth=depth,
+            frame=frame,
+            mean_edge_length=facts.mean_edge_length,
+            median_edge_length=facts.median_edge_length,
+            diagonal=diagonal,
+            groups=facts.groups,
+            single_sided=single_sided,
+        )
 
     def _write_tiles(self, tables: PlyTables, tile_of: Callable[[NDArray[Any]], NDArray[np.int32]], depth: int) -> None:
         around = np.load(self._folder / "around.npy", mmap_mode="r")
@@ -196,8 +265,8 @@ def _faces_around(tables: PlyTables) -> NDArray[np.int32]:
     return around
 
 
-def _frame(tables: PlyTables, around: NDArray[np.int32]) -> tuple[Frame, Vectors]:
-    """Return the frame of the vertices that a face uses, and a sample of these."""
+def _frame(tables: PlyTables, around: NDArray[np.int32]) -> tuple[Frame, float, Vectors]:
+    """Return the frame of the vertices that a face uses, the diagonal of their box in it, and a sample of these."""
     lower, upper, sample = np.full(3, np.inf), np.full(3, -np.inf), []
     stride = max(1, len(around) // SAMPLE)
     for first, found in tables.positions():
@@ -211,4 +280,5 @@ def _frame(tables: PlyTables, around: NDArray[np.int32]) -> tuple[Frame, Vectors
             sample.append(used[:: min(stride, len(used))])
     if not sample:
         raise ReadError("the file has no faces", hint=ELSEWHERE).within(str(tables.source))
-    return frame_between(lower, upper), np.concatenate(sample)
+    frame = frame_between(lower, upper)
+    return frame, float(np.linalg.norm(frame.points(upper) - frame.points(lower))), np.concatenate(sample)

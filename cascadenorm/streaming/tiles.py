@@ -82,6 +82,13 @@ class Buckets:
                     found.append(np.fromfile(file, self._kind, int(end - start)))
         return np.concatenate(found) if found else np.empty(0, self._kind)
 
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """(tiles + 1,) where the rows of each tile begin if those of one follow on those of the other."""
+        if not len(self._places):
+            self._places = np.load(self._index)
+        return np.concatenate([[0], np.cumsum(np.diff(self._places, axis=1).sum(axis=0))])
+
     def remove(self) -> None:
         """Remove the files."""
         self._path.unlink()

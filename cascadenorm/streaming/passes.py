@@ -1,0 +1,172 @@
+"""Passes over the patches of a mesh on disk, each of which goes on where it was interrupted."""
+
+import io
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.controls.halo import as_part
+from cascadenorm.geometry.parts import Found, Measure, Part
+from cascadenorm.io.atomic import write_atomically
+from cascadenorm.mesh import Ints, Mesh, Vectors
+from cascadenorm.progress import Listener
+from cascadenorm.streaming.components import write_components
+from cascadenorm.streaming.layers import Layer
+from cascadenorm.streaming.store import Store, StoredPatch
+
+POSITION = np.dtype(("f8", (3,)))
+
+
+class TooNarrow(Exception):
+    """The halo of a patch does not hold all that work on it depends on."""
+
+
+class View:
+    """A patch as methods see it: in the frame, oriented, with what they need to know of the whole.
+
+    Parameters
+    ----------
+    components : (c,) numbers in the whole of its connected components
+    mesh : of the patch with its halo
+    """
+
+    def __init__(self, store: Store, number: int, stored: StoredPatch, component: Layer) -> None:
+        self._stored, self._tiles = stored, store.tiles_of(number)
+        labels, whole = component.read(stored.tiles, stored.vertex_rows), store.whole
+        self.components, local = np.unique(labels, return_inverse=True)
+        self.mesh = as_part(
+            Mesh(stored.positions, stored.patch.faces),
+            stored.patch.halo.whole,
+            local.astype(np.int32),
+            median_edge_length=whole.median_edge_length,
+            diagonal=whole.diagonal,
+        )
+        self.positions, self.patch = stored.positions, stored.patch
+
+    @property
+    def part(self) -> Part:
+        """The mesh as a part of the whole."""
+        return Part(self.mesh, ~self.patch.halo.vertices, self.components)
+
+    @property
+    def complete(self) -> NDArray[np.bool_]:
+        """(k,) vertices of which all faces are here."""
+        return np.asarray(self.mesh.topology.vertex_faces.counts == self.patch.halo.whole.around)
+
+    def mesh_at(self, positions: Layer | None, **facts: float) -> Mesh:
+        """Return the mesh with other positions, and facts about the whole with these; None: as it was given."""
+        return self.mesh.moved(self.vertices(positions)).with_facts(**facts)
+
+    def vertices(self, positions: Layer | None) -> Vectors:
+        """Return positions of its vertices, (k, 3); None: as they were given."""
+        return self.mesh.vertices if positions is None else self.of_vertices(positions)
+
+    def of_vertices(self, layer: Layer) -> NDArray[Any]:
+        """Return what its vertices have in a layer, (k, …)."""
+        return layer.read(self._stored.tiles, self._stored.vertex_rows)
+
+    def of_faces(self, layer: Layer) -> NDArray[Any]:
+        """Return what its faces have in a layer, (j, …)."""
+        return layer.read(self._stored.tiles, self._stored.face_rows)
+
+    def keep_vertices(self, layer: Layer, values: NDArray[Any]) -> None:
+        """Write the values, of (k, …), of the vertices that are not in the halo."""
+        layer.write(*self._tiles, values[self._stored.own_vertices])
+
+    def keep_faces(self, layer: Layer, values: NDArray[Any]) -> None:
+        """Write the values, of (j, …), of the faces at these vertices."""
+        layer.write(*self._tiles, values[self._stored.own_faces])
+
+    def keep_faces_once(self, layer: Layer, values: NDArray[Any]) -> None:
+        """Write the values, of (j, …), of the faces of the part, each to one row of the layer; other rows are zero."""
+        first = np.unique(self._stored.own_faces, return_index=True)[1]
+        rows = np.zeros((len(self._stored.own_faces), *values.shape[1:]), values.dtype)
+        rows[first] = np.where(self.part.faces, values, 0)[self._stored.own_faces[first]]
+        layer.write(*self._tiles, rows)
+
+
+class Results:
+    """What a pass found in each patch, on disk."""
+
+    def __init__(self, paths: list[Path]) -> None:
+        self._paths = paths
+
+    def __iter__(self) -> Iterator[tuple[Ints, Found]]:
+        """Return of each patch that has faces the numbers of its components, and what was found."""
+        for path in self._paths:
+            with np.load(path) as kept:
+                found = dict(kept)
+            if found:
+                yield found.pop("components"), found
+
+
+class Passes:
+    """Passes over the patches of a mesh on disk.
+
+    Parameters
+    ----------
+    folder : where results are kept
+    progress : is told which part of the total cost is spent
+    """
+
+    def __init__(self, store: Store, folder: Path, progress: Listener | None, cost: float) -> None:
+        self.store, self.folder, self._progress, self._cost, self._spent = store, folder, progress, cost, 0.0
+        self._component = store.vertex_layer("component", np.int32)
+
+    @cached_property
+    def components(self) -> int:
+        """How many connected components the mesh has."""
+        path = self.folder / "components.txt"
+        if not path.exists():
+            write_atomically(path, [str(write_components(self.store, self._component)).encode()])
+        return int(path.read_text(encoding="ascii"))
+
+    def each(self, name: str, rings: int, measure: Measure) -> Results:
+        """Measure each patch, as `geometry.parts.Surface` has it."""
+        return self.run(name, rings, lambda view: measure(view.part))
+
+    def run(self, name: str, rings: int, work: Callable[[View], Found | None], cost: float = 0.0) -> Results:
+        """Work on each patch that is not done yet.
+
+        Parameters
+        ----------
+        name : of the pass
+        rings : width of the halo
+        work : what is done with a patch; it may be repeated after an interruption, and for patches on which it raises
+            TooNarrow it is, with a halo of twice the width
+        cost : of the pass
+        """
+        count = self.store.whole.patches
+        assert self.components
+        paths = [self.folder / f"{name.replace(' ', '_')}_{number}.npz" for number in range(count)]
+        for number, path in enumerate(paths):
+            if not path.exists():
+                content = io.BytesIO()
+                np.savez(content, **self._found(number, rings, work))
+                write_atomically(path, [content.getvalue()])
+            self._spent += cost / count
+            if self._progress is not None and cost > 0:
+                self._progress(min(1.0, self._spent / self._cost))
+        return Results(paths)
+
+    def view(self, number: int, rings: int) -> View | None:
+        """Return a patch with a halo of so many rings; None where it has no faces."""
+        assert self.components
+        stored = self.store.patch(number, rings)
+        return View(self.store, number, stored, self._component) if len(stored.own_faces) else None
+
+    def _found(self, number: int, rings: int, work: Callable[[View], Found | None]) -> dict[str, Any]:
+        while (view := self.view(number, rings)) is not None:
+            try:
+                return {**(work(view) or {}), "components": view.components}
+            except TooNarrow:
+                rings *= 2
+        return {}
+
+    def positions(self, name: str) -> Layer:
+        """Return positions of all vertices, in the frame, under a name."""
+        return self.store.vertex_layer(name.replace(" ", "_"), POSITION)
