@@ -1,11 +1,13 @@
 """Time and memory of files larger than memory, under a hard limit, into docs/patches.md.
 
-    python benchmarks/streaming.py 10 --memory 1GB --limit 1.5GB
+    python benchmarks/streaming.py 10 --memory 1GB --limit 1.5GB --method bilateral-normal --set iterations=10
 
-makes a wavy, noisy sheet of so many million faces as a binary PLY file, block by block, and denoises it in a process of
-its own. `--limit` is a limit of the operating system on the data of that process (RLIMIT_DATA: all private memory that
-it asks for, used or not), beyond which it would end. The peak of resident memory is that which the kernel reports for
-the process; it includes pages of files that are mapped, which the kernel may drop.
+makes a wavy, noisy sheet of so many million faces as a binary PLY file, block by block, and denoises it in a process
+of its own. `--write` puts the rows in place of those of the same method; rows of others stay.
+
+`--limit` is a limit of the operating system on the data of that process (RLIMIT_DATA: all private memory that it asks
+for, used or not), beyond which it would end. The peak of resident memory is that which the kernel reports for the
+process; it includes pages of files that are mapped, which the kernel may drop.
 """
 
 import argparse
@@ -23,6 +25,10 @@ from cascadenorm.memory import memory_size
 
 PAGE = Path(__file__).parents[1] / "docs" / "patches.md"
 BEGIN, END = "<!-- large files: written by benchmarks/streaming.py -->", "<!-- end of large files -->"
+TITLES = (
+    "method", "million faces", "file, MB", "`--memory`", "hard limit", "peak, MB", "processor, s", "seconds",
+    "read, MB", "written, MB",
+)  # fmt: skip
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
 
 
@@ -54,24 +60,28 @@ def main() -> None:
     parser.add_argument("millions", type=float, nargs="+", help="million faces")
     parser.add_argument("--memory", default="1GB")
     parser.add_argument("--limit", default="2GB")
-    parser.add_argument("--method", default="taubin")
-    parser.add_argument("--iterations", type=int, default=10, help="of the method")
+    parser.add_argument("--method", default="auto")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter of the method")
     parser.add_argument("--folder", type=Path, help="where the files go, some ten times their size")
     parser.add_argument("--write", action="store_true", help="write the table into docs/patches.md")
     options = parser.parse_args()
     rows = [measured(millions, options) for millions in options.millions]
-    titles = ("million faces", "file, MB", "`--memory`", "hard limit", "peak, MB", "seconds", "read, MB", "written, MB")
-    lines = [titles, ("---:",) * len(titles), *rows]
-    table = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
-    print(table)
+    print("\n".join(rows))
     if options.write:
         text = PAGE.read_text(encoding="utf-8")
-        before, after = text.partition(BEGIN)[0], text.partition(END)[2]
-        note = f"`{options.method}` with {options.iterations} iterations, two cores:\n\n"
-        PAGE.write_text(f"{before}{BEGIN}\n{note}{table}{END}{after}", encoding="utf-8")
+        before, rest = text.split(BEGIN)
+        table, after = rest.split(END)
+        kept = [line for line in table.splitlines()[3:] if line and not line.startswith(f"| {named(options)} |")]
+        lines = [f"| {' | '.join(TITLES)} |", f"| --- |{' ---: |' * (len(TITLES) - 1)}", *kept, *rows]
+        PAGE.write_text(f"{before}{BEGIN}\n" + "".join(f"{line}\n" for line in lines) + END + after, encoding="utf-8")
 
 
-def measured(millions: float, options: argparse.Namespace) -> tuple[str, ...]:
+def named(options: argparse.Namespace) -> str:
+    """The method and its parameters as the table has them."""
+    return ", ".join([f"`{options.method}`", *(given.replace("=", " ") for given in options.set)])
+
+
+def measured(millions: float, options: argparse.Namespace) -> str:
     """Denoise one sheet and return a row of the table."""
     side = round((millions * 1e6 / 2) ** 0.5)
     limit = memory_size("limit", options.limit)
@@ -79,7 +89,8 @@ def measured(millions: float, options: argparse.Namespace) -> tuple[str, ...]:
         source, output = Path(name, "sheet.ply"), Path(name, "smooth.ply")
         write_sheet(source, side)
         command = [sys.executable, "-m", "cascadenorm", "denoise", str(source), "-o", str(output)]
-        command += ["--method", options.method, "--set", f"iterations={options.iterations}", "--memory", options.memory]
+        command += ["--method", options.method, "--memory", options.memory]
+        command += [word for given in options.set for word in ("--set", given)]
         start = time.perf_counter()
         process = subprocess.Popen(command, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_DATA, (limit, limit)))
         _, status, used = os.wait4(process.pid, 0)
@@ -88,16 +99,19 @@ def measured(millions: float, options: argparse.Namespace) -> tuple[str, ...]:
             raise SystemExit(f"the run ended with status {status}")
         assert output.stat().st_size == source.stat().st_size
         size = source.stat().st_size
-    return (
+    cells = (
+        named(options),
         f"{2 * side * side / 1e6:.1f}",
         f"{size / 1e6:.0f}",
         options.memory,
         options.limit,
         f"{used.ru_maxrss * 1024 / 1e6:.0f}",
+        f"{used.ru_utime + used.ru_stime:.0f}",
         f"{seconds:.0f}",
         f"{used.ru_inblock * 512 / 1e6:.0f}",
         f"{used.ru_oublock * 512 / 1e6:.0f}",
     )
+    return f"| {' | '.join(cells)} |"
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ class Layer:
         """Write the rows of all tiles from the first up to, but not with, the last; they are on disk afterwards."""
         start, end = self._starts[[first, last]].tolist()
         assert len(rows) == end - start
-        with os.fdopen(os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)), "r+b") as file:
+        with os.fdopen(os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "r+b") as file:
             size = int(self._starts[-1]) * self._kind.itemsize
             if file.seek(0, os.SEEK_END) < size:
                 file.truncate(size)
