@@ -330,7 +330,7 @@ def test_files_that_do_not_fit_are_denoised_in_patches(place, capsys, monkeypatc
     assert len(said.splitlines()) == 1
     assert Path("parts.ply").read_bytes() == Path("whole.ply").read_bytes()
     refused = [
-        ([*words[:3], "l0"], "l0 depends on the whole mesh", ": choose one of auto, bilateral-normal, cascade, laplacian"),
+        ([*words[:3], "l0"], "l0 depends on the whole mesh", ": choose one of auto, bilateral-normal, cascade"),
         ([*words, "--only", "0"], "only needs the whole mesh in memory", ": leave it out, or "),
         ([*words, "--keep-volume"], "volume depends on the whole mesh", ": leave it out, or "),
         (["denoise", "scan.ply", "--keep-volume"], "volume depends on the whole mesh", ": leave it out, or "),

@@ -30,7 +30,7 @@ class Layer:
         start, end = self._starts[[first, last]].tolist()
         assert len(rows) == end - start
         with os.fdopen(os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "r+b") as file:
-            size = int(self._starts[-1]) * self._kind.itemsize
+            size = self.rows * self._kind.itemsize
             if file.seek(0, os.SEEK_END) < size:
                 file.truncate(size)
             file.seek(start * self._kind.itemsize)
@@ -55,11 +55,16 @@ class Layer:
                 end += stop - start
         return out
 
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return int(self._starts[-1])
+
     def blocks(self) -> Iterator[NDArray[Any]]:
         """Return all rows, one block after the other."""
         with self._path.open("rb") as file:
-            for first in range(0, int(self._starts[-1]), BLOCK):
-                yield np.fromfile(file, self._kind, min(BLOCK, int(self._starts[-1]) - first))
+            for first in range(0, self.rows, BLOCK):
+                yield np.fromfile(file, self._kind, min(BLOCK, self.rows - first))
 
     def remove(self) -> None:
         """Remove the file, if there is one."""

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -162,15 +161,15 @@ def _facts(passes: Passes, name: str, positions: Layer | None) -> Facts:
             }
 
         sums = added(passes.run(name, 2, measure))
-        count, rows = int(sums["faces"]), sum(map(len, areas.blocks()))
+        count = int(sums["faces"])
         mean = float(sums["length"]) / int(sums["edges"])
         facts = {
             "mean_edge_length": passes.store.whole.mean_edge_length if positions is None else mean,
-            "median_area": median(areas.blocks, count, rows - count) if count else 1.0,
+            "median_area": median(areas.blocks, count, areas.rows - count) if count else 1.0,
         }
         write_atomically(path, [json.dumps(facts).encode()])
     areas.remove()
-    return dict(json.loads(Path(path).read_text(encoding="ascii")))
+    return dict(json.loads(path.read_text(encoding="ascii")))
 
 
 def _safeguarded(passes: Passes, last: Layer | None) -> Callable[[View], Vectors]:

@@ -217,6 +217,8 @@ def _key(source: Path, method: Method, parameters: Mapping[str, Any], controls: 
     state = os.stat(source)
     settings = {**method.checked(parameters), **in_words(controls), "strength": controls["strength"]}
     parts = [cascadenorm.__version__, method.name, settings, state.st_size, state.st_mtime_ns, str(source.resolve())]
+    if method.name in STAGED:
+        parts.append(hashlib.sha256(check_staged(method, parameters)[0].to_bytes()).hexdigest())
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
