@@ -18,7 +18,7 @@ from cascadenorm.geometry.error_kind import ErrorKind, error_kind
 from cascadenorm.interop import mesh_of_file, source_name
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_target
-from cascadenorm.mesh import Mesh, in_frame, in_good_order, without_lines
+from cascadenorm.mesh import Mesh, in_frame, ordered_for_cache, without_lines
 from cascadenorm.registry import Method
 
 
@@ -156,7 +156,7 @@ def _error_found(method: Method, mesh: Mesh, vertices: NDArray[np.float64], stre
     if method.name != "auto" or not strength:
         return None
     small, exponent = in_frame(without_lines(mesh))
-    order = in_good_order(small)
+    order = ordered_for_cache(small)
     moves = np.ldexp(vertices - mesh.vertices, -exponent)[order.numbers] / min(strength, 1.0)
     return error_kind(order.mesh, order.mesh.vertices + moves, exponent=exponent)
 

@@ -8,7 +8,7 @@ import cascadenorm as cn
 from cascadenorm.controls.apply import controlled
 from cascadenorm.controls.creases import crease_edges
 from cascadenorm.controls.settings import checked
-from cascadenorm.mesh import Mesh, in_good_order, ordering
+from cascadenorm.mesh import Mesh, ordered_for_cache, ordering
 from cascadenorm.registry import Method
 
 BALL = noisy(icosphere(2), 0.15, seed=3)
@@ -38,7 +38,7 @@ def always(monkeypatch):
 
 @pytest.mark.parametrize("mesh", [BALL, LARGE, Mesh(LARGE.vertices[::-1], len(LARGE.vertices) - 1 - LARGE.faces)])
 def test_a_good_order_stays(mesh):
-    order = in_good_order(mesh)
+    order = ordered_for_cache(mesh)
     assert order.mesh is mesh
     np.testing.assert_array_equal(order.numbers, np.arange(len(mesh.vertices)))
     np.testing.assert_array_equal(order.places, np.arange(len(mesh.vertices)))
@@ -48,12 +48,12 @@ def test_shuffling_either_vertices_or_faces_is_a_poor_order():
     both = Shuffled(LARGE, 0)
     for mesh in (both.mesh, Mesh(LARGE.vertices, LARGE.faces[both.rows])):
         assert ordering.cache_misses(mesh) > ordering.POOR
-        assert ordering.cache_misses(in_good_order(mesh).mesh) < 1.3
+        assert ordering.cache_misses(ordered_for_cache(mesh).mesh) < 1.3
 
 
 def test_a_renumbered_mesh_is_the_same_surface():
     given = Shuffled(LARGE, 1).mesh
-    order = in_good_order(given)
+    order = ordered_for_cache(given)
     np.testing.assert_array_equal(order.mesh.vertices, given.vertices[order.numbers])
     np.testing.assert_array_equal(order.numbers[order.places], np.arange(len(given.vertices)))
 
@@ -65,7 +65,7 @@ def test_a_renumbered_mesh_is_the_same_surface():
 
 
 def test_poor_orders_of_one_mesh_become_the_same():
-    one, two = (in_good_order(Shuffled(LARGE, seed).mesh).mesh for seed in (1, 2))
+    one, two = (ordered_for_cache(Shuffled(LARGE, seed).mesh).mesh for seed in (1, 2))
     assert one.vertices.tobytes() == two.vertices.tobytes()
     assert one.faces.tobytes() == two.faces.tobytes()
 
@@ -73,7 +73,7 @@ def test_poor_orders_of_one_mesh_become_the_same():
 def test_vertices_far_out_do_not_hide_the_rest():
     vertices = Shuffled(LARGE, 1).mesh.vertices.copy()
     vertices[:3] *= 1e9
-    assert ordering.cache_misses(in_good_order(Mesh(vertices, Shuffled(LARGE, 1).mesh.faces)).mesh) < 1.3
+    assert ordering.cache_misses(ordered_for_cache(Mesh(vertices, Shuffled(LARGE, 1).mesh.faces)).mesh) < 1.3
 
 
 def test_misses_are_those_of_a_direct_mapped_cache():

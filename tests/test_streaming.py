@@ -21,10 +21,10 @@ from cascadenorm.io.content import Content
 from cascadenorm.io.ply import PlyFile
 from cascadenorm.io.polygons import Polygons
 from cascadenorm.io.stl import RECORD, StlFile
-from cascadenorm.mesh import Mesh, in_good_order
+from cascadenorm.mesh import Mesh, ordered_for_cache
 from cascadenorm.streaming import fitting, numbering, ply_rows, streaming
-from cascadenorm.streaming.good_order import quantile
 from cascadenorm.streaming.ply_rows import ply_tables
+from cascadenorm.streaming.reordering import quantile
 from cascadenorm.streaming.store import Store
 from cascadenorm.streaming.tiles import cuts_of
 
@@ -173,7 +173,7 @@ def test_what_is_known_of_the_whole_is_what_is_known_in_memory(place, monkeypatc
     assert store.whole.patches > 8
     assert (store.whole.mean_edge_length, store.whole.groups) == (expected.mean_edge_length, expected.groups)
     assert store.whole.frame.center.tolist() == expected.frame.center.tolist()
-    order = in_good_order(expected.frame.of(mesh))
+    order = ordered_for_cache(expected.frame.of(mesh))
     turned = oriented(order.mesh).faces
     assert store.numbers.tolist() == order.numbers.tolist()
     seen = []

@@ -27,8 +27,8 @@ from cascadenorm.mesh import (
     Vectors,
     first_places,
     in_frame,
-    in_good_order,
     one_blas_thread,
+    ordered_for_cache,
     without_lines,
 )
 from cascadenorm.progress import report_to, track
@@ -103,7 +103,7 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
     """Return how vertices are numbered, the mesh as the method sees it, its shells, and the exponent of the frame."""
     if halo is None:
         framed, exponent = in_frame(mesh)
-        order = in_good_order(framed)
+        order = ordered_for_cache(framed)
         return order, *divided(oriented(order.mesh)), exponent
     own = np.arange(len(mesh.vertices))
     return Renumbered(mesh, own, own), as_part(mesh, halo.whole), None, halo.whole.frame.exponent

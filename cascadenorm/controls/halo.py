@@ -21,7 +21,7 @@ from cascadenorm.mesh import (
     Topology,
     first_places,
     frame_of,
-    in_good_order,
+    ordered_for_cache,
     repeats_vertex,
     without_lines,
 )
@@ -68,7 +68,7 @@ class Whole:
             )
         frame = frame_of(mesh)
         seen = frame.of(mesh)
-        order = in_good_order(seen)  # the groups are those of the order in which the whole is denoised
+        order = ordered_for_cache(seen)  # the groups are those of the order in which the whole is denoised
         framed = oriented(order.mesh)
         upright = framed if order.mesh is seen else oriented(seen)
         flipped = (upright.faces != mesh.faces).any(axis=1)

@@ -21,7 +21,7 @@ from cascadenorm.mesh.frame import Frame, frame_between, frame_of, in_frame, sca
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh
-from cascadenorm.mesh.ordering import Renumbered, in_good_order
+from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
 from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, parallel_for, thread_count
 from cascadenorm.mesh.topology import Topology
 
@@ -49,11 +49,11 @@ __all__ = [
     "frame_of",
     "in_blocks",
     "in_frame",
-    "in_good_order",
     "isolated",
     "kernel",
     "limit_threads",
     "one_blas_thread",
+    "ordered_for_cache",
     "parallel_for",
     "repeats_vertex",
     "scale_between",

@@ -36,7 +36,7 @@ class Renumbered(NamedTuple):
     places: Ints
 
 
-def in_good_order(mesh: Mesh) -> Renumbered:
+def ordered_for_cache(mesh: Mesh) -> Renumbered:
     """Return a mesh as it is where its order is good, else with vertices along a curve and faces beside them.
 
     Vertices are sorted by the Morton code of their position, and where two have one by position; faces begin with their

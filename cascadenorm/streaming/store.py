@@ -13,10 +13,10 @@ from cascadenorm.errors import ReadError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.mesh import Frame, Topology, Vectors, frame_between
-from cascadenorm.streaming.good_order import in_good_order
 from cascadenorm.streaming.layers import Layer
 from cascadenorm.streaming.numbering import numbered
 from cascadenorm.streaming.ply_rows import ELSEWHERE, PlyTables
+from cascadenorm.streaming.reordering import ordered_for_cache
 from cascadenorm.streaming.surface import Orientation
 from cascadenorm.streaming.tiles import Buckets, cuts_of
 
@@ -207,7 +207,7 @@ class Store:
     def _written(self, span: int, size: Callable[[int], int]) -> Gathered:
         around = _faces_around(self.tables)
         frame, diagonal, sample = _frame(self.tables, around)
-        tables = in_good_order(self.tables, frame, around > 0, self._folder, span)
+        tables = ordered_for_cache(self.tables, frame, around > 0, self._folder, span)
         around = around if self.numbers is None else around[self.numbers]
         np.save(self._folder / "around.npy", around)
         del around

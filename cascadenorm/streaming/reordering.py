@@ -19,8 +19,8 @@ VERTEX = np.dtype([("code", "u8"), ("id", "u4"), ("xyz", "f8", (3,))])
 CORNERS = np.dtype(("u4", (3,)))
 
 
-def in_good_order(tables: PlyTables, frame: Frame, used: NDArray[np.bool_], folder: Path, span: int) -> PlyTables:
-    """Do on disk what `cascadenorm.mesh.in_good_order` does in memory, with the same numbers.
+def ordered_for_cache(tables: PlyTables, frame: Frame, used: NDArray[np.bool_], folder: Path, span: int) -> PlyTables:
+    """Do on disk what `cascadenorm.mesh.ordered_for_cache` does in memory, with the same numbers.
 
     Parameters
     ----------
