@@ -443,8 +443,10 @@ def test_reading_a_text_takes_a_few_times_its_size(kind, monkeypatch):
     else:
         data = kind.encode(content)[0]
     read(data)  # compiles, and imports
-    tracemalloc.start()
-    read(data)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 6 * len(data)
+    peaks = []
+    for _ in range(3):  # other threads of the process can only add to the peak
+        tracemalloc.start()
+        read(data)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert min(peaks) < 6 * len(data)
