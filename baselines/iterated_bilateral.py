@@ -37,8 +37,8 @@ def iterated_bilateral_normals(
     -------
     (m, 1 + 4 p, 3) : the face normal first, then the σ_r in their order within the numbers of passes
     """
-    rings, own, weights = ring_weights(mesh)
-    steepness = range_steepness(sigma_r)
+    rings, own, weights = _ring_weights(mesh)
+    steepness = _range_steepness(sigma_r)
     assert len(steepness) == LANES
     normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after = np.empty_like(normals)
@@ -58,12 +58,12 @@ def _keep(start: int, stop: int, normals: NDArray[np.float32], out: NDArray[np.f
     out[start:stop] = normals[start:stop]
 
 
-def range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
+def _range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
     """Factors of the squared chord in the range weights, (1 - steepness · chord²)^8."""
     return (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)
 
 
-def ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
+def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
     """One ring of faces, what each face weighs in its own average, and what each of its neighbours does there."""
     rings = mesh.topology.face_rings(1)
     share = 1 / np.maximum(mesh.areas / (LARGEST * mesh.median_area), 1)  # of its area that a face weighs

@@ -33,7 +33,7 @@ def smoothed_normals(
     -------
     (m, p, 3) unit; where a face has no area left, its normal in `mesh`
     """
-    directions = vertex_directions(mesh, along)
+    directions = _vertex_directions(mesh, along)
     neighbors, spread = mesh.topology.vertex_neighbors, 0.5 / sigma_r**2
     positions, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
     out = np.empty((len(mesh.faces), len(passes), 3), np.float32) if out is None else out
@@ -45,7 +45,7 @@ def smoothed_normals(
     return out
 
 
-def vertex_directions(mesh: Mesh, along: Vectors | NDArray[np.float32]) -> Vectors:
+def _vertex_directions(mesh: Mesh, along: Vectors | NDArray[np.float32]) -> Vectors:
     """Unit sums around each vertex of what its faces have, (m, 3), by their areas: (n, 3)."""
     return unit(mesh.sums_around(mesh.areas[:, None] * along))
 

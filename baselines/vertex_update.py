@@ -53,7 +53,7 @@ def recover_vertices(
     """
     vertices = (mesh.vertices if start is None else start).copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
-    weights, step, avoid = face_weights(mesh, weighting), over_relaxation(weighting), foldovers == "avoid"
+    weights, step, avoid = face_weights(mesh, weighting), _over_relaxation(weighting), foldovers == "avoid"
     for _ in range(sweeps):
         for color in range(len(colors.counts)):
             mine = colors.row(color) if movable is None else colors.row(color)[movable[colors.row(color)]]
@@ -68,7 +68,7 @@ def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
     return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
 
 
-def over_relaxation(weighting: Weighting) -> float:
+def _over_relaxation(weighting: Weighting) -> float:
     """Return the length of a step against the published one."""
     return 2.3 if weighting == "angles" else 1.0
 

@@ -8,7 +8,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from cascadenorm.child_processes import interrupts_blocked
-from cascadenorm.errors import MissingDependencyError, ParameterError
+from cascadenorm.errors import MissingDependencyError, ParameterError, WorkerError
 from cascadenorm.remote_files import is_url
 
 if TYPE_CHECKING:
@@ -84,6 +84,16 @@ def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[obje
     files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
     absolute = all(is_url(name) or os.path.isabs(name) for name in [*places, *files])
     return None if absolute else os.getcwd()
+
+
+def without_scheduler(scheduler: str, error: Exception, hint: str = "") -> WorkerError:
+    """Return the error of a connection that is lost."""
+    return WorkerError(f"the scheduler at {scheduler} does not answer any more: {in_words(error)}", hint=hint)
+
+
+def without_workers(scheduler: str, seconds: float) -> WorkerError:
+    """Return the error of a cluster that has had no worker for so long."""
+    return WorkerError(f"the cluster at {scheduler} has had no worker for {seconds:.0f} seconds")
 
 
 def in_words(error: Exception) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from threadpoolctl import threadpool_limits
 
 import cascadenorm
-from cascadenorm.cluster import ANSWER, LOCAL, PATIENCE, POLL, connected, in_words
+from cascadenorm.cluster import ANSWER, LOCAL, PATIENCE, POLL, connected, in_words, without_scheduler, without_workers
 from cascadenorm.errors import ParameterError, WorkerError
 from cascadenorm.memory import FREE, available_memory
 from cascadenorm.mesh import limit_threads
@@ -144,11 +144,11 @@ def _result(client: "Client", scheduler: str, future: "Future[Any]") -> Any:
         now = time.monotonic()
         in_use = now if _workers(client, scheduler) else in_use
         if now > in_use + PATIENCE:
-            raise WorkerError(f"the cluster at {scheduler} has had no worker for {PATIENCE:.0f} seconds")
+            raise without_workers(scheduler, PATIENCE)
 
 
 def _workers(client: "Client", scheduler: str) -> int:
     try:
         return len(client.nthreads())
     except Exception as error:  # of the connection
-        raise WorkerError(f"the scheduler at {scheduler} does not answer any more: {in_words(error)}") from None
+        raise without_scheduler(scheduler, error) from None

@@ -32,6 +32,7 @@ from cascadenorm.learned.features import (
     CONTEXT_STEPS,
     FLOOR,
     FeatureScaler,
+    component_sums,
     context_features,
     openness,
     pairwise_features,
@@ -243,9 +244,9 @@ def test_context_features_are_means_over_rings_and_over_the_connected_component(
     )
     values = np.random.default_rng(0).normal(size=(len(two.faces), 3)).astype(np.float32)
     once = np.array([values[[f, *two.topology.face_rings(1).row(f)]].mean(axis=0) for f in range(len(values))])
-    found = context_features(values.copy(), two)
+    found = context_features(values.copy(), two, component_sums(values, two))
     np.testing.assert_allclose(found[0], once, atol=1e-6)
-    twice = context_features(once.astype(np.float32), two)[0]
+    twice = context_features(once.astype(np.float32), two, component_sums(values, two))[0]
     np.testing.assert_allclose(found[1], twice, atol=1e-6)
     cut = len(MESH.faces)
     parts = [np.broadcast_to(part.mean(axis=0), part.shape) for part in (values[:cut], values[cut:])]
@@ -260,7 +261,8 @@ def test_openness_is_zero_for_a_closed_component_and_one_for_a_flat_sheet():
     for part in (sheet, roof):
         faces.append(part.faces + sum(len(v) for v in vertices))
         vertices.append(part.vertices)
-    found = openness(Mesh(np.concatenate(vertices), np.concatenate(faces)))
+    mesh = Mesh(np.concatenate(vertices), np.concatenate(faces))
+    found = openness(mesh, component_sums(np.empty((len(mesh.faces), 0), np.float32), mesh))
     expected = [*np.zeros(len(closed.faces)), 1, 1, np.sqrt(0.5), np.sqrt(0.5)]
     np.testing.assert_allclose(found, expected, atol=1e-6)
 

@@ -24,7 +24,7 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.processes import Work
 from cascadenorm.batch.scheduling import Place
 from cascadenorm.batch.work import Outcome, Task
-from cascadenorm.cluster import ANSWER, PATIENCE, POLL, connected, in_words
+from cascadenorm.cluster import ANSWER, PATIENCE, POLL, connected, in_words, without_scheduler, without_workers
 from cascadenorm.errors import WorkerError
 from cascadenorm.memory import available_memory
 from cascadenorm.mesh import limit_threads
@@ -160,10 +160,7 @@ class ClusterProcesses:
             raise self._without_scheduler(error) from None
 
     def _without_scheduler(self, error: Exception) -> WorkerError:
-        return WorkerError(
-            f"the scheduler at {self._scheduler} does not answer any more: {in_words(error)}",
-            hint="run the same again: what is done is kept",
-        )
+        return without_scheduler(self._scheduler, error, "run the same again: what is done is kept")
 
     def _outcome(self, member: Member, future: Future[Outcome]) -> Outcome | WorkerError:
         """The outcome of finished work, which lies on the worker."""
@@ -222,7 +219,7 @@ class ClusterProcesses:
             address, reason = next(iter(self._refused.items()))
             raise WorkerError(f"the worker {address} cannot be used: {reason}")
         elif now > self._in_use + PATIENCE:
-            raise WorkerError(f"the cluster at {self._scheduler} has had no worker for {PATIENCE:.0f} seconds")
+            raise without_workers(self._scheduler, PATIENCE)
 
     def _restart(self, address: str) -> None:
         try:

@@ -109,7 +109,7 @@ def error_sums(part: Part, measured: Chords) -> dict[str, NDArray[Any]]:
 def error_shares(surface: Surface, sums: Found, measured: Chords | None = None) -> Floats:
     """Residual of the chords over their sagitta, plus 1 - |Σ bend| / Σ |bend|, of each component, (count,).
 
-    The bend of an edge is the angle between its faces, negative where it is concave. Residual and sagitta are root mean
+    The bend of an edge is the angle between its faces, negative where it is convex. Residual and sagitta are root mean
     squares over the edges between smooth vertices; where there are few of these, medians over all that bend.
     Infinite for components with few edges that bend.
 
@@ -144,14 +144,19 @@ def error_shares(surface: Surface, sums: Found, measured: Chords | None = None) 
     return share
 
 
+def rises(mesh: Mesh, first: Ints32, second: Ints32) -> Floats:
+    """Return how far the centroids of two faces rise over each other's planes, together; negative where convex."""
+    across = mesh.centroids[second] - mesh.centroids[first]
+    return np.asarray(np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second]))
+
+
 def _bends(mesh: Mesh, own: Bools) -> tuple[Floats, Bools]:
     """Return how far the faces at some edges with two faces rise over each other, and whether they bend there.
 
     Where two do not bend, rounding may put the centroid of one off the plane of the other.
     """
     first, second = mesh.topology.face_pairs[own].T
-    across = mesh.centroids[second] - mesh.centroids[first]
-    rise = np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second])
+    rise = rises(mesh, first, second)
     return rise, (np.abs(rise) > rounding(mesh)) & (mesh.areas[first] > 0) & (mesh.areas[second] > 0)
 
 

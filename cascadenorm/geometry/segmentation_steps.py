@@ -3,6 +3,7 @@
 import numpy as np
 
 from cascadenorm.geometry.averages import averaged
+from cascadenorm.geometry.chords import rises
 from cascadenorm.geometry.parts import Found, Part, Surface, added, in_parts
 from cascadenorm.geometry.rounding import rounding
 from cascadenorm.geometry.voxel_lattice import lattice_share
@@ -88,13 +89,11 @@ def _steps(part: Part) -> Found:
     -------
     total, left : bends, angles times lengths of edges, and what is left of them where those of the other sign within
         two rings cancel them
-    vertices, in planes : how many vertices have faces, and of how many these all lie in one plane, to a fiftieth of a
-        degree
+    vertices, in planes : how many vertices have faces, and of how many these all lie in one plane, to 0.03 degrees
     """
     mesh, topology = part.mesh, part.mesh.topology
     first, second = topology.face_pairs.T
-    across = mesh.centroids[second] - mesh.centroids[first]
-    rise = np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second])
+    rise = rises(mesh, first, second)
     ends = topology.edges[topology.interior_edges]
     length = np.linalg.norm(mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]], axis=1)
     bend = length * angles_between(mesh.normals[first], mesh.normals[second]) * (np.abs(rise) > rounding(mesh))
@@ -111,4 +110,4 @@ def _steps(part: Part) -> Found:
         "total": total.sum(),
         "vertices": np.count_nonzero(used),
         "in planes": np.count_nonzero(least[used] > 1 - 1e-7),
-    }  # fmt: skip
+    }

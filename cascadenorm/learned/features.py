@@ -52,6 +52,7 @@ class FeatureScaler:
         if not self.projection.size:
             return [np.empty((len(stack), 0), np.float32)]
         components = self._principal(stack)
+        sums = sums or component_sums(components, mesh)
         return [*context_features(components, mesh, sums), openness(mesh, sums)[:, None]]
 
     def sums(self, stack: Stack, mesh: Mesh, among: Bools) -> "ComponentSums":
@@ -128,7 +129,7 @@ class ComponentSums(NamedTuple):
     areas: Floats
 
 
-def component_sums(values: NDArray[np.float32], mesh: Mesh, among: Bools) -> ComponentSums:
+def component_sums(values: NDArray[np.float32], mesh: Mesh, among: Bools | slice = slice(None)) -> ComponentSums:
     """Add over some faces, (m,) bool, of each connected component; values are those of these faces, in their order."""
     component = mesh.topology.face_components
     count = int(component.max(initial=-1)) + 1
@@ -141,9 +142,7 @@ def component_sums(values: NDArray[np.float32], mesh: Mesh, among: Bools) -> Com
     )
 
 
-def context_features(
-    values: NDArray[np.float32], mesh: Mesh, sums: ComponentSums | None = None
-) -> list[NDArray[np.float32]]:
+def context_features(values: NDArray[np.float32], mesh: Mesh, sums: ComponentSums) -> list[NDArray[np.float32]]:
     """Average features over CONTEXT_STEPS rounds of one ring, and over the connected component.
 
     They tell a face what is around it at several scales, and how noisy the whole is.
@@ -151,14 +150,14 @@ def context_features(
     Parameters
     ----------
     values : (m, p), one row a face; overwritten
-    sums : those of the larger mesh of which it is a part; None: its own
+    sums : over its components, or those of the larger mesh of which it is a part
 
     Returns
     -------
     5 of (m, p) : after 1, 2, 4 and 8 rounds, in each of which a face takes the mean of itself and the faces it touches;
         then the mean over the connected component
     """
-    mean, rings = component_means(values, mesh, sums), mesh.topology.face_rings(1)
+    mean, rings = component_means(mesh, sums), mesh.topology.face_rings(1)
     first, *further = np.diff(CONTEXT_STEPS, prepend=0).tolist()
     kept = [averaged(values, rings, first)]
     for rounds in further:
@@ -166,38 +165,27 @@ def context_features(
     return [*kept, mean]
 
 
-def component_means(values: NDArray[np.float32], mesh: Mesh, sums: ComponentSums | None = None) -> NDArray[np.float32]:
-    """Average features, one row a face, over the connected component of the face, (m, p)."""
-    component = mesh.topology.face_components
-    if sums is None:
-        count = int(component.max(initial=-1)) + 1
-        faces, total = np.bincount(component, minlength=count), scatter_add(component, values, count)
-    else:
-        faces, total = sums.faces, sums.values
-    return _of_faces((total / np.maximum(faces, 1)[:, None]).astype(np.float32), component)
+def component_means(mesh: Mesh, sums: ComponentSums) -> NDArray[np.float32]:
+    """Return the mean of the features over the connected component of each face, (m, p)."""
+    means = sums.values / np.maximum(sums.faces, 1)[:, None]
+    return _of_faces(means.astype(np.float32), mesh.topology.face_components)
 
 
-def openness(mesh: Mesh, sums: ComponentSums | None = None) -> NDArray[np.float32]:
+def openness(mesh: Mesh, sums: ComponentSums) -> NDArray[np.float32]:
     """Return how far the connected component of each face is from closed, |Σ A n| / Σ A.
 
     What a depth camera sees from one side has other errors than a closed surface, whose fine detail they resemble.
 
     Parameters
     ----------
-    sums : those of the larger mesh of which it is a part; None: its own
+    sums : over its components, or those of the larger mesh of which it is a part
 
     Returns
     -------
     (m,), from 0 where the component is closed to 1 where it is a flat sheet
     """
-    component = mesh.topology.face_components
-    if sums is None:
-        count = int(component.max(initial=-1)) + 1
-        vectors, areas = (scatter_add(component, values, count) for values in (mesh.area_vectors, mesh.areas))
-    else:
-        vectors, areas = sums.area_vectors, sums.areas
-    share = np.linalg.norm(vectors, axis=1) / np.maximum(areas, np.finfo(float).tiny)
-    return _of_faces(share.astype(np.float32), component)
+    share = np.linalg.norm(sums.area_vectors, axis=1) / np.maximum(sums.areas, np.finfo(float).tiny)
+    return _of_faces(share.astype(np.float32), mesh.topology.face_components)
 
 
 def _of_faces(values: Array, component: Ints32) -> Array:

@@ -15,10 +15,8 @@ from cascadenorm.streaming.stages import STAGED
 from cascadenorm.streaming.stl_records import triangle_count
 from cascadenorm.streaming.streaming import check_patches
 
-FACES = {"auto": FACE, "cascade": FACE}
-"""Bytes of a face while a method works, the file included."""
 OTHERS = 500
-"""Of a face at least in methods that are not named above."""
+"""Bytes of a face at least while a method works that is not done in stages, the file included."""
 
 
 def memory_for_patches(
@@ -46,7 +44,7 @@ def memory_for_patches(
         faces = triangle_count(Path(source)) if Path(source).suffix.lower() == ".stl" else _ply_faces(Path(source))
     except ReadError:
         return None
-    need, free = faces * FACES.get(method, OTHERS), free_memory()
+    need, free = faces * (FACE if method in STAGED else OTHERS), free_memory()
     if free is None or need <= free:
         return None
     chosen, every = find(method), checked(controls)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cascadenorm.geometry.parts import median
 from cascadenorm.mesh import Frame, Topology
 from cascadenorm.mesh.topology_kernels import color_vertices
+from cascadenorm.streaming.layers import Layer
 from cascadenorm.streaming.ply_rows import PlyTables
 from cascadenorm.streaming.tiles import Buckets
 
@@ -58,7 +59,8 @@ def numbered(tables: PlyTables, frame: Frame, folder: Path, span: int) -> Number
     buckets.remove()
     np.save(folder / "groups.npy", groups)
     edges = lengths.stat().st_size // 8
-    mean, middle = summed(lengths) / edges, median(lambda: _numbers(lengths, edges), edges)
+    mean = summed(lengths) / edges
+    middle = median(Layer(lengths, np.float64, np.array([0, edges])).blocks, edges)
     lengths.unlink()
     return Numbered(mean, middle, int(groups.max()) + 1)
 
@@ -79,12 +81,6 @@ def _lengths(
     points = frame.points(tables.positions_of(ids))
     x, y, z = (points[mine[:, 1]] - points[mine[:, 0]]).T
     return np.asarray(np.sqrt(x * x + y * y + z * z))
-
-
-def _numbers(path: Path, count: int) -> Iterator[NDArray[np.float64]]:
-    """Return the numbers in a file, one block after the other."""
-    for first in range(0, count, LEAF):
-        yield np.fromfile(path, np.float64, min(LEAF, count - first), offset=8 * first)
 
 
 def summed(path: Path) -> float:

@@ -45,7 +45,7 @@ class View:
             median_edge_length=whole.median_edge_length,
             diagonal=whole.diagonal,
         )
-        self.positions, self.patch = stored.positions, stored.patch
+        self.patch = stored.patch
 
     @property
     def part(self) -> Part:
@@ -153,14 +153,14 @@ class Passes:
                 self._progress(min(1.0, self._spent / self._cost))
         return Results(paths)
 
-    def view(self, number: int, rings: int) -> View | None:
-        """Return a patch with a halo of so many rings; None where it has no faces."""
+    def view(self, number: int, stored: StoredPatch) -> View:
+        """Return a patch, which has faces, as methods see it."""
         assert self.components
-        stored = self.store.patch(number, rings)
-        return View(self.store, number, stored, self._component) if len(stored.own_faces) else None
+        return View(self.store, number, stored, self._component)
 
     def _found(self, number: int, rings: int, work: Callable[[View], Found | None]) -> dict[str, Any]:
-        while (view := self.view(number, rings)) is not None:
+        while len((stored := self.store.patch(number, rings)).own_faces):
+            view = self.view(number, stored)
             try:
                 return {**(work(view) or {}), "components": view.components}
             except TooNarrow:

@@ -25,12 +25,13 @@ from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.files import beside
 from cascadenorm.memory import PROCESS, memory_size
 from cascadenorm.mesh import Mesh, limit_threads, one_blas_thread
+from cascadenorm.progress import Listener
 from cascadenorm.registry import Method, find
 from cascadenorm.streaming.passes import Passes
 from cascadenorm.streaming.ply_rows import ELSEWHERE, ply_tables
 from cascadenorm.streaming.stages import STAGED, WIDTH, check_staged, restored, total_cost
 from cascadenorm.streaming.stl_records import check_triangles, moved_records, welded
-from cascadenorm.streaming.store import Store
+from cascadenorm.streaming.store import Store, StoredPatch
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -243,18 +244,14 @@ def _patch_file(folder: Path, number: int) -> Path:
 def _denoise_patches(
     store: Store, folder: Path, method: str, parameters: Mapping[str, Any], controls: Controls, rings: int
 ) -> None:
-    """Denoise the patches that are not done yet, each into a file of its own."""
+    """Denoise the patches."""
     settings: dict[str, Any] = {name: controls[name] for name in ("strength", "boundary", "max_displacement")}
-    for number in range(store.whole.patches):
-        path = _patch_file(folder, number)
-        if not path.exists():
-            stored = store.patch(number, rings)
-            patch, moved = stored.patch, stored.positions
-            if len(stored.own_faces):
-                moved = denoise(moved, patch.faces, method=method, halo=patch.halo, **parameters, **settings)
-            write_atomically(path, [_moved_rows(store, patch.inside, moved[~patch.halo.vertices]).tobytes()])
-        if controls["progress"] is not None:
-            controls["progress"]((number + 1) / store.whole.patches)
+
+    def denoised(_: int, stored: StoredPatch) -> NDArray[Any]:
+        patch = stored.patch
+        return denoise(stored.positions, patch.faces, method=method, halo=patch.halo, **parameters, **settings)
+
+    _write_patches(store, folder, rings, denoised, controls["progress"])
 
 
 def _denoise_in_stages(
@@ -264,32 +261,44 @@ def _denoise_in_stages(
     cascade, sweeps = check_staged(method, parameters)
     passes = Passes(store, folder, controls["progress"], total_cost(cascade, sweeps))
     place = restored(passes, method.name, cascade, sweeps)
-    settings: Controls = {**controls, "progress": None}
-    for number in range(store.whole.patches):
-        path = _patch_file(folder, number)
-        if not path.exists():
-            view = passes.view(number, 1)
-            if view is None:
-                stored = store.patch(number, 1)
-                positions = stored.positions[~stored.patch.halo.vertices]
-                rows = _moved_rows(store, stored.patch.inside, positions)
-            else:
-                known = replace(method, function=lambda mesh, view=view: place(view), rings=lambda given, groups: 1)
-                halo = view.patch.halo
-                moved = controlled(
-                    known, Mesh(view.positions, view.patch.faces), {}, {**settings, "halo": halo},
-                    dtype=view.positions.dtype,
-                )  # fmt: skip
-                rows = _moved_rows(store, view.patch.inside, moved[~halo.vertices])
-            write_atomically(path, [rows.tobytes()])
+
+    def denoised(number: int, stored: StoredPatch) -> NDArray[Any]:
+        view = passes.view(number, stored)
+        known = replace(method, function=lambda mesh: place(view), rings=lambda given, groups: 1)
+        mesh = Mesh(stored.positions, stored.patch.faces)
+        settings: Controls = {**controls, "progress": None, "halo": stored.patch.halo}
+        return controlled(known, mesh, {}, settings, dtype=stored.positions.dtype)
+
+    _write_patches(store, folder, 1, denoised, None)
     if controls["progress"] is not None:
         controls["progress"](1.0)
 
 
-def _moved_rows(store: Store, numbers: NDArray[np.int64], positions: NDArray[Any]) -> NDArray[Any]:
-    rows = np.empty(len(numbers), store.moved_kind)
-    rows["id"], rows["xyz"] = numbers, positions
-    return rows
+def _write_patches(
+    store: Store,
+    folder: Path,
+    rings: int,
+    denoised: Callable[[int, StoredPatch], NDArray[Any]],
+    progress: Listener | None,
+) -> None:
+    """Write the vertices of each patch that is not done yet to a file of its own; a patch without faces stays.
+
+    Parameters
+    ----------
+    rings : width of the halos
+    denoised : returns the positions of the vertices of a patch, by its number and what is stored of it, (k, 3)
+    """
+    for number in range(store.whole.patches):
+        path = _patch_file(folder, number)
+        if not path.exists():
+            stored = store.patch(number, rings)
+            patch = stored.patch
+            positions = denoised(number, stored) if len(stored.own_faces) else stored.positions
+            rows = np.empty(len(patch.inside), store.moved_kind)
+            rows["id"], rows["xyz"] = patch.inside, positions[~patch.halo.vertices]
+            write_atomically(path, [rows.tobytes()])
+        if progress is not None:
+            progress((number + 1) / store.whole.patches)
 
 
 def _joined(store: Store, folder: Path) -> NDArray[Any]:

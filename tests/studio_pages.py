@@ -1,0 +1,84 @@
+"""The page of a studio in a browser, as users act on it."""
+
+import re
+import time
+from base64 import b64encode
+
+from browsers import Browser, webdriver
+from shapes import icosphere, noisy
+
+ROUGH = noisy(icosphere(3), 0.2)
+DROP = """
+const data = new DataTransfer();
+for (const [name, text] of arguments[0]) {
+  data.items.add(new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], name));
+}
+document.body.dispatchEvent(new DragEvent('drop', {dataTransfer: data, bubbles: true, cancelable: true}));
+"""
+PATIENCE = 600
+"""Seconds after which a page that does not come to a state is given up; machines under load are slow."""
+
+
+class Page(Browser):
+    """A browser on the page of a studio."""
+
+    answers = 0
+
+    def at(self, studio):
+        self.driver.get("about:blank")
+        self.driver.get(studio.address)
+        return self
+
+    def wait(self, state="shown", *, more=False):
+        """Wait until the page is in a state and has drawn it; with `more`, with another answer than the last."""
+        end = time.monotonic() + PATIENCE
+        found = (
+            "const {state, answers} = document.getElementById('studio').dataset; return [state, Number(answers ?? 0)]"
+        )
+        while (told := self.js(found))[0] != state or (more and told[1] <= self.answers):
+            assert time.monotonic() < end, (told, self.answers, self.one(".side").text)
+            time.sleep(0.02)
+        self.answers = told[1]
+        self.settle()
+
+    def begun(self):
+        """Wait until the answer to a change is shown."""
+        self.wait(more=True)
+
+    def drop(self, *files, replacing=False):
+        """Drop files; with `replacing`, agree that what is not saved is lost."""
+        self.js(DROP, [[file.name, b64encode(file.read_bytes()).decode()] for file in files])
+        if replacing:
+            self.press_button(f"Open {files[0].name}")
+
+    def fill(self, selector, value):
+        """Change a field as a user does who leaves it then."""
+        self.js(
+            "const e = document.querySelector(arguments[0]); e.value = arguments[1];"
+            "for (const kind of ['input', 'change']) e.dispatchEvent(new Event(kind, {bubbles: true}))",
+            selector,
+            value,
+        )
+
+    def press_button(self, text):
+        buttons = self.driver.find_elements("css selector", "button")
+        next(button for button in buttons if button.text == text and button.is_displayed()).click()
+        self.settle()
+
+    def said(self, selector, pattern):
+        """Wait until a text is there."""
+        end = time.monotonic() + PATIENCE
+        text = "return document.querySelector(arguments[0]).innerText"
+        while not (found := re.search(pattern, self.js(text, selector))):
+            assert time.monotonic() < end, self.one("#studio").text
+            time.sleep(0.02)
+        return found[0]
+
+    def drag(self, start, *steps):
+        """Press at a place of the canvas, in pixels from its middle, and drag along steps."""
+        action = webdriver.ActionChains(self.driver, duration=60)
+        action.move_to_element_with_offset(self.one("canvas"), *start).click_and_hold()
+        for step in steps:
+            action.move_by_offset(*step)
+        action.release().perform()
+        self.settle()
