@@ -26,6 +26,13 @@ PATIENCE = 300.0
 ANSWER = 30.0
 """Seconds that the outcome of finished work may take to arrive, and a worker to be restarted."""
 
+OWN_CLUSTER = {"distributed.deploy.lost-worker-timeout": "365 days"}
+"""Settings of Dask for a cluster on this machine.
+
+So long after a worker was lost, Dask looks once whether it is there, and closes it for good if not. At the 15 s that
+Dask has by itself, this hits workers that were lost a second time and are just being restarted.
+"""
+
 
 @contextmanager
 def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Iterator["Client"]:
@@ -42,12 +49,14 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
     ParameterError : no scheduler answers at the address
     """
     try:
+        import dask
         import distributed
     except ModuleNotFoundError as error:
         raise MissingDependencyError("a cluster", package=error.name or "distributed", extra="cluster") from None
     with ExitStack() as stack:
         stack.enter_context(_silent("distributed"))
         if scheduler == LOCAL:
+            stack.enter_context(dask.config.set(OWN_CLUSTER))
             with interrupts_blocked():  # Ctrl-C is for this process to answer
                 address = stack.enter_context(
                     distributed.LocalCluster(

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ import cascadenorm
 from cascadenorm.batch import cluster_processes
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.cli import run
+from cascadenorm.cluster import connected
 from cascadenorm.errors import WorkerError
 
 LocalCluster = pytest.importorskip("distributed").LocalCluster
@@ -24,17 +26,19 @@ CLUSTER = """
 import logging, os, random, signal, sys, time
 import dask
 from distributed import LocalCluster
-dask.config.set({"distributed.scheduler.worker-ttl": sys.argv[1]})  # how long a worker may be silent
+from cascadenorm.cluster import OWN_CLUSTER
+dask.config.set({**OWN_CLUSTER, "distributed.scheduler.worker-ttl": sys.argv[1]})  # how long a worker may be silent
 if __name__ == "__main__":
     draw = random.Random(3)
     with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
                       silence_logs=logging.CRITICAL + 1) as cluster:
         print(cluster.scheduler_address, flush=True)
         for _ in sys.stdin:  # each line kills a worker; Dask starts it again, unless it was just starting
-            while not (ready := [nanny for nanny in cluster.workers.values() if nanny.status.name == "running"]):
-                time.sleep(0.02)
             time.sleep(draw.uniform(0, 0.2))
-            os.kill(draw.choice(ready).pid, signal.SIGKILL)
+            nannies, there = cluster.workers.values(), cluster.scheduler.workers
+            while not (ready := [nanny.pid for nanny in nannies if nanny.pid and nanny.worker_address in there]):
+                time.sleep(0.02)
+            os.kill(draw.choice(ready), signal.SIGKILL)
 """
 
 
@@ -96,6 +100,25 @@ def test_workers_killed_at_random_moments_change_no_byte_and_nothing_is_done_twi
     assert len(results(place / "out")) == 40
     assert results(place / "out") == results(place / "undisturbed")
     assert of_batch(place / "out") == of_batch(place / "undisturbed")
+
+
+@LINUX
+@pytest.mark.slow  # it waits for the moment at which Dask looks whether a lost worker has come back
+def test_a_worker_that_is_lost_twice_is_restarted_twice():
+    with connected("local", workers=1, threads=1, memory=2**30) as client:
+
+        def kill() -> None:
+            (process,) = client.run(os.getpid).values()
+            os.kill(process, signal.SIGKILL)
+
+        kill()
+        time.sleep(5)
+        client.wait_for_workers(1, timeout=60)
+        time.sleep(9.6)
+        kill()
+        time.sleep(1)
+        client.wait_for_workers(1, timeout=60)
+        assert client.submit(sum, [1, 2], pure=False).result(timeout=60) == 3
 
 
 @LINUX
