@@ -5,7 +5,7 @@ normal of the most consistent patch around, or the Gaussian mean. Vertices follo
 sees the normals that the mesh really has.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -73,25 +73,48 @@ def guided_normal(
     Patches span about two rings: features narrower than that, and corners where many edges meet, blur or shift. On
     organic shapes flat patches can turn into facets.
     """
-    if sigma_r is None:
-        sigma_r = 0.45 if guidance == "patch" else 0.15
-    if iterations is None:
-        iterations = 10 if guidance == "patch" else 20
+    chosen = guided_filter(guidance, sigma_r, iterations)
     neighbors = faces_within(mesh, 2 * centroid_distance(mesh) if radius is None else radius)
-    for _ in track(iterations):
+    for _ in track(chosen.iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s
-        guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, spread)
-        weights = spatial_weights(mesh, neighbors, spread)
-        normals = joint_bilateral_pass(mesh.normals, guide, mesh.areas, neighbors, weights, sigma_r)
+        normals = guided_normals(mesh, neighbors, chosen, sigma_s=spread)
         mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
     return mesh.vertices.copy()
 
 
+class GuidedFilter(NamedTuple):
+    """A guidance, the spread over its chords, and how many passes there are."""
+
+    guidance: Literal["patch", "gaussian"]
+    sigma_r: float
+    iterations: int
+
+
+def guided_filter(
+    guidance: Literal["patch", "gaussian"], sigma_r: float | None, iterations: int | None
+) -> GuidedFilter:
+    """Return the filter, with what fits the guidance in place of None."""
+    spread, passes = (0.45, 10) if guidance == "patch" else (0.15, 20)
+    return GuidedFilter(guidance, spread if sigma_r is None else sigma_r, passes if iterations is None else iterations)
+
+
+def guided_normals(mesh: Mesh, neighbors: Csr, chosen: GuidedFilter, *, sigma_s: float) -> Vectors:
+    """Return (m, 3) the normals after one pass over the neighbours of each face; sigma_s in mean edge lengths."""
+    guide = patch_guidance(mesh) if chosen.guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)
+    weights = spatial_weights(mesh, neighbors, sigma_s)
+    return joint_bilateral_pass(mesh.normals, guide, mesh.areas, neighbors, weights, chosen.sigma_r)
+
+
 def centroid_distance(mesh: Mesh) -> float:
     """Mean distance of the centroids of faces at an edge, in mean edge lengths: 0.58 for equilateral triangles."""
-    ours, theirs = np.moveaxis(mesh.centroids[mesh.topology.face_pairs], 1, 0)
-    distances = np.linalg.norm(ours - theirs, axis=1)
+    distances = centroid_distances(mesh)
     return float(distances.mean() / mesh.mean_edge_length) if distances.any() else 1.0
+
+
+def centroid_distances(mesh: Mesh) -> Floats:
+    """Return the distance of the centroids of the two faces at each interior edge."""
+    ours, theirs = np.moveaxis(mesh.centroids[mesh.topology.face_pairs], 1, 0)
+    return np.asarray(np.linalg.norm(ours - theirs, axis=1))
 
 
 def faces_within(mesh: Mesh, radius: float) -> Csr:

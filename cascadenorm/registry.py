@@ -200,6 +200,10 @@ class Method:
                 raise ParameterError(f"{self.name} has no parameter {name!r}; it has: {known}")
         return {name: self.settings[name].checked(value) for name, value in parameters.items()}
 
+    def with_defaults(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Return all parameters, those not given by their defaults; raises ParameterError as `checked` does."""
+        return {name: setting.default for name, setting in self.settings.items()} | self.checked(parameters)
+
     def receptive_field(self, parameters: Mapping[str, Any], groups: int) -> int | None:
         """Return within how many edges of a vertex the mesh decides on its place; None where there is no bound.
 
@@ -208,8 +212,7 @@ class Method:
         parameters : those that are given
         groups : number of groups in which the vertex update takes the vertices
         """
-        every = {name: setting.default for name, setting in self.settings.items()} | self.checked(parameters)
-        return None if self.rings is None else self.rings(every, groups)
+        return None if self.rings is None else self.rings(self.with_defaults(parameters), groups)
 
     def __call__(self, mesh: "Mesh", **parameters: Any) -> "Vectors":
         """Return the new vertices of a mesh."""

@@ -11,12 +11,12 @@ from cascadenorm.io.files import beside
 from cascadenorm.memory import FACE, FREE, amount, free_memory
 from cascadenorm.registry import find, registered
 from cascadenorm.streaming.ply_rows import ply_tables
-from cascadenorm.streaming.stages import STAGED
+from cascadenorm.streaming.stages import LEARNED
 from cascadenorm.streaming.stl_records import triangle_count
-from cascadenorm.streaming.streaming import check_patches
+from cascadenorm.streaming.streaming import STAGED, check_patches
 
 OTHERS = 500
-"""Bytes of a face at least while a method works that is not done in stages, the file included."""
+"""Bytes of a face at least while a method works that is not learned, the file included."""
 
 
 def memory_for_patches(
@@ -44,7 +44,7 @@ def memory_for_patches(
         faces = triangle_count(Path(source)) if Path(source).suffix.lower() == ".stl" else _ply_faces(Path(source))
     except ReadError:
         return None
-    need, free = faces * (FACE if method in STAGED else OTHERS), free_memory()
+    need, free = faces * (FACE if method in LEARNED else OTHERS), free_memory()
     if free is None or need <= free:
         return None
     chosen, every = find(method), checked(controls)

@@ -4,7 +4,7 @@ import io
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,21 @@ POSITION = np.dtype(("f8", (3,)))
 
 class TooNarrow(Exception):
     """The halo of a patch does not hold all that work on it depends on."""
+
+
+class Steps(NamedTuple):
+    """A method as passes over the patches.
+
+    Parameters
+    ----------
+    take : does the passes; returns what gives the result on a patch with a halo of any width, in the frame
+    cost : of all passes, for the progress
+    weights : digest of the networks, if it has some
+    """
+
+    take: "Callable[[Passes], Callable[[View], Vectors]]"
+    cost: float
+    weights: str = ""
 
 
 class View:

@@ -1,5 +1,6 @@
 """The stages of `auto` and `cascade`, each in passes over patches whose halos are as wide as one of its steps needs."""
 
+import hashlib
 import json
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -7,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from cascadenorm.baselines.normal_filter_bank import faces_added
-from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.geometry.foldovers import foldovers, halved_where_flipped, partly_displaced
 from cascadenorm.geometry.parts import Found, added, by_component, median
 from cascadenorm.geometry.safeguards import Bounded, what_is_bounded, within_bounds
@@ -21,36 +21,35 @@ from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.mesh import Vectors
 from cascadenorm.registry import Method
 from cascadenorm.streaming.layers import Layer
-from cascadenorm.streaming.passes import Passes, TooNarrow, View
+from cascadenorm.streaming.passes import Passes, Steps, TooNarrow, View
+from cascadenorm.streaming.sweeps import SWEEP, swept
 
-STAGED = ("auto", "cascade")
-"""Methods that are done in stages."""
-WIDTH = 70
-"""Edges of the widest halo, about that of the first stage of `auto`; a pass makes as many sweeps as fit into it."""
+LEARNED = ("auto", "cascade")
+"""Methods that have stages."""
 BY_DISTANCE = 16
 """Edges of the halo that is tried first where filters have a neighbourhood by distance."""
 HALVINGS_AT_ONCE = 24
 """Of displacements that flip faces, in one pass."""
-FILTERS, NETWORK, SWEEP, ONCE = 10.0, 8.0, 0.4, 3.0
-"""Cost of the passes of a stage, and of a sweep, for the progress."""
+FILTERS, NETWORK, ONCE = 10.0, 8.0, 3.0
+"""Cost of the passes of a stage, for the progress."""
 
 Facts = dict[str, float]
 
 
-def check_staged(method: Method, parameters: Mapping[str, Any]) -> tuple[Cascade, int]:
-    """Return the networks, and the sweeps of the vertex update.
+def learned_steps(method: Method, parameters: Mapping[str, Any]) -> Steps:
+    """Return the passes of a learned method.
 
     Raises
     ------
     ParameterError : weights that cannot be read
     """
-    every = {name: setting.default for name, setting in method.settings.items()} | method.checked(parameters)
-    return loaded(every["model"], method.name), every["sweeps"]
-
-
-def total_cost(cascade: Cascade, sweeps: int) -> float:
-    """Return the cost of all passes, for the progress."""
-    return len(cascade.stages) * (FILTERS + NETWORK + sweeps * SWEEP) + 3 * ONCE
+    given = method.with_defaults(parameters)
+    cascade, sweeps = loaded(given["model"], method.name), given["sweeps"]
+    return Steps(
+        lambda passes: restored(passes, method.name, cascade, sweeps),
+        len(cascade.stages) * (FILTERS + NETWORK + sweeps * SWEEP) + 3 * ONCE,
+        hashlib.sha256(cascade.to_bytes()).hexdigest(),
+    )
 
 
 def restored(passes: Passes, name: str, cascade: Cascade, sweeps: int) -> Callable[[View], Vectors]:
@@ -88,26 +87,8 @@ def _after_stage(
 
     passes.run(f"{name} normals", CONTEXT_STEPS[-1] + 2, regress, NETWORK)
     stack.remove()
-    after, groups, settings = before, passes.store.whole.groups, stage.settings
-    at_once = max(1, WIDTH // groups)
-    for first in range(0, sweeps, at_once):
-        count = min(at_once, sweeps - first)
-        now, after = after, passes.positions(f"{name} sweeps {first + count}")
-
-        def sweep(view: View, now: Layer | None = now, after: Layer = after, count: int = count) -> None:
-            moved = recover_vertices(
-                view.mesh_at(before, **facts),
-                view.of_faces(normals),
-                sweeps=count,
-                weighting=settings.weighting,
-                foldovers=settings.foldovers,
-                start=view.vertices(now),
-            )
-            view.keep_vertices(after, moved)
-
-        passes.run(f"{name} sweeps {first + count}", count * groups + 2, sweep, count * SWEEP)
-        if now is not None and now is not before:
-            now.remove()
+    weighting, foldovers = stage.settings.weighting, stage.settings.foldovers
+    after = swept(passes, name, before, normals, sweeps=sweeps, facts=facts, weighting=weighting, foldovers=foldovers)
     normals.remove()
     return after
 

@@ -27,11 +27,13 @@ from cascadenorm.memory import PROCESS, memory_size
 from cascadenorm.mesh import Mesh, limit_threads, one_blas_thread
 from cascadenorm.progress import Listener
 from cascadenorm.registry import Method, find
-from cascadenorm.streaming.passes import Passes
+from cascadenorm.streaming.guided import guided_steps
+from cascadenorm.streaming.passes import Passes, Steps
 from cascadenorm.streaming.ply_rows import ELSEWHERE, ply_tables
-from cascadenorm.streaming.stages import STAGED, WIDTH, check_staged, restored, total_cost
+from cascadenorm.streaming.stages import LEARNED, learned_steps
 from cascadenorm.streaming.stl_records import check_triangles, moved_records, welded
 from cascadenorm.streaming.store import Store, StoredPatch
+from cascadenorm.streaming.sweeps import WIDTH
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -41,6 +43,12 @@ VERTEX, STAGED_VERTEX = 2000, 3000
 
 SMALLEST = 2000
 """Vertices of a patch at least; halos of smaller ones cost more than the patches."""
+
+STAGED: Mapping[str, Callable[[Method, Mapping[str, Any]], Steps]] = {
+    **dict.fromkeys(LEARNED, learned_steps),
+    "guided-normal": guided_steps,
+}
+"""Methods that are done in passes: each step sees little of the mesh, all of them together too much."""
 
 IN_MEMORY = ("mask", "fixed", "only")
 """Controls given as arrays over all vertices or faces."""
@@ -59,16 +67,17 @@ def denoise_large_file(
 ) -> DenoisingSummary:
     """Denoise a mesh file that is larger than memory, in patches, to the same result as `denoise_file` in memory.
 
-    The bytes are the same but for `auto` and `cascade`, whose networks add in another order: these agree to 1e-6 of an
-    edge. The patches lie in a folder beside the output while the work goes on, which takes some times the size of the
-    file. A run that was interrupted goes on with the patch that it was at; at the end the folder is removed.
+    The bytes are the same but for `auto`, `cascade` and `guided-normal`, for which sums over the whole are added in
+    another order: these agree to 1e-6 of an edge. The patches lie in a folder beside the output while the work goes on,
+    which takes some times the size of the file. A run that was interrupted goes on with the patch that it was at; at
+    the end the folder is removed.
 
     Parameters
     ----------
     source : a binary PLY file of triangles, or a binary STL file
     output : as in `denoise_file`, a file in the same format
     memory : that the process should take, as bytes or as text like "4GB"; up to 10 bytes for each vertex come on top
-    method : "auto", "cascade", or one with a receptive field that docs/patches.md states, such as "taubin"
+    method : "auto", "cascade", "guided-normal", or one whose receptive field docs/patches.md states: "taubin", …
     force, parameters : as in `denoise_file`
 
     Returns
@@ -167,7 +176,7 @@ def _rings(method: Method, parameters: Mapping[str, Any], groups: int, controls:
     """
     if method.name not in STAGED:
         return check_local(method, parameters, groups, controls)
-    check_staged(method, parameters)
+    STAGED[method.name](method, parameters)
     check_local_controls(controls)
     return max(WIDTH, groups + 2)
 
@@ -219,7 +228,7 @@ def _key(source: Path, method: Method, parameters: Mapping[str, Any], controls: 
     settings = {**method.checked(parameters), **in_words(controls), "strength": controls["strength"]}
     parts = [cascadenorm.__version__, method.name, settings, state.st_size, state.st_mtime_ns, str(source.resolve())]
     if method.name in STAGED:
-        parts.append(hashlib.sha256(check_staged(method, parameters)[0].to_bytes()).hexdigest())
+        parts.append(STAGED[method.name](method, parameters).weights)
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -258,9 +267,9 @@ def _denoise_in_stages(
     store: Store, folder: Path, method: Method, parameters: Mapping[str, Any], controls: Controls
 ) -> None:
     """Do the passes of a method in stages, then move the vertices of each patch under the controls."""
-    cascade, sweeps = check_staged(method, parameters)
-    passes = Passes(store, folder, controls["progress"], total_cost(cascade, sweeps))
-    place = restored(passes, method.name, cascade, sweeps)
+    steps = STAGED[method.name](method, parameters)
+    passes = Passes(store, folder, controls["progress"], steps.cost)
+    place = steps.take(passes)
 
     def denoised(number: int, stored: StoredPatch) -> NDArray[Any]:
         view = passes.view(number, stored)
