@@ -19,6 +19,8 @@ def framed_length(name: str, length: Length | None, framed: Mesh, exponent: int)
 
 def limited(displacement: Vectors, limit: float) -> Vectors:
     """Return the displacement with longer vectors shortened to the limit."""
+    if limit == np.inf:
+        return displacement
     length = np.linalg.norm(displacement, axis=1, keepdims=True)
     long = length[:, 0] > limit
     shortened = displacement.copy()
@@ -50,9 +52,10 @@ def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float,
             f"{bad.sum()} vertices would exceed the range of {dtype} (vertices {first_places(bad)})",
             hint="scale the mesh down first",
         )
-    while True:  # rounding may have passed the limit: come back by single steps of the number type
+    while limit < np.inf:  # rounding may have passed the limit: come back by single steps of the number type
         taken = np.ldexp(after.astype(np.float64) - before.astype(np.float64), -exponent)
         long = np.linalg.norm(taken, axis=1) > limit
         if not long.any():
             return after
         after[long] = np.nextafter(after[long], before[long])
+    return after

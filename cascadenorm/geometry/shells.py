@@ -82,6 +82,8 @@ def shells(mesh: Mesh) -> Shells | None:
     -------
     None if no component has such an edge
     """
+    if (mesh.topology.edge_faces.counts < 3).all():
+        return None
     distinct = _first_of_twins(mesh.faces)
     junctions = _junctions(mesh, distinct)
     if not len(junctions):

@@ -143,7 +143,10 @@ class MeshFile(ABC):
 
     @cached_property
     def _weld(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        return weld(self._read_positions, self.triangles[(self.triangles >= 0).all(axis=1)], self.parts)
+        triangles = self.triangles
+        if self._isolates:
+            triangles = triangles[(triangles >= 0).all(axis=1)]
+        return weld(self._read_positions, triangles, self.parts)
 
     @property
     def welds(self) -> NDArray[np.int32]:
@@ -159,8 +162,8 @@ class MeshFile(ABC):
             raise MeshError(
                 f"the file has {len(self.positions)} vertices and no faces: reconstruct a surface from the points first"
             )
-        bad = ~np.asarray(np.isfinite(self.positions).all(axis=1))
-        if bad.any():
+        if not np.isfinite(self.positions).all():
+            bad = ~np.asarray(np.isfinite(self.positions).all(axis=1))
             raise MeshError(
                 f"{bad.sum()} of {len(bad)} vertices are not finite (vertices {self._numbers(np.flatnonzero(bad))}, "
                 f"counted from {self.counts_from})",

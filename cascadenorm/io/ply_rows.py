@@ -59,7 +59,10 @@ def face_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) 
             *[(f"{i}", v.dtype) for i, v in enumerate(fields.values())],
         ]
         rows = np.zeros(len(chosen), kinds)
-        rows["n"], rows["corners"] = count, polygons.corners[polygons.indptr[chosen, None] + np.arange(count)]
+        if len(chosen) == len(counts):
+            rows["n"], rows["corners"] = count, polygons.corners.reshape(-1, count)
+        else:
+            rows["n"], rows["corners"] = count, polygons.corners[polygons.indptr[chosen, None] + np.arange(count)]
         for i, v in enumerate(fields.values()):
             rows[f"{i}"] = v[chosen]
         raw = np.frombuffer(rows.tobytes(), np.uint8).reshape(len(rows), -1)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.tokenizer import Places, cut, decimals, splice
+from cascadenorm.io.tokenizer import Places, begins_with, cut, decimals, splice
 from cascadenorm.mesh import parallel_for
 
 NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries spell it
@@ -40,11 +40,10 @@ class Text:
 
     def lines_with(self, keyword: bytes) -> Places:
         """Return the lines whose first word is the keyword, in lower case or in capitals."""
-        start, end = self.starts[self.first], self.ends[self.first]
-        lines = np.flatnonzero(end - start == len(keyword))
-        for i, letter in enumerate(keyword):
-            lines = lines[self.bytes[start[lines] + i] | 0x20 == letter]
-        return lines
+        found = np.empty(len(self.first), bool)
+        letters = np.frombuffer(keyword, np.uint8)
+        parallel_for(len(found), begins_with, self.bytes, self.starts, self.ends, self.first, letters, found)
+        return np.flatnonzero(found)
 
     def line_number(self, place: int) -> int:
         """Return the line of the file, counted from 1, in which a byte lies."""

@@ -66,6 +66,18 @@ def cut(data: Bytes, start: int, continued: bool, starts: Places, ends: Places, 
 
 
 @kernel
+def begins_with(
+    start: int, stop: int, data: Bytes, starts: Places, ends: Places, first: Places, keyword: Bytes, found: Bools
+) -> None:
+    """Tell of each line whether its first word is the keyword, which is in lower case, in any case."""
+    for line in range(start, stop):
+        place = starts[first[line]]
+        found[line] = ends[first[line]] - place == len(keyword)
+        for i in range(len(keyword)):
+            found[line] = found[line] and data[place + i] | 32 == keyword[i]
+
+
+@kernel
 def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, values: Floats, simple: Bools) -> None:
     """Read plain decimals whose digits and power of ten are exact in double precision; leave the others."""
     for k in range(start, stop):

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.mesh import Bools, Ints, Ints32, kernel
+
 
 def weld(
     positions: NDArray[Any], triangles: NDArray[np.int64], parts: NDArray[np.int64] | None = None
@@ -28,16 +30,9 @@ def weld(
         return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
     copied = np.bincount(same, minlength=len(same))[same] > 1
     uses = np.bincount(triangles.ravel(), minlength=len(same))
-    on_boundary = _on_boundary_edges(triangles, copied & (uses > 1)) | (copied & (uses == 1))
-    target = np.arange(len(positions))
-    first_there = np.full(len(positions), -1)
-    boundary = np.flatnonzero(on_boundary)
-    first_there[same[boundary[::-1]]] = boundary[::-1]
-    target[boundary] = first_there[same[boundary]]
-    first = np.flatnonzero(target == np.arange(len(target)))
-    number = np.zeros(len(target), np.int32)
-    number[first] = np.arange(len(first), dtype=np.int32)
-    return number[target], first
+    joins = _on_boundary_edges(triangles, copied & (uses > 1)) | (copied & (uses == 1))
+    number, first = np.empty(len(same), np.int32), np.empty(len(same), np.int64)
+    return number, first[: _number(same, joins, number, first)].copy()
 
 
 def _same_place(positions: NDArray[Any]) -> NDArray[np.int64] | None:
@@ -45,20 +40,53 @@ def _same_place(positions: NDArray[Any]) -> NDArray[np.int64] | None:
     axes = range(positions.shape[1])
     keys = np.zeros(len(positions), np.uint64)
     for axis in axes:  # multiply and fold, so that every bit of every coordinate counts
-        keys = (keys ^ _bits(positions[:, axis])) * np.uint64(0x9E3779B97F4A7C15)
+        keys ^= _bits(positions[:, axis])
+        keys *= np.uint64(0x9E3779B97F4A7C15)
         keys ^= keys >> np.uint64(29)
     order = np.argsort(keys)
-    ordered = keys[order]
-    starts = np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)]
-    if starts.all():
-        return None
     same = np.empty(len(positions), np.int64)
-    same[order] = order[starts][np.cumsum(starts) - 1]
-    if any((_bits(positions[:, axis])[same] != _bits(positions[:, axis])).any() for axis in axes):  # two share a key
+    groups, two_share_a_key = _group(order, keys, positions, same)
+    if two_share_a_key:
         rows = np.stack([_bits(positions[:, axis]) for axis in axes], axis=1)
         _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         same = first[inverse.reshape(-1)]
-    return same
+    return None if groups == len(same) else same
+
+
+@kernel
+def _group(order: Ints, keys: NDArray[np.uint64], positions: NDArray[Any], same: Ints) -> tuple[int, bool]:
+    """Number each position by the first in the order that has its key.
+
+    Returns how many keys there are, and whether different positions share one.
+    """
+    groups, differs = 0, False
+    first = 0
+    for k in range(len(order)):
+        i = order[k]
+        if k == 0 or keys[i] != keys[first]:
+            first = i
+            groups += 1
+        same[i] = first
+        for axis in range(positions.shape[1]):
+            one, other = positions[i, axis], positions[first, axis]
+            differs |= one != other and not (np.isnan(one) and np.isnan(other))
+    return groups, differs
+
+
+@kernel
+def _number(same: Ints, joins: Bools, number: Ints32, first: Ints) -> int:
+    """Number the positions, those that join as the first of their place that does; what each number began with."""
+    count = 0
+    first_there = np.full(len(same), -1, np.int32)  # the number of those that join
+    for i in range(len(same)):
+        if joins[i] and first_there[same[i]] >= 0:
+            number[i] = first_there[same[i]]
+            continue
+        if joins[i]:
+            first_there[same[i]] = count
+        number[i], first[count] = count, i
+        count += 1
+    return count
 
 
 def _bits(coordinates: NDArray[Any]) -> NDArray[np.uint64]:

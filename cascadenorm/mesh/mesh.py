@@ -253,8 +253,8 @@ def face_array(faces: ArrayLike) -> NDArray[Any]:
 
 def _checked_vertices(vertices: ArrayLike) -> Vectors:
     array = vertex_array(vertices)
-    bad = np.asarray(~np.isfinite(array).all(axis=1))
-    if bad.any():
+    if not np.isfinite(array).all():
+        bad = np.asarray(~np.isfinite(array).all(axis=1))
         raise MeshError(
             f"{bad.sum()} of {len(array)} vertices are not finite (vertices {first_places(bad)})",
             hint="give them a position, remove them and their faces",
@@ -268,8 +268,8 @@ def _checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
     array = face_array(faces)
     if not len(array):
         raise MeshError("the mesh has no faces: reconstruct a surface from the points first")
-    bad = np.asarray(((array < 0) | (array >= vertex_count)).any(axis=1))
-    if bad.any():
+    if array.min() < 0 or array.max() >= vertex_count:
+        bad = np.asarray(((array < 0) | (array >= vertex_count)).any(axis=1))
         which = f"{counted(int(bad.sum()), 'face uses', 'faces use')} vertices that do not exist"
         raise MeshError(
             f"{which} (faces {first_places(bad)}; there are {vertex_count} vertices)",

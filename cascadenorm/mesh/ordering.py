@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh.arrays import Ints, Vectors
+from cascadenorm.mesh.arrays import Ints, Ints32, Vectors
+from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh
 
 LINE = 8  # vertices a cache line holds a part of
@@ -82,19 +83,24 @@ class Cache:
 
     def ask(self, faces: NDArray[Any]) -> None:
         """Let faces, (m, 3), ask for their vertices, one after the other."""
-        lines = faces.ravel() // LINE
-        slots = (lines % LINES).astype(np.int16)
-        order = np.argsort(slots, kind="stable")  # by place in the cache, in order of time
-        lines, slots = lines[order], slots[order]
-        starts = np.flatnonzero(np.diff(slots, prepend=-1))
-        before = np.roll(lines, 1)
-        before[starts] = self._held[slots[starts]]
-        self._missed += int(np.count_nonzero(lines != before))
-        self._held[slots[starts]] = lines[np.append(starts[1:], len(lines)) - 1]
+        self._missed += _ask(np.ascontiguousarray(faces, np.int32), self._held)
 
     def misses(self, vertices: int) -> float:
         """Return how often a line was not there, against the fewest possible for so many vertices."""
         return self._missed * LINE / vertices
+
+
+@kernel
+def _ask(faces: Ints32, held: Ints) -> int:
+    """Count the vertices whose line is not held when a face asks for it; from then on it is."""
+    missed = 0
+    for f in range(len(faces)):
+        for corner in range(3):
+            line = faces[f, corner] // LINE
+            if held[line % LINES] != line:
+                held[line % LINES] = line
+                missed += 1
+    return missed
 
 
 def morton_codes(points: Vectors) -> NDArray[np.uint64]:

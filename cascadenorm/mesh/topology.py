@@ -11,9 +11,11 @@ from cascadenorm.mesh.csr import Csr, grouped, joined
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology_kernels import (
     color_vertices,
+    count_neighbors,
     edges_up_range,
     face_ring_range,
     fill_groups,
+    fill_neighbors,
     sides_up_range,
 )
 
@@ -133,10 +135,12 @@ class Topology:
     @cached_property
     def vertex_neighbors(self) -> Csr:
         """Vertices joined to each vertex by an edge, ascending."""
-        proper = self.edges[self.edges[:, 0] != self.edges[:, 1]]
-        ends = np.concatenate([proper[:, ::-1], proper])  # the smaller neighbours of each vertex first
-        rows = _rows_with(np.ascontiguousarray(ends[:, :1]), self.vertex_count)
-        return Csr(rows.indptr, ends[rows.indices, 1])
+        indptr = np.zeros(self.vertex_count + 1, np.int64)
+        count_neighbors(self.edges, indptr[1:])
+        np.cumsum(indptr, out=indptr)
+        indices = np.empty(indptr[-1], np.int32)
+        fill_neighbors(self.edges, indptr[:-1].copy(), indices)
+        return Csr(indptr, indices)
 
     @cached_property
     def vertex_colors(self) -> Csr:

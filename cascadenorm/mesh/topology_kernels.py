@@ -18,6 +18,26 @@ def fill_groups(numbers: Ints32, free: Ints, indices: Ints32) -> None:
 
 
 @kernel
+def count_neighbors(edges: Ints32, counts: Ints) -> None:
+    """Add to the count of each vertex the edges that lead from it to another one."""
+    for e in range(len(edges)):
+        if edges[e, 0] != edges[e, 1]:
+            counts[edges[e, 0]] += 1
+            counts[edges[e, 1]] += 1
+
+
+@kernel
+def fill_neighbors(edges: Ints32, free: Ints, indices: Ints32) -> None:
+    """Put each end of an edge where the other one has its next free place; all smaller ends before larger ones."""
+    for here in (1, 0):
+        for e in range(len(edges)):
+            if edges[e, 0] != edges[e, 1]:
+                vertex = edges[e, here]
+                indices[free[vertex]] = edges[e, 1 - here]
+                free[vertex] += 1
+
+
+@kernel
 def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[Ints, Ints32]:
     """Other ends of the edges at each vertex in start … stop that is their smaller one, ascending."""
     counts = np.empty(stop - start, np.int64)
