@@ -11,13 +11,12 @@ import argparse
 import json
 import signal
 import subprocess
-import sys
 import tempfile
-import venv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
+from environments import interpreter
 from peer_filters import FILTERS
 from real import errors
 from results import between_markers
@@ -71,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found[NOISY] = [figure(noisy)]
         missing = [name for name in peers if name not in found]
         if missing:
-            python = _interpreter(chosen.environment, meshlib=chosen.meshlib)
+            python = interpreter(chosen.environment, (*PACKAGES, *(["meshlib"] if chosen.meshlib else [])))
             found.update(_measured(python, noisy, missing, figure))
         for method in methods:
             found[method] = [figure(cn.denoise(noisy, method=method))]
@@ -137,19 +136,6 @@ def _measured(python: Path, noisy: Mesh, names: Sequence[str], figure: object) -
 def _mesh(path: Path) -> Mesh:
     arrays = np.load(path)
     return Mesh(arrays["vertices"], arrays["faces"])
-
-
-def _interpreter(environment: Path, *, meshlib: bool) -> Path:
-    """Return the interpreter of the environment, made and filled when first needed."""
-    python = environment / ("Scripts" if sys.platform == "win32" else "bin") / "python"
-    packages = (*PACKAGES, *(["meshlib"] if meshlib else []))
-    done = environment / f"{len(packages)}-packages"
-    if not done.exists():
-        if not python.exists():
-            venv.create(environment, with_pip=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *packages], check=True)
-        done.touch()
-    return python
 
 
 if __name__ == "__main__":
