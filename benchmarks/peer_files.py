@@ -108,7 +108,7 @@ def main():
     verbs = {"write": write, "replace": replace[0] if replace else write, "smooth": smooth}
     mesh = None
     for line in sys.stdin:
-        verb, *path = line.rstrip("\n").split(" ", 1)
+        verb, *path = line.rstrip().split(" ", 1)
         if verb == "read":
             mesh = None  # not two at a time
         start = time.process_time()
