@@ -48,6 +48,19 @@ def test_arrays_keep_their_type(kind):
     assert np.array_equal(file.positions, vertices)
 
 
+@pytest.mark.parametrize("format", io.files.FORMATS)
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_arrays_are_written_as_a_ply_file_of_them_is(kind, format):
+    vertices = np.random.default_rng(0).normal(size=(4, 3)).astype(kind)
+    arrays = io.from_arrays(vertices, [(0, 1, 2), (0, 2, 3)])
+    ply = io.read(streams.BytesIO(b"".join(arrays.pieces())))
+    assert ply.positions.dtype == kind
+    for file, other in ((arrays, ply), (arrays.with_vertices(vertices + 1), ply.with_vertices(vertices + 1))):
+        mine, theirs = streams.BytesIO(), streams.BytesIO()
+        assert io.write(file, mine, format=format) == io.write(other, theirs, format=format)
+        assert mine.getvalue() == theirs.getvalue()
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

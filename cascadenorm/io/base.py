@@ -31,7 +31,7 @@ class MeshFile(ABC):
     format : name of the format, which is also its extension
     positions : (k, 3) float32 or float64, as the file holds them, copies at seams included
     polygons : the faces of the file, corners counted from 0 in `positions`
-    data : the file as it was read
+    data : the file as it was read; empty if there was none
     folder : where other files lie that it names; None if it came from a stream
     parts : (k,) the frame that each position is given in, where the file has several; None for one
     triangles : (m, 3) the polygons cut into triangles

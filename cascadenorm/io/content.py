@@ -36,10 +36,11 @@ class Content:
 
     def without_out_of_range(self) -> "Content":
         """Leave out polygons with indices out of range, which may mean positions that exist elsewhere."""
-        bad = np.zeros(len(self.polygons), bool)
-        bad[self.polygons.owners[self.polygons.out_of_range(len(self.positions))]] = True
-        if not bad.any():
+        corners = self.polygons.out_of_range(len(self.positions))
+        if not corners.any():
             return self
+        bad = np.zeros(len(self.polygons), bool)
+        bad[self.polygons.owners[corners]] = True
         return replace(
             self,
             polygons=Polygons.from_counts(

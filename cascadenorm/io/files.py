@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import MissingDependencyError, OutputError, ReadError
+from cascadenorm.io.arrays import ArraysFile
 from cascadenorm.io.atomic import check_output, is_special, write_atomically, write_together
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
@@ -234,7 +235,7 @@ def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], lis
 
 
 def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
-    """Make a binary PLY file of a mesh.
+    """Make a file in memory of a mesh; it is written as binary PLY where no other format is asked for.
 
     Parameters
     ----------
@@ -247,8 +248,7 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     """
     mesh = Mesh(vertices, faces)
     kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
-    content = Content(mesh.vertices.astype(kind), Polygons.from_rows(mesh.faces.astype(np.int64)))
-    return PlyFile(PlyFile.encode(content)[0])
+    return ArraysFile(Content(mesh.vertices.astype(kind), Polygons.from_rows(mesh.faces.astype(np.int64))))
 
 
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:

@@ -15,7 +15,7 @@ from cascadenorm.io.content import Content, Positions
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header
-from cascadenorm.io.ply_rows import binary_rows, face_rows, fields_of, text_rows
+from cascadenorm.io.ply_rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
 from cascadenorm.io.ply_table import Body, Column, Kind, columns
 from cascadenorm.io.polygons import Polygons, strips
 from cascadenorm.io.text import Text, spelled
@@ -258,10 +258,8 @@ class PlyFile(MeshFile):
             *[f"property {NAMES[v.dtype.str[1:]]} {name}" for name, v in face.items()],
             *["end_header", ""],
         ]
-        rows = np.zeros(len(content.positions), [(f"{i}", v.dtype) for i, v in enumerate(vertex.values())])
-        for i, v in enumerate(vertex.values()):
-            rows[f"{i}"] = v
-        return "\n".join(lines).encode() + rows.tobytes() + face_rows(content.polygons, length, face), []
+        rows = joined_columns(list(vertex.values()))
+        return b"".join(["\n".join(lines).encode(), rows.data, face_rows(content.polygons, length, face).data]), []
 
 
 def _kind(p: Property, byte_order: str) -> Kind:

@@ -40,33 +40,30 @@ def fields_of(values: Any) -> dict[str, NDArray[Any]]:
     fields = {}
     for name, value in values.items():
         kind = value.dtype.str[1:] if value.dtype.str[1:] in NAMES else "f8"
-        fields["_".join(name.split())] = value.astype("<" + kind)
+        fields["_".join(name.split())] = value.astype("<" + kind, copy=False)
     return fields
 
 
-def face_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) -> bytes:
-    """Join the rows of the element face, those with equally many corners at a time."""
-    counts = polygons.counts
-    extra = sum(v.dtype.itemsize for v in fields.values())
-    sizes = np.dtype(length).itemsize + 4 * counts + extra
+def joined_columns(columns: list[NDArray[Any]]) -> NDArray[np.uint8]:
+    """Put columns, (rows,) or (rows, values) each, side by side; the bytes, one row of the table a row."""
+    rows = np.empty(len(columns[0]), [(f"{i}", column.dtype, column.shape[1:]) for i, column in enumerate(columns)])
+    for i, column in enumerate(columns):
+        rows[f"{i}"] = column
+    return rows.view(np.uint8).reshape(len(rows), rows.itemsize)
+
+
+def face_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) -> NDArray[np.uint8]:
+    """Return the bytes of the rows of the element face, joined from those with equally many corners."""
+    counts, values = polygons.counts, list(fields.values())
+    if len(counts) and (counts == counts[0]).all():
+        corners = polygons.corners.reshape(len(counts), -1).astype("<i4")
+        return joined_columns([counts.astype(length), corners, *values])
+    sizes = np.dtype(length).itemsize + 4 * counts + sum(v.dtype.itemsize for v in values)
     starts = np.cumsum(sizes) - sizes
-    out = np.zeros(int(sizes.sum()), np.uint8)
+    out = np.empty(int(sizes.sum()), np.uint8)
     for count in np.unique(counts).tolist():
         chosen = np.flatnonzero(counts == count)
-        kinds = [
-            ("n", length),
-            ("corners", "<i4", (count,)),
-            *[(f"{i}", v.dtype) for i, v in enumerate(fields.values())],
-        ]
-        rows = np.zeros(len(chosen), kinds)
-        if len(chosen) == len(counts):
-            rows["n"], rows["corners"] = count, polygons.corners.reshape(-1, count)
-        else:
-            rows["n"], rows["corners"] = count, polygons.corners[polygons.indptr[chosen, None] + np.arange(count)]
-        for i, v in enumerate(fields.values()):
-            rows[f"{i}"] = v[chosen]
-        raw = np.frombuffer(rows.tobytes(), np.uint8).reshape(len(rows), -1)
-        if len(chosen) == len(counts):
-            return raw.tobytes()
+        corners = polygons.corners[polygons.indptr[chosen, None] + np.arange(count)].astype("<i4")
+        raw = joined_columns([counts[chosen].astype(length), corners, *(v[chosen] for v in values)])
         out[starts[chosen, None] + np.arange(raw.shape[1])] = raw
-    return out.tobytes()
+    return out

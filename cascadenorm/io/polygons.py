@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import repeats_vertex, scatter_add
+from cascadenorm.mesh import face_area_vectors, repeats_vertex, scatter_add
 
 MOST_APEXES = 64  # corners tried for a fan without folds
 MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stays
@@ -13,7 +13,7 @@ MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stay
 
 def ranges(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Join the runs of `counts` successive numbers from each start."""
-    if len(counts) and (counts == counts[0]).all():  # half the time
+    if len(counts) and (counts == counts[0]).all():
         return (starts[:, None] + np.arange(counts[0])).ravel()
     first = np.cumsum(counts) - counts
     return np.repeat(starts - first, counts) + np.arange(int(counts.sum()))
@@ -161,6 +161,5 @@ def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArr
     """
     largest = np.abs(positions).max(initial=0, where=np.isfinite(positions))
     with np.errstate(invalid="ignore"):  # triangles with corners that are not finite come out the same way
-        scaled = positions / (np.float64(largest) if largest > 0 else 1.0)
-        a, b, c = (scaled[triangles[:, corner]] for corner in range(3))
-        return np.asarray(np.cross(b - a, c - a))
+        scaled = np.divide(positions, largest if largest > 0 else 1, dtype=np.float64)
+    return face_area_vectors(scaled, triangles.astype(np.int32))

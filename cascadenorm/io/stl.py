@@ -52,7 +52,7 @@ class StlFile(MeshFile):
             records["corners"] = self.positions.reshape(-1, 3, 3)
             records["normal"][moved] = normals
             end = HEADER + records.nbytes
-            return [self.data[:HEADER], records.tobytes(), memoryview(self.data)[end:]]
+            return [self.data[:HEADER], records.view(np.uint8).data, memoryview(self.data)[end:]]
         words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
         text, facet_lines = self._text, self._facets
         if (text.stop[facet_lines] - text.first[facet_lines] >= 5).all():  # facet normal x y z
@@ -86,7 +86,7 @@ class StlFile(MeshFile):
         if (single != content.positions).any():
             lost.append("digits of the positions beyond single precision")
         lost.append("the order of the vertices")
-        return bytes(80) + len(records).to_bytes(4, "little") + records.tobytes(), lost
+        return b"".join([bytes(80), len(records).to_bytes(4, "little"), records.view(np.uint8).data]), lost
 
 
 def is_binary_stl(data: bytes) -> bool:

@@ -20,7 +20,7 @@ from cascadenorm.mesh.csr import Csr
 from cascadenorm.mesh.frame import Frame, frame_between, frame_of, in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
 from cascadenorm.mesh.kernels import kernel
-from cascadenorm.mesh.mesh import Mesh
+from cascadenorm.mesh.mesh import Mesh, face_area_vectors
 from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
 from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, parallel_for, thread_count
 from cascadenorm.mesh.topology import Topology
@@ -44,6 +44,7 @@ __all__ = [
     "bad_faces",
     "bad_vertices",
     "doubled",
+    "face_area_vectors",
     "first_places",
     "frame_between",
     "frame_of",

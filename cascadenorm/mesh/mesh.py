@@ -96,9 +96,7 @@ class Mesh:
     @cached_property
     def area_vectors(self) -> Vectors:
         """(m, 3) normal of each face times its area."""
-        out = np.empty(self.faces.shape)
-        parallel_for(len(out), _area_vector_range, self.vertices, self.faces, out)
-        return out
+        return face_area_vectors(self.vertices, self.faces)
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:
@@ -179,6 +177,13 @@ class Mesh:
         used = self.vertices[self.topology.used_vertices]
         box, exponent = _near_one(np.stack([used.min(axis=0), used.max(axis=0)]))
         return _scaled(np.linalg.norm(box[1] - box[0]), exponent)
+
+
+def face_area_vectors(vertices: Vectors, faces: NDArray[np.int32]) -> Vectors:
+    """Return (m, 3) the normal of each face times its area."""
+    out = np.empty(faces.shape)
+    parallel_for(len(out), _area_vector_range, vertices, faces, out)
+    return out
 
 
 @kernel
