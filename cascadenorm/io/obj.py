@@ -16,7 +16,8 @@ from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.text import Text, blocks, rows_of, spelled
+from cascadenorm.io.spelling import lines_of, rows_of, spelled
+from cascadenorm.io.text import Text, blocks
 from cascadenorm.io.tokenizer import Places
 
 KEPT_ELSEWHERE = {
@@ -217,22 +218,19 @@ class ObjFile(MeshFile):
         taken = (*colors, *(TEXTURE if textured else ()))
         lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in taken]
         lost += [f"face property '{name}'" for name in content.face_values]
-        rows = [b"v " + row for row in rows_of(content.positions)]
-        if colors:
-            fractions = rows_of(np.stack(list(colors.values()), axis=1) / np.float32(255))
-            rows = [row + b" " + color for row, color in zip(rows, fractions, strict=True)]
+        fractions = [np.stack(list(colors.values()), axis=1) / np.float32(255)] if colors else []
+        text = [lines_of(b"v", content.positions, *fractions)]
         if textured:
-            rows += [b"vt " + row for row in rows_of(np.stack([content.vertex_values[n] for n in TEXTURE], axis=1))]
-        rows += [b"f " + row for row in _face_rows(content.polygons, textured)]
-        return b"\n".join(rows) + b"\n", lost
+            text.append(lines_of(b"vt", np.stack([content.vertex_values[name] for name in TEXTURE], axis=1)))
+        return b"".join([*text, *_face_lines(content.polygons, textured)]), lost
 
 
-def _face_rows(polygons: Polygons, textured: bool) -> list[bytes]:
+def _face_lines(polygons: Polygons, textured: bool) -> list[bytes]:
     """Spell the corners of each face, counted from 1; where textured, each with the same number for its texture."""
     corners, counts = polygons.corners + 1, polygons.counts
     if len(counts) and (counts == counts[0]).all() and not textured:
-        return rows_of(corners.reshape(len(counts), -1))
+        return [lines_of(b"f", corners.reshape(len(counts), counts[0]))]
     words = spelled(corners).tolist()
     if textured:
         words = [b"%b/%b" % (word, word) for word in words]
-    return [b" ".join(words[a:b]) for a, b in pairwise(polygons.indptr.tolist())]
+    return [b"f %b\n" % b" ".join(words[a:b]) for a, b in pairwise(polygons.indptr.tolist())]

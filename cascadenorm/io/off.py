@@ -13,7 +13,8 @@ from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.content import Content
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.text import Text, rows_of, spelled
+from cascadenorm.io.spelling import lines_of, rows_of, spelled
+from cascadenorm.io.text import Text
 from cascadenorm.io.tokenizer import Places
 
 MAGIC = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")  # in linear time
@@ -97,19 +98,22 @@ class OffFile(MeshFile):
         colors, face_colors = channels(content.vertex_values), channels(content.face_values)
         lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in colors]
         lost += [f"face property '{name}'" for name in content.face_values if name not in face_colors]
-        corners = spelled(content.polygons.corners).tolist()
-        faces = [b"%d " % (b - a) + b" ".join(corners[a:b]) for a, b in pairwise(content.polygons.indptr.tolist())]
-        lines = [
-            b"COFF" if colors else b"OFF",
-            b"%d %d 0" % (len(content.positions), len(faces)),
-            *_with_colors(rows_of(content.positions), colors),
-            *_with_colors(faces, face_colors),
-        ]
-        return b"\n".join(lines) + b"\n", lost
+        header = b"%b\n%d %d 0\n" % (b"COFF" if colors else b"OFF", len(content.positions), len(content.polygons))
+        vertices = lines_of(b"", content.positions, *_table(colors))
+        return b"".join([header, vertices, *_face_lines(content.polygons, _table(face_colors))]), lost
 
 
-def _with_colors(rows: list[bytes], colors: dict[str, NDArray[np.uint8]]) -> list[bytes]:
-    """Append channels to the rows."""
-    if not colors:
-        return rows
-    return [row + b" " + c for row, c in zip(rows, rows_of(np.stack(list(colors.values()), axis=1)), strict=True)]
+def _table(colors: dict[str, NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+    """Put channels side by side, if there are any."""
+    return [np.stack(list(colors.values()), axis=1)] if colors else []
+
+
+def _face_lines(polygons: Polygons, colors: list[NDArray[np.uint8]]) -> list[bytes]:
+    """Spell the number of corners of each face, the corners, and the colours, if there are any."""
+    counts = polygons.counts
+    if len(counts) and (counts == counts[0]).all():
+        return [lines_of(b"%d" % counts[0], polygons.corners.reshape(len(counts), counts[0]), *colors)]
+    words = spelled(polygons.corners).tolist()
+    ends = [b" " + row for row in rows_of(colors[0])] if colors else [b""] * len(counts)
+    pairs = zip(pairwise(polygons.indptr.tolist()), ends, strict=True)
+    return [b"%d %b%b\n" % (b - a, b" ".join(words[a:b]), end) for (a, b), end in pairs]

@@ -18,7 +18,8 @@ from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply_rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
 from cascadenorm.io.ply_table import Body, Column, Kind, columns
 from cascadenorm.io.polygons import Polygons, strips
-from cascadenorm.io.text import Text, spelled
+from cascadenorm.io.spelling import spelled
+from cascadenorm.io.text import Text
 from cascadenorm.io.tokenizer import splice
 
 XYZ, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")

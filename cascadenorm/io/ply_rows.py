@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.ply_header import NAMES, Element
 from cascadenorm.io.polygons import Polygons
-from cascadenorm.io.text import spelled
+from cascadenorm.io.spelling import spelled
 
 
 def binary_rows(element: Element, values: list[NDArray[Any]], byte_order: str) -> bytes:

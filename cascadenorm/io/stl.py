@@ -10,7 +10,8 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
 from cascadenorm.io.polygons import Polygons, area_vectors, triangulate
-from cascadenorm.io.text import Text, spelled
+from cascadenorm.io.spelling import spelled
+from cascadenorm.io.text import Text
 from cascadenorm.io.tokenizer import Places
 from cascadenorm.mesh import unit
 

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,29 +139,7 @@ def _shown(word: bytes) -> str:
     return repr(word[:40].decode("latin-1"))
 
 
-def spelled(values: NDArray[Any]) -> NDArray[np.bytes_]:
-    """Spell each number with the fewest digits from which its type gets it back."""
-    flat = values.ravel()
-    if flat.dtype == np.float32:
-        return flat.astype("S32")
-    words = np.empty(len(flat), "S32")
-    for block in blocks(len(flat)):
-        words[block] = [b"%r" % value for value in flat[block].tolist()]
-    return words
-
-
-def blocks(count: int) -> Iterator[slice]:
-    """Cut 0 … count into parts of which only one at a time needs memory for what is done with it."""
-    return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
-
-
-def rows_of(values: NDArray[Any]) -> list[bytes]:
-    """Spell the rows of a table, with spaces between the numbers."""
-    if values.dtype == np.float32:
-        words = iter(spelled(values).tolist())
-        return list(map(b" ".join, zip(*[words] * values.shape[1], strict=True)))
-    rows = list[bytes]()
-    for block in blocks(len(values)):  # numbers of Python, whose text needs no array between: a third of the time less
-        texts = map(repr, values[block].ravel().tolist())
-        rows += map(str.encode, map(" ".join, zip(*[texts] * values.shape[1], strict=True)))
-    return rows
+def blocks(count: int, width: int = 1) -> Iterator[slice]:
+    """Cut 0 … count, of so many words each, into parts of which only one at a time needs memory for its work."""
+    size = max(BLOCK // max(width, 1), 1)
+    return (slice(start, start + size) for start in range(0, count, size))
