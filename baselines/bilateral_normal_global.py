@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 from cascadenorm.baselines.bilateral_normal import RangeSpread, SpatialSpread, spatial_weights
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
-from cascadenorm.geometry.sparse_solvers import conjugate_gradients
+from cascadenorm.geometry.sparse_solvers import solve_preconditioned
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import row, squared_distance
 from cascadenorm.registry import Parameter, method
@@ -63,7 +63,7 @@ def global_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, fidelity: floa
     diagonal = (1 - fidelity) * (difference.multiply(difference).T @ areas) + fidelity * areas
     system = LinearOperator((len(areas), len(areas)), apply, dtype=np.float64)
     right = fidelity * areas[:, None] * mesh.normals
-    solution = conjugate_gradients(system, right, lambda residual: residual / diagonal)
+    solution = solve_preconditioned(system, right, lambda residual: residual / diagonal)
     return unit(solution, otherwise=mesh.normals)
 
 

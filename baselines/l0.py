@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
+from cascadenorm.geometry.conjugate_gradients import MOST_ITERATIONS, conjugate_gradients
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 FIRST_BETA, LAST_BETA = 1e-3, 1e3
-ACCURACY = 1e-6  # bound of the root mean square error of each solution, in mean edge lengths
-MOST_STEPS = 400  # of conjugate gradients at one β; the next one starts where they end, so more change nothing
+ACCURACY = 1e-6  # bound of the root mean square error of each solution, in mean edge lengths, since the matrix is ≥ I
 
 Operator = Annotated[
     EdgeOperator, Parameter("area-based edge operator, or the cotangent one, which is unstable on thin triangles")
@@ -73,11 +73,11 @@ def l0(
     system = edge_system(edge_quads(mesh.topology), len(mesh.vertices))
     vertices = mesh.vertices.copy()
     right, values = np.empty_like(vertices), np.empty(len(system.pattern.indices))
-    tolerance = len(vertices) * (ACCURACY * edge) ** 2
+    bound = len(vertices) * (ACCURACY * edge) ** 2
     for _ in track(math.ceil(math.log(LAST_BETA / FIRST_BETA, growth))):
         coefficients = edge_coefficients(vertices, system.quads, operator)
         _assemble(system, mesh.vertices, vertices, coefficients, alpha, beta, price, values, right)
-        _conjugate_gradients(system.pattern, values, right, vertices, tolerance, MOST_STEPS)
+        conjugate_gradients(system.pattern, values, right, vertices, bound, MOST_ITERATIONS)
         beta *= growth
         alpha *= 0.5
     return vertices
@@ -158,55 +158,3 @@ def _assemble(
                 right[i, 0] += c * x
                 right[i, 1] += c * y
                 right[i, 2] += c * z
-
-
-@kernel
-def _conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors, tolerance: float, most: int) -> None:
-    """Improve x until the squared residual is at most `tolerance`; so is the squared error, since the matrix is ≥ I.
-
-    Preconditioned by the diagonal. The three columns are one system with common steps: so they turn with the mesh.
-    scipy's conjugate gradients agree to 2e-7 mean edge lengths and take nearly twice as long.
-    """
-    # residual of the start, and one over the diagonal
-    n = len(x)
-    inverse, residual, direction, image = np.empty(n), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
-    for i in range(n):
-        for d in range(3):
-            residual[i, d], direction[i, d] = right[i, d], 0.0
-        for k in range(pattern.indptr[i], pattern.indptr[i + 1]):
-            for d in range(3):
-                residual[i, d] -= values[k] * x[pattern.indices[k], d]
-            if pattern.indices[k] == i:
-                inverse[i] = 1.0 / values[k]
-    before = np.inf
-    for _ in range(most):
-        # stop, or turn the steepest descent so that it does not undo the steps before
-        squared = energy = 0.0
-        for i in range(n):
-            size = residual[i, 0] ** 2 + residual[i, 1] ** 2 + residual[i, 2] ** 2
-            squared += size
-            energy += inverse[i] * size
-        if squared <= tolerance:
-            return
-        share = energy / before
-        before = energy
-        for i in range(n):
-            for d in range(3):
-                direction[i, d] = inverse[i] * residual[i, d] + share * direction[i, d]
-
-        # go along it to the least residual
-        curvature = 0.0
-        for i in range(n):
-            a = b = c = 0.0
-            for k in range(pattern.indptr[i], pattern.indptr[i + 1]):
-                j, value = pattern.indices[k], values[k]
-                a += value * direction[j, 0]
-                b += value * direction[j, 1]
-                c += value * direction[j, 2]
-            image[i, 0], image[i, 1], image[i, 2] = a, b, c
-            curvature += a * direction[i, 0] + b * direction[i, 1] + c * direction[i, 2]
-        step = energy / curvature
-        for i in range(n):
-            for d in range(3):
-                x[i, d] += step * direction[i, d]
-                residual[i, d] -= step * image[i, d]

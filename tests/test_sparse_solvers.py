@@ -5,7 +5,7 @@ from shapes import icosphere, noisy
 
 from cascadenorm.geometry import sparse_solvers
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.geometry.sparse_solvers import Factorisation, conjugate_gradients, solve_once, solver
+from cascadenorm.geometry.sparse_solvers import Factorisation, solve_once, solve_preconditioned, solver
 from cascadenorm.mesh import MeshError
 
 MESH = noisy(icosphere(3), 0.2)
@@ -37,7 +37,7 @@ def test_unknowns_in_one_place_are_ordered_too():
 def test_conjugate_gradients_agree_and_take_over_when_the_matrix_is_huge(monkeypatch):
     expected = Factorisation(MATRIX, MESH.vertices).solve(RIGHT)
     inverse = 1 / MATRIX.diagonal()
-    found = conjugate_gradients(MATRIX, RIGHT, lambda r: inverse * r)
+    found = solve_preconditioned(MATRIX, RIGHT, lambda r: inverse * r)
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-8)
     np.testing.assert_allclose(solve_once(MATRIX, RIGHT), expected, rtol=1e-7, atol=1e-8)
     monkeypatch.setattr(sparse_solvers, "DIRECT_LIMIT", 10)

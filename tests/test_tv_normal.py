@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from shapes import grid, icosphere, noisy
 
+from cascadenorm.baselines import tv_normal
 from cascadenorm.baselines.tv_normal import TotalVariation, difference_operator
 
 ROUGH = noisy(icosphere(1), 0.2)
@@ -44,6 +45,16 @@ def test_solution_is_optimal(fidelity):
 def test_twenty_rounds_come_close():
     best = energy(ROUGH, least_variation(ROUGH, fidelity=9, rounds=500).values, 9)
     assert energy(ROUGH, least_variation(ROUGH, fidelity=9, rounds=20).values, 9) < 1.01 * best
+
+
+@pytest.mark.parametrize("fidelity", [1.0, 9.0])
+def test_rounds_by_conjugate_gradients_minimise_as_well_as_exact_ones(fidelity, monkeypatch):
+    iterative = least_variation(ROUGH, fidelity=fidelity, rounds=20).values
+    monkeypatch.setattr(tv_normal, "MILD", 0.0)
+    exact = least_variation(ROUGH, fidelity=fidelity, rounds=20).values
+    assert (iterative != exact).any()  # two ways indeed
+    assert energy(ROUGH, iterative, fidelity) < energy(ROUGH, exact, fidelity) * (1 + 1e-6)
+    np.testing.assert_allclose(iterative, exact, atol=1e-4)
 
 
 def test_high_fidelity_is_the_identity():

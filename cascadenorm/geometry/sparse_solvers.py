@@ -87,19 +87,22 @@ def solver_of_rings(
             residual = solve_root(mass * residual)
         return residual
 
-    return lambda right: conjugate_gradients(matrix, right, precondition)
+    return lambda right: solve_preconditioned(matrix, right, precondition)
 
 
 def solve_once(matrix: Any, right: Vector) -> Vector:
     """Solve with a well-conditioned matrix that is needed only once: cheaper than factorising it."""
     inverse_diagonal = 1.0 / matrix.diagonal()
-    return conjugate_gradients(matrix, right, lambda residual: inverse_diagonal * residual)
+    return solve_preconditioned(matrix, right, lambda residual: inverse_diagonal * residual)
 
 
-def conjugate_gradients(matrix: Any, right: Vector, precondition: Callable[[Vector], Vector]) -> Vector:
-    """Solve for each column of `right` by preconditioned conjugate gradients, to a relative residual of 1e-11."""
+def solve_preconditioned(matrix: Any, right: Vector, precondition: Callable[[Vector], Vector]) -> Vector:
+    """Solve for each column of `right` by preconditioned conjugate gradients, to a relative residual of 1e-11.
+
+    By scipy, from zero. For a sequence of systems with solutions near each other see `conjugate_gradients`.
+    """
     if right.ndim == 2:
-        return np.stack([conjugate_gradients(matrix, column, precondition) for column in right.T.copy()], axis=1)
+        return np.stack([solve_preconditioned(matrix, column, precondition) for column in right.T.copy()], axis=1)
     with one_blas_thread():
         solution, unsolved = cg(matrix, right, rtol=TOLERANCE, M=LinearOperator(matrix.shape, precondition))
         if unsolved:
