@@ -24,8 +24,15 @@ VERSIONS = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", "")}
 """Versions of Blender with each version of Python: from this one, and up to, but not including, that one."""
 
 PACKAGES = {
-    "3.11": ["llvmlite==0.44.0", "numba==0.61.2", "scipy==1.15.3", "safetensors>=0.4", "threadpoolctl>=3.1"],
-    "3.13": ["llvmlite", "numba>=0.62", "scipy>=1.15", "safetensors>=0.4", "threadpoolctl>=3.1"],
+    "3.11": [
+        "llvmlite==0.44.0",
+        "numba==0.61.2",
+        "scipy==1.15.3",
+        "orjson>=3.10.6",
+        "safetensors>=0.4",
+        "threadpoolctl>=3.1",
+    ],
+    "3.13": ["llvmlite", "numba>=0.62", "scipy>=1.15", "orjson>=3.10.6", "safetensors>=0.4", "threadpoolctl>=3.1"],
 }
 """What denoising imports. Blender 4.2 has numpy 1.24, which these releases, and none that are much newer, support."""
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from cascadenorm.io.spelling import lines_of, rows_of, spelled
-from cascadenorm.mesh import limit_threads
 
 
 def of_all_sizes(kind):
@@ -51,14 +50,6 @@ def test_whole_numbers():
     values = np.array([0, 7, -7, 10, 99, 100, -(2**63), 2**63 - 1])
     assert spelled(values).tolist() == [b"%d" % value for value in values.tolist()]
     assert spelled(np.array([[0, 255]], np.uint8)).tolist() == [b"0", b"255"]
-
-
-def test_words_do_not_depend_on_threads():
-    values = np.random.default_rng(1).normal(size=5000)
-    with limit_threads(1):
-        alone = spelled(values)
-    with limit_threads(3):
-        assert spelled(values).tobytes() == alone.tobytes()
 
 
 @pytest.mark.parametrize("keyword", [b"", b"v"])
