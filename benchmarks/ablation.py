@@ -1,6 +1,6 @@
 """What each step from the published method to the model `auto` brings: python benchmarks/ablation.py DIR
 
-    python benchmarks/ablation.py DIR [--count 1000] [--max-faces 6000] [--seeds 0 1 2] [--clusters 1 4] [--keep FOLDER]
+    python benchmarks/ablation.py DIR [--count 1000] [--max-faces 4000] [--seeds 0 1 2] [--clusters 1 4] [--keep FOLDER]
 
 Trains each rung of the ladder from configs/cascade.toml to configs/auto.toml, once for each seed and number of
 clusters, on the data of `auto` with fewer and smaller shapes. Measures on the pairs in DIR and on generated ones from a
@@ -57,17 +57,16 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
         fit=replace(auto.fit, hidden=paper.fit.hidden, activation=paper.fit.activation),
     )
     rungs = {"the paper": step}
-    own = tuple(f"n+{descriptor}" for descriptor in paper.descriptors)
     changes = {
-        "+ the face's own normal, the noisy one in later stages": {"descriptors": own, "sees_noisy": auto.sees_noisy},
+        "+ iterated filters, smoothed vertices, in place of one pass and guided filters": {
+            "descriptors": auto.descriptors,
+            "neighborhood": auto.neighborhood,
+        },
+        "+ the noisy normal in later stages": {"sees_noisy": auto.sees_noisy},
         "+ context features": {"context": auto.context},
         "+ last fit by angles, foldovers avoided": {
             "last_weighting": auto.last_weighting,
             "foldovers": auto.foldovers,
-        },
-        "+ iterated filters, smoothed vertices": {
-            "descriptors": auto.descriptors,
-            "neighborhood": auto.neighborhood,
         },
         "+ two hidden layers": {"fit": auto.fit},
     }
@@ -191,7 +190,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="DIR", help="pairs: */noisy.* and */clean.*")
     parser.add_argument("--count", type=int, default=1000, help="shapes to train on")
-    parser.add_argument("--max-faces", type=int, default=6000, help="of each of them")
+    parser.add_argument("--max-faces", type=int, default=4000, help="of each of them")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--clusters", type=int, nargs="+", default=[1, 4])
     parser.add_argument("--keep", type=Path, default=ROOT / "runs" / "ablation")

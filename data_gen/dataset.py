@@ -55,7 +55,7 @@ class DatasetConfig:
     noise_kinds : drawn with equal chance; name one twice to double its chance. `sensor` is for the families that
         cameras see: half of their meshes get it, and no other mesh, unless it is the only kind
     min_level, max_level : noise level in mean edge lengths, drawn log-uniformly; that of volumes and points in units
-        of their own, drawn uniformly
+        of their own, half of them drawn uniformly
     """
 
     count: int = 2000
@@ -139,8 +139,8 @@ def _pulled(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
 def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Generator) -> tuple[NoiseKind, float]:
     """Draw kind and level of noise: that of depth cameras for what they see, little for few faces, none for CAD.
 
-    Levels of volumes and points are drawn uniformly, the others log-uniformly: grain and points that are off by little
-    leave a surface as good as clean.
+    Half of the levels of volumes and points are drawn uniformly, all others log-uniformly: grain and points that are
+    off by little leave a surface as good as clean.
     """
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
     if family is not None and family.measured:  # whose level is that of its own error
@@ -151,7 +151,7 @@ def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Gener
         kinds = ["none"]  # nobody measures such triangles
     sensed = not kinds or (family is not None and family.seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
-    if family is not None and family.measured:
+    if family is not None and family.measured and rng.random() < 0.5:
         level = float(rng.uniform(config.min_level, config.max_level))
     else:
         level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))

@@ -24,7 +24,7 @@ SMALLEST = 0.05  # share of the faces of the largest component that others have 
 STEPPED = 3.2  # faces of marching cubes on a mask, for a surface whose area is that of a voxel's side
 GREY = 2.3  # the same on grey values
 NETS = 0.7  # the same for surface nets, against marching cubes
-TILT = 15.0  # degrees; so little makes long, low steps on planes
+TILT = 0.5, 15.0  # degrees; so little makes long, low steps on planes
 VOXEL_FACES = 0.06  # share of the segmentations that are the faces of voxels
 SMOOTHED = 0.1  # share of the other segmentations that are smoothed a little, as before an export
 DECIMATED = 0.15  # share of the meshes that are decimated
@@ -179,9 +179,9 @@ def _lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random.Gener
 def _orientation(*, rng: np.random.Generator) -> Vectors:
     """Rotation of a lattice: any, none, or the slight one of a part that is put into a scanner by hand."""
     chance = rng.random()
-    if chance < 0.5:
+    if chance < 0.35:
         return random_rotation(rng=rng)
-    tilt = float(rng.uniform(0.5, TILT)) if chance < 0.8 else 0.0
+    tilt = float(np.exp(rng.uniform(*np.log(TILT)))) if chance < 0.8 else 0.0
     return np.asarray(Rotation.from_rotvec(tilt * direction(rng=rng), degrees=True).as_matrix())
 
 
