@@ -110,7 +110,12 @@ def _unflipped(mesh: Mesh, vertices: Vectors) -> Vectors:
 
 
 def smoothed_curve(
-    vertices: Vectors, boundary: BoundaryEdges, *, spread: float = SPREAD, passes: int = DIRECTION_PASSES
+    vertices: Vectors,
+    boundary: BoundaryEdges,
+    *,
+    spread: float = SPREAD,
+    passes: int = DIRECTION_PASSES,
+    vertex_passes: int = VERTEX_PASSES,
 ) -> Vectors:
     """Return the vertices with boundary edges in filtered directions; ends of open chains stay.
 
@@ -120,12 +125,13 @@ def smoothed_curve(
     ----------
     spread : of the range weight, in median angles from edge to edge
     passes : of the filter of the directions
+    vertex_passes : steps of the descent
     """
     directions = _filtered_directions(vertices, boundary, spread, passes)
     tail, head = boundary.edges.T
     inner = np.zeros(len(vertices), bool)
     inner[boundary.edges[boundary.neighbors >= 0]] = True
-    for _ in range(VERTEX_PASSES):
+    for _ in range(vertex_passes):
         edges = vertices[head] - vertices[tail]
         across = edges - np.einsum("ij,ij->i", edges, directions)[:, None] * directions
         pull = scatter_add(tail, across, len(vertices)) - scatter_add(head, across, len(vertices))

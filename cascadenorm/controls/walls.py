@@ -8,8 +8,8 @@ from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.geometry.shells import Shells
 from cascadenorm.mesh import Bools, Mesh, Vectors, scatter_add, unit
 
-SPREAD = 2.0  # of the range weight along junction curves, in median angles from edge to edge
-DIRECTION_PASSES = 5
+SPREAD = 100.0  # of the range weight along junction curves: none, since the steps of voxels look like corners
+DIRECTION_PASSES, VERTEX_PASSES = 2, 60
 
 
 def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
@@ -46,7 +46,13 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     near = at.copy()
     near[mesh.faces[at[mesh.faces].any(axis=1)]] = True
     fitted = _fitted(joined, normals, near & moved)
-    curves = smoothed_curve(fitted.vertices, BoundaryEdges.of(shells.junctions), spread=SPREAD, passes=DIRECTION_PASSES)
+    curves = smoothed_curve(
+        fitted.vertices,
+        BoundaryEdges.of(shells.junctions),
+        spread=SPREAD,
+        passes=DIRECTION_PASSES,
+        vertex_passes=VERTEX_PASSES,
+    )
     smooth = fitted.moved(np.where((at & moved)[:, None], curves, fitted.vertices))
     fitted = _fitted(smooth, normals, near & moved & ~at)
 
