@@ -107,7 +107,7 @@ def edge_system(quads: NDArray[np.int32], vertex_count: int) -> EdgeSystem:
     columns = np.concatenate([np.tile(quads, 4).ravel(), everyone])
     matrix = sparse.csr_array((np.ones(len(rows), np.int8), (rows, columns)), (vertex_count, vertex_count))
     matrix.sort_indices()
-    pattern = Csr(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
+    pattern = Csr.of(matrix)
     slots = np.empty(len(rows), np.int32)
     parallel_for(len(rows), _find_slots, pattern, rows, columns, slots)
     return EdgeSystem(pattern, quads, slots[: 16 * len(quads)].reshape(-1, 4, 4), slots[16 * len(quads) :])

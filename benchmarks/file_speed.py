@@ -76,9 +76,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def files(mesh: Mesh, folder: Path) -> dict[str, Path]:
     """Write a mesh as each kind of file, in single precision as most are; by title."""
-    mesh = Mesh(mesh.vertices.astype(np.float32), mesh.faces)
-    points, polygons = mesh.vertices.astype(np.float32), Polygons.from_rows(mesh.faces.astype(np.int64))
-    normals, texture = mesh.vertex_normals.astype(np.float32), np.abs(points[:, :2]) % 1
+    single = Mesh(mesh.vertices.astype(np.float32), mesh.faces)
+    points, polygons = single.vertices.astype(np.float32), Polygons.from_rows(mesh.faces.astype(np.int64))
+    normals, texture = single.vertex_normals.astype(np.float32), np.abs(points[:, :2]) % 1
     values = dict(zip(("nx", "ny", "nz", "s", "t"), np.column_stack([normals, texture]).T, strict=True))
     values |= {name: np.full(len(points), 128, np.uint8) for name in ("red", "green", "blue")}
     paths = {
@@ -95,9 +95,9 @@ def files(mesh: Mesh, folder: Path) -> dict[str, Path]:
     plain.write_bytes(PlyFile.encode(Content(points, polygons))[0])
     with_values.write_bytes(PlyFile.encode(Content(points, polygons, values))[0])
     write(read(plain), stl)
-    stl_text.write_text("".join(stl_lines(mesh)), encoding="ascii")
+    stl_text.write_text("".join(stl_lines(single)), encoding="ascii")
     obj.write_text("".join(obj_lines(mesh.faces, v=points)), encoding="ascii")
-    save_mesh(digits, wavy_torus(*STEPS))
+    save_mesh(digits, mesh)
     obj_values.write_text("".join(obj_lines(mesh.faces, v=points, vt=texture, vn=normals)), encoding="ascii")
     write(read(plain), glb)
     return paths

@@ -5,13 +5,12 @@ import os
 import numpy as np
 import pytest
 from shapes import noisy
-from test_stages import AGREES, RIBBON, SHAPES, difference, place
+from test_stages import AGREES, RIBBON, SHAPES, difference, patch_sizes, place
 
 import cascadenorm as cn
 from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh
 from cascadenorm.streaming import guided, sweeps
-from cascadenorm.streaming.store import Store
 
 __all__ = ["place"]  # a fixture
 
@@ -29,19 +28,12 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_patches_agree_with_memory(place, name, monkeypatch):
     shape, parameters = CASES[name]
-    mesh, patches = shape(), []
+    mesh = shape()
     monkeypatch.setattr(sweeps, "WIDTH", 30)  # sweeps in several passes
     save_mesh("scan.ply", mesh)
     given = {"method": "guided-normal", "parameters": parameters, "strength": 0.9}
     expected = cn.denoise_file("scan.ply", "whole.ply", **given)
-    before = Store.patch
-
-    def patch(store, number, rings):
-        found = before(store, number, rings)
-        patches.append(len(found.patch.vertices))
-        return found
-
-    monkeypatch.setattr(Store, "patch", patch)
+    patches = patch_sizes(monkeypatch)
     done = cn.denoise_large_file("scan.ply", "parts.ply", memory=1, **given)
     assert difference("parts.ply", "whole.ply") < AGREES
     assert max(patches) < 0.8 * len(mesh.vertices)

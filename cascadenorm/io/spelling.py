@@ -1,5 +1,6 @@
 """Numbers as text, with the fewest digits from which their type gets them back, laid out as Python and numpy do."""
 
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,33 +20,32 @@ def spelled(values: NDArray[Any]) -> NDArray[np.bytes_]:
 
 def rows_of(values: NDArray[Any]) -> list[bytes]:
     """Spell the rows of a table, with spaces between the numbers."""
-    rows = list[bytes]()
-    for block in blocks(len(values), values.shape[1]):
-        part = values[block]
-        found = _joined(part, b"\n").split(b"\n")
-        for row in np.flatnonzero(_beyond(part).any(axis=1)).tolist():
-            found[row] = b" ".join(_word(value) for value in part[row])
-        rows += found
-    return rows
+    parts = [_spelled(values[block], b"\n").split(b"\n") for block in blocks(len(values), values.shape[1])]
+    return list(chain(*parts))
 
 
 def lines_of(keyword: bytes, *tables: NDArray[Any]) -> bytes:
     """Spell tables side by side, a line for each row, which begins with the keyword if that is not empty."""
     begin = b"\n" + keyword + b" " if keyword else b"\n"
-    if len(tables) == 1 and not _beyond(tables[0]).any():  # all rows at once, in half the time
-        rows = [_joined(tables[0][block], begin) for block in blocks(len(tables[0]), tables[0].shape[1])]
-    elif len(tables) == 1:
-        rows = rows_of(tables[0])
+    if len(tables) == 1:  # the rows of a block at once, in half the time
+        rows = [_spelled(tables[0][block], begin) for block in blocks(len(tables[0]), tables[0].shape[1])]
     else:
         rows = [b" ".join(words) for words in zip(*map(rows_of, tables), strict=True)]
     return (begin.join([b"", *rows]) + b"\n").removeprefix(b"\n")
 
 
-def _joined(values: NDArray[Any], between: bytes) -> bytes:
-    """Spell the rows of a table that has some, with spaces between the numbers and some text between the rows."""
+def _spelled(values: NDArray[Any], between: bytes) -> bytes:
+    """Spell the rows of a table that has some, with spaces between the numbers and a line break between the rows."""
     native = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
-    rows = orjson.dumps(native, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # between [[ and ]]
-    return rows.replace(b"],[", between).replace(b",", b" ")
+    text = orjson.dumps(native, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # between [[ and ]]
+    text = text.replace(b"],[", between).replace(b",", b" ")
+    beyond = np.flatnonzero(_beyond(values).any(axis=1))
+    if len(beyond):
+        rows = text.split(between)
+        for row in beyond.tolist():
+            rows[row] = b" ".join(map(_word, values[row]))
+        text = between.join(rows)
+    return text
 
 
 def _beyond(values: NDArray[Any]) -> NDArray[np.bool_]:

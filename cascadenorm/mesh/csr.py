@@ -1,6 +1,6 @@
 """Compressed sparse rows: lists of unequal length, one after the other in one array."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,11 @@ class Csr(NamedTuple):
 
     indptr: NDArray[np.int64]
     indices: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, matrix: Any) -> "Csr":
+        """Return the pattern of a scipy matrix, whose data are the values in this order."""
+        return cls(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
 
     def row(self, i: int) -> NDArray[np.int32]:
         """Return the entries of row i."""

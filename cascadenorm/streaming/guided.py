@@ -53,7 +53,7 @@ def _denoised(passes: Passes, given: Mapping[str, Any]) -> Callable[[View], Vect
         edge, distance = _lengths(passes, f"{name} lengths", before)
         radius = 2 * distance if radius is None else radius
         spread, facts = distance if given["sigma_s"] is None else given["sigma_s"], {"mean_edge_length": edge}
-        normals = passes.store.face_layer(f"{name}_normals".replace(" ", "_"), np.dtype(("f8", (3,))))
+        normals = passes.normals(name)
         average = partial(_average, before, normals, chosen, radius=radius, sigma_s=spread, facts=facts)
         passes.run(f"{name} normals", RINGS, average, FILTER)
         last = swept(passes, name, before, normals, sweeps=given["sweeps"], facts=facts)
@@ -83,12 +83,11 @@ def _lengths(passes: Passes, name: str, positions: Layer | None) -> tuple[float,
     """Return the mean edge length, and the mean distance of centroids of faces at an edge relative to it."""
 
     def measure(view: View) -> Found:
-        mesh, part = view.mesh_at(positions), view.part
-        ends = mesh.vertices[mesh.topology.edges[part.edges]]
-        distances = centroid_distances(mesh)[part.interior_edges]
+        mesh = view.mesh_at(positions)
+        lengths, distances = view.edge_lengths(mesh), centroid_distances(mesh)[view.part.interior_edges]
         return {
-            "lengths": np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum(),
-            "edges": np.array(len(ends)),
+            "lengths": lengths.sum(),
+            "edges": np.array(len(lengths)),
             "distances": distances.sum(),
             "pairs": np.array(len(distances)),
         }

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from cascadenorm.controls.halo import as_part
 from cascadenorm.geometry.parts import Found, Measure, Part
 from cascadenorm.io.atomic import write_atomically
-from cascadenorm.mesh import Ints, Mesh, Vectors
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors
 from cascadenorm.progress import Listener
 from cascadenorm.streaming.components import write_components
 from cascadenorm.streaming.layers import Layer
 from cascadenorm.streaming.store import Store, StoredPatch
 
-POSITION = np.dtype(("f8", (3,)))
+VECTOR = np.dtype(("f8", (3,)))
 
 
 class TooNarrow(Exception):
@@ -75,6 +75,11 @@ class View:
     def mesh_at(self, positions: Layer | None, **facts: float) -> Mesh:
         """Return the mesh with other positions, and facts about the whole with these; None: as it was given."""
         return self.mesh.moved(self.vertices(positions)).with_facts(**facts)
+
+    def edge_lengths(self, mesh: Mesh) -> Floats:
+        """Return the lengths of the edges of the part in the mesh with some positions."""
+        ends = mesh.vertices[mesh.topology.edges[self.part.edges]]
+        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
 
     def vertices(self, positions: Layer | None) -> Vectors:
         """Return positions of its vertices, (k, 3); None: as they were given."""
@@ -182,6 +187,10 @@ class Passes:
                 rings *= 2
         return {}
 
+    def normals(self, name: str) -> Layer:
+        """Return normals of all faces, under a name."""
+        return self.store.face_layer(f"{name} normals".replace(" ", "_"), VECTOR)
+
     def positions(self, name: str) -> Layer:
         """Return positions of all vertices, in the frame, under a name."""
-        return self.store.vertex_layer(name.replace(" ", "_"), POSITION)
+        return self.store.vertex_layer(name.replace(" ", "_"), VECTOR)

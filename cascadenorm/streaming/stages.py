@@ -78,7 +78,7 @@ def _after_stage(
     """
     facts = _facts(passes, f"{name} facts", before)
     stack, sums = _stacks(passes, name, stage, before, start, facts)
-    normals = passes.store.face_layer(f"{name}_normals".replace(" ", "_"), np.dtype(("f8", (3,))))
+    normals = passes.normals(name)
 
     def regress(view: View) -> None:
         of_here = None if sums is None else ComponentSums(*(rows[view.components] for rows in sums))
@@ -132,9 +132,8 @@ def _facts(passes: Passes, name: str, positions: Layer | None) -> Facts:
 
         def measure(view: View) -> Found:
             mesh, part = view.mesh_at(positions), view.part
-            ends = mesh.vertices[mesh.topology.edges[part.edges]]
             view.keep_faces_once(areas, mesh.areas)
-            lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+            lengths = view.edge_lengths(mesh)
             return {
                 "length": lengths.sum(),
                 "edges": np.array(len(lengths)),

@@ -94,14 +94,15 @@ def denoise_large_file(
     of_vertex = STAGED_VERTEX if method in STAGED else VERTEX
     at_once = max(SMALLEST, (memory_size("memory", memory) - PROCESS) // of_vertex)
     target = check_patches(source, output, chosen, given, every, force=force)
-    folder = _folder(target, _key(Path(source), chosen, given, every))
+    steps = STAGED[method](chosen, given) if method in STAGED else None
+    folder = _folder(target, _key(Path(source), chosen, given, every, steps))
     start = time.perf_counter()
     with limit_threads(every["threads"]), one_blas_thread():
         store, rings = _gathered(
-            Path(source), folder, at_once, lambda groups: _rings(chosen, given, groups, every), method in STAGED
+            Path(source), folder, at_once, lambda groups: _rings(chosen, given, groups, every), steps is not None
         )
-        if method in STAGED:
-            _denoise_in_stages(store, folder, chosen, given, every)
+        if steps is not None:
+            _denoise_in_stages(store, folder, chosen, steps, every)
         else:
             _denoise_patches(store, folder, method, given, every, rings)
         moved = _joined(store, folder)
@@ -154,6 +155,8 @@ def check_patches(
                 parameter=name,
                 hint="leave it out, or denoise where the whole fits into memory",
             )
+    if method.name in STAGED:
+        STAGED[method.name](method, parameters)
     _rings(method, parameters, 1, controls)
     target = beside(Path(source), "denoised") if output is None else Path(output)
     check_output(target, force=force)
@@ -176,7 +179,6 @@ def _rings(method: Method, parameters: Mapping[str, Any], groups: int, controls:
     """
     if method.name not in STAGED:
         return check_local(method, parameters, groups, controls)
-    STAGED[method.name](method, parameters)
     check_local_controls(controls)
     return max(WIDTH, groups + 2)
 
@@ -222,13 +224,13 @@ def _patch_size(at_once: int, rings: int) -> int:
     return max(SMALLEST, int(width**2))
 
 
-def _key(source: Path, method: Method, parameters: Mapping[str, Any], controls: Controls) -> str:
+def _key(source: Path, method: Method, parameters: Mapping[str, Any], controls: Controls, steps: Steps | None) -> str:
     """Return a digest of all that patches depend on; the source counts by its size and time of change."""
     state = os.stat(source)
     settings = {**method.checked(parameters), **in_words(controls), "strength": controls["strength"]}
     parts = [cascadenorm.__version__, method.name, settings, state.st_size, state.st_mtime_ns, str(source.resolve())]
-    if method.name in STAGED:
-        parts.append(STAGED[method.name](method, parameters).weights)
+    if steps is not None:
+        parts.append(steps.weights)
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -263,11 +265,8 @@ def _denoise_patches(
     _write_patches(store, folder, rings, denoised, controls["progress"])
 
 
-def _denoise_in_stages(
-    store: Store, folder: Path, method: Method, parameters: Mapping[str, Any], controls: Controls
-) -> None:
+def _denoise_in_stages(store: Store, folder: Path, method: Method, steps: Steps, controls: Controls) -> None:
     """Do the passes of a method in stages, then move the vertices of each patch under the controls."""
-    steps = STAGED[method.name](method, parameters)
     passes = Passes(store, folder, controls["progress"], steps.cost)
     place = steps.take(passes)
 
