@@ -77,7 +77,7 @@ def bilateral_normals(
     rings = mesh.topology.face_rings(ring)
     weights = spatial_weights(mesh, rings, sigma_s)
     own = mesh.areas if center == "count" else np.zeros_like(mesh.areas)
-    normals = mesh.normals
+    normals = mesh.face_normals
     for _ in track(iterations):
         normals = joint_bilateral_pass(normals, normals, own, rings, weights, sigma_r)
     return normals

@@ -62,9 +62,9 @@ def global_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, fidelity: floa
 
     diagonal = (1 - fidelity) * (difference.multiply(difference).T @ areas) + fidelity * areas
     system = LinearOperator((len(areas), len(areas)), apply, dtype=np.float64)
-    right = fidelity * areas[:, None] * mesh.normals
+    right = fidelity * areas[:, None] * mesh.face_normals
     solution = solve_preconditioned(system, right, lambda residual: residual / diagonal)
-    return unit(solution, otherwise=mesh.normals)
+    return unit(solution, otherwise=mesh.face_normals)
 
 
 def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
@@ -76,7 +76,7 @@ def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
     weights = spatial_weights(mesh, rings, sigma_s)
     count = len(mesh.faces)
     own = np.empty(count)
-    parallel_for(count, _to_difference, mesh.normals, rings, 0.5 / sigma_r**2, weights, own)
+    parallel_for(count, _to_difference, mesh.face_normals, rings, 0.5 / sigma_r**2, weights, own)
     means = sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
     return sparse.csr_array(sparse.diags_array(own) + means)
 

@@ -78,7 +78,7 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
     near = within(mesh.vertices, radii, mesh.centroids, topology.face_rings(1), topology.vertex_faces)
     mollified = np.empty_like(mesh.vertices)
     parallel_for(count, _centroid_means, mesh.vertices, mesh.centroids, mesh.areas, 0.5 * spread, near, mollified)
-    normals = mesh.moved(mollified).normals
+    normals = mesh.moved(mollified).face_normals
     out = np.empty_like(mesh.vertices)
     parallel_for(
         count, _projection_means, mesh.vertices, mesh.centroids, mesh.areas, normals, spread, sigma_g * edge, near, out
@@ -88,7 +88,7 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
 
 def vertex_normals(mesh: Mesh) -> Vectors:
     """Return (n, 3) the normalised sum of the unit normals of the faces around each vertex; zero where they cancel."""
-    return unit(mesh.sums_around(mesh.normals))
+    return unit(mesh.sums_around(mesh.face_normals))
 
 
 def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:

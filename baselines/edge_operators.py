@@ -47,7 +47,7 @@ def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: Edg
 
 def mean_dihedral(mesh: Mesh) -> float:
     """Mean angle in radians between the normals of the faces at an edge, unsigned, over the edges with two faces."""
-    angles = angles_between(*np.moveaxis(mesh.normals[mesh.topology.face_pairs], 1, 0))
+    angles = angles_between(*np.moveaxis(mesh.face_normals[mesh.topology.face_pairs], 1, 0))
     return float(angles.mean()) if len(angles) else 0.0
 
 

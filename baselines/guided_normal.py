@@ -102,7 +102,7 @@ def guided_normals(mesh: Mesh, neighbors: Csr, chosen: GuidedFilter, *, sigma_s:
     """Return (m, 3) the normals after one pass over the neighbours of each face; sigma_s in mean edge lengths."""
     guide = patch_guidance(mesh) if chosen.guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)
     weights = spatial_weights(mesh, neighbors, sigma_s)
-    return joint_bilateral_pass(mesh.normals, guide, mesh.areas, neighbors, weights, chosen.sigma_r)
+    return joint_bilateral_pass(mesh.face_normals, guide, mesh.areas, neighbors, weights, chosen.sigma_r)
 
 
 def centroid_distance(mesh: Mesh) -> float:
@@ -129,7 +129,7 @@ def faces_within(mesh: Mesh, radius: float) -> Csr:
 def gaussian_guidance(mesh: Mesh, neighbors: Csr, sigma_s: float) -> Vectors:
     """Return (m, 3) the mean normal around each face, weighted by area and a Gaussian of the distance."""
     weights = spatial_weights(mesh, neighbors, sigma_s)
-    return joint_bilateral_pass(mesh.normals, mesh.normals, mesh.areas, neighbors, weights, np.inf)
+    return joint_bilateral_pass(mesh.face_normals, mesh.face_normals, mesh.areas, neighbors, weights, np.inf)
 
 
 def patch_guidance(mesh: Mesh) -> Vectors:
@@ -145,7 +145,7 @@ def patch_guidance(mesh: Mesh) -> Vectors:
     rings = mesh.topology.face_rings(1)
     inconsistency, means = patch_statistics(mesh, rings)
     guide = np.empty_like(means)
-    parallel_for(len(means), _choose_patch, inconsistency, means, mesh.normals, rings, guide)
+    parallel_for(len(means), _choose_patch, inconsistency, means, mesh.face_normals, rings, guide)
     return guide
 
 
@@ -154,7 +154,7 @@ def patch_statistics(mesh: Mesh, rings: Csr) -> tuple[Vectors, Vectors]:
     count = len(mesh.faces)
     inconsistency, means = np.empty(count), np.empty((count, 3))
     across = mesh.topology.faces_across
-    parallel_for(count, _patch_statistics, mesh.normals, mesh.areas, across, rings, inconsistency, means)
+    parallel_for(count, _patch_statistics, mesh.face_normals, mesh.areas, across, rings, inconsistency, means)
     return inconsistency, means
 
 

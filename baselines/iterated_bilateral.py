@@ -40,7 +40,7 @@ def iterated_bilateral_normals(
     rings, own, weights = _ring_weights(mesh)
     steepness = _range_steepness(sigma_r)
     assert len(steepness) == LANES
-    normals = np.repeat(mesh.normals.astype(np.float32)[:, :, None], LANES, axis=2)
+    normals = np.repeat(mesh.face_normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after = np.empty_like(normals)
     out = np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32) if out is None else out
     parallel_for(len(normals), _keep, normals[:, :, 0], out[:, 0])  # which is where the memory of `out` comes from

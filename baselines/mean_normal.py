@@ -55,7 +55,7 @@ def unilateral_normal(
     toward where faces are small.
     """
     rings = mesh.topology.face_rings(1)
-    normals = mesh.normals
+    normals = mesh.face_normals
     for _ in track(iterations):
         normals = unilateral_pass(normals, rings, threshold)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
@@ -87,7 +87,7 @@ def random_walk_normal(
     One σ_r serves the whole mesh, as in bilateral-normal. There are no weights of area or distance.
     """
     rings = mesh.topology.face_rings(1)
-    normals = mesh.normals
+    normals = mesh.face_normals
     for _ in track(iterations):
         normals = unit(walk_means(normals, rings, sigma_r=sigma_r, length=length), otherwise=normals)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)

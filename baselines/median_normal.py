@@ -33,7 +33,7 @@ def median_normal(
     ------
     The result is one of the noisy normals, so smooth surfaces keep a grain. It suits impulsive noise best.
     """
-    normals = mesh.normals
+    normals = mesh.face_normals
     for _ in track(iterations):
         normals = median_pass(mesh, normals, median=median)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)

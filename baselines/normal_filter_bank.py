@@ -46,8 +46,8 @@ def filtered_normals(
     guides = np.ascontiguousarray(guides)
     for first, neighbors in _neighbors(mesh, cutoff * max(sigma_s) * mesh.mean_edge_length, rings):
         parallel_for(
-            len(neighbors.counts), _filter_range, first, mesh.normals, guides, mesh.centroids, mesh.areas, neighbors,
-            spatial, spreads, 0.5 * farthest**2, out,
+            len(neighbors.counts), _filter_range, first, mesh.face_normals, guides, mesh.centroids, mesh.areas,
+            neighbors, spatial, spreads, 0.5 * farthest**2, out,
         )  # fmt: skip
     return out
 

@@ -115,6 +115,6 @@ def area_gradient(mesh: Mesh, weights: NDArray[np.float64]) -> Vectors:
     edges, face_edges = mesh.topology.edges, mesh.topology.face_edges
     corners = mesh.corners
     sides = np.roll(corners, -1, axis=1) - corners
-    inward = np.cross(mesh.normals[:, None], sides).reshape(-1, 3)  # in the face, as long as the side
+    inward = np.cross(mesh.face_normals[:, None], sides).reshape(-1, 3)  # in the face, as long as the side
     pulls = -0.5 * (weights[:, None] * scatter_add(face_edges.ravel(), inward, len(edges)))
     return scatter_add(edges.ravel(), np.repeat(pulls, 2, axis=0), len(mesh.vertices))

@@ -111,4 +111,4 @@ def _averaged(
     # few iterations are needed where the steps are mild; else a solver that prepares the matrix pays
     mild = 2 * time * float((sums / areas).max(initial=0.0)) < MILD
     solve = partial(solve_once, matrix) if mild else solver(matrix, mesh.centroids)
-    return unit(solve(areas[:, None] * solve(areas[:, None] * mesh.normals)), otherwise=mesh.normals)
+    return unit(solve(areas[:, None] * solve(areas[:, None] * mesh.face_normals)), otherwise=mesh.face_normals)

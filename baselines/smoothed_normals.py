@@ -41,7 +41,7 @@ def smoothed_normals(
         parallel_for(len(positions), _smooth_range, positions, directions, neighbors, spread, after)
         positions, after = after, positions
         if done in passes:
-            parallel_for(len(out), _normal_range, positions, mesh.faces, mesh.normals, out[:, passes.index(done)])
+            parallel_for(len(out), _normal_range, positions, mesh.faces, mesh.face_normals, out[:, passes.index(done)])
     return out
 
 

@@ -54,7 +54,7 @@ def tv_normal(
     Smooth curved surfaces become patches of constant normals, the stairs of total variation. Contrast shrinks with each
     minimisation.
     """
-    variation, normals = TotalVariation(mesh, fidelity=fidelity), mesh.normals
+    variation, normals = TotalVariation(mesh, fidelity=fidelity), mesh.face_normals
     for _ in track(iterations):
         normals = unit(variation.least(normals, rounds=rounds).values, otherwise=normals)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)

@@ -97,7 +97,7 @@ def angle(cascade: Cascade, pair: tuple[Mesh, Vectors]) -> float:
     noisy, normals = pair
     known = normals.any(axis=1)
     denoised = noisy.moved(cascade.vertices(noisy))
-    return float(np.degrees(angles_between(denoised.normals[known], normals[known]).mean()))
+    return float(np.degrees(angles_between(denoised.face_normals[known], normals[known]).mean()))
 
 
 def measured_on(folder: Path, data: DatasetConfig, unseen: int) -> Sets:
@@ -105,7 +105,7 @@ def measured_on(folder: Path, data: DatasetConfig, unseen: int) -> Sets:
     measured = {family for families in KINDS.values() for family in families}
     shapes = tuple(family for family in data.families if family not in measured)
     return {
-        "public models": [(as_mesh(pair.noisy), as_mesh(pair.clean).normals) for pair in find_pairs([folder])],
+        "public models": [(as_mesh(pair.noisy), as_mesh(pair.clean).face_normals) for pair in find_pairs([folder])],
         "independent noise": generated(data, unseen, families=shapes, noise_kinds=("normal", "gaussian", "uniform")),
         "correlated error": generated(data, unseen, families=shapes, noise_kinds=("correlated",)),
         **{

@@ -27,7 +27,7 @@ def boundary_error(mesh: Mesh) -> float:
 def sharp_edges(mesh: Mesh) -> np.ndarray:
     """(k, 2) vertices of the edges of a cube."""
     pairs = mesh.topology.edge_faces.indices.reshape(-1, 2)
-    return mesh.topology.edges[(mesh.normals[pairs[:, 0]] * mesh.normals[pairs[:, 1]]).sum(axis=1) < 0.5]
+    return mesh.topology.edges[(mesh.face_normals[pairs[:, 0]] * mesh.face_normals[pairs[:, 1]]).sum(axis=1) < 0.5]
 
 
 def main() -> None:

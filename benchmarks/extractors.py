@@ -133,8 +133,8 @@ def measured(field: Field, made: pyvista.PolyData, origin: NDArray[np.float64], 
 
 def angle(mesh: Mesh, normals: NDArray[np.float64]) -> float:
     """Mean angle by area to the true normals that are known, in degrees."""
-    known = normals.any(axis=1) & mesh.normals.any(axis=1)
-    angles = angles_between(mesh.normals[known], normals[known])
+    known = normals.any(axis=1) & mesh.face_normals.any(axis=1)
+    angles = angles_between(mesh.face_normals[known], normals[known])
     return float(np.degrees(np.average(angles, weights=mesh.areas[known])))
 
 

@@ -107,7 +107,7 @@ def stl_lines(mesh: Mesh) -> list[str]:
     """Spell STL as most programs do."""
     lines = ["solid mesh\n"]
     facet = " facet normal {:e} {:e} {:e}\n  outer loop\n" + "   vertex {:e} {:e} {:e}\n" * 3 + "  endloop\n endfacet\n"
-    rows = np.column_stack([mesh.normals, mesh.corners.reshape(-1, 9)])
+    rows = np.column_stack([mesh.face_normals, mesh.corners.reshape(-1, 9)])
     return [*lines, *(facet.format(*row) for row in rows.tolist()), "endsolid mesh\n"]
 
 

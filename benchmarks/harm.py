@@ -58,7 +58,7 @@ def meshes(folder: Path | None, parts: int, *, seed: int) -> Iterator[tuple[str,
 
 def harm(before: Mesh, after: Mesh) -> tuple[float, float, int, float]:
     """Mean angle in degrees, largest displacement in per cent of the diagonal, flipped faces, per cent of volume."""
-    angles = np.degrees(angles_between(before.normals, after.normals))
+    angles = np.degrees(angles_between(before.face_normals, after.face_normals))
     moved = np.linalg.norm(after.vertices - before.vertices, axis=1).max() / before.diagonal
     volumes = [float(np.einsum("ij,ij->", mesh.centroids, mesh.area_vectors)) / 3 for mesh in (before, after)]
     change = 100 * (volumes[1] / volumes[0] - 1) if volumes[0] else 0.0

@@ -53,12 +53,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return field(bilateral[:, number].astype(np.float64))
 
     def off(mesh):  # type: ignore[no-untyped-def]
-        return f"{np.degrees(angles_between(mesh.normals, clean.normals)).mean():.1f}°"
+        return f"{np.degrees(angles_between(mesh.face_normals, clean.face_normals)).mean():.1f}°"
 
     rows = [
         [
             (f"noisy mesh: {off(noisy)}", render(noisy, view=view, size=PANEL)),
-            ("face normals", field(noisy.normals)),
+            ("face normals", field(noisy.face_normals)),
             ("narrow bilateral filter", filtered(1.0, 0.2)),
             ("wide bilateral filter", filtered(2.0, 0.5)),
         ],

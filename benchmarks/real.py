@@ -64,9 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def errors(mesh: Mesh, truth: Mesh, surface: Surface, *, edge: float) -> tuple[float, float]:
     """Mean angle, by area, to the true faces nearest to the centroids, degrees; RMS distance of vertices, in edges."""
-    theirs = truth.normals[surface.nearest(mesh.centroids).faces]
-    known = mesh.normals.any(axis=1) & theirs.any(axis=1)
-    angle = np.degrees(np.average(angles_between(mesh.normals[known], theirs[known]), weights=mesh.areas[known]))
+    theirs = truth.face_normals[surface.nearest(mesh.centroids).faces]
+    known = mesh.face_normals.any(axis=1) & theirs.any(axis=1)
+    angle = np.degrees(np.average(angles_between(mesh.face_normals[known], theirs[known]), weights=mesh.areas[known]))
     distances = surface.nearest(mesh.vertices[mesh.topology.used_vertices]).distances
     return float(angle), float(np.sqrt(np.mean(distances**2)) / edge)
 

@@ -95,7 +95,7 @@ def _guided_normal_same_update(mesh: Mesh, parameters: Parameters) -> Vectors:
     for _ in range(settings["iterations"]):
         weights = spatial_weights(mesh, near, parameters["Multiple(* sigma_s)"] * centroid_distance(mesh))
         guide = patch_guidance(mesh)
-        normals = joint_bilateral_pass(mesh.normals, guide, mesh.areas, near, weights, settings["sigma_r"])
+        normals = joint_bilateral_pass(mesh.face_normals, guide, mesh.areas, near, weights, settings["sigma_r"])
         mesh = mesh.moved(simultaneous_update(mesh, normals, settings["sweeps"]))
     return mesh.vertices
 

@@ -79,7 +79,7 @@ def of_pyvista() -> list[Case]:
     mesh.point_data["rgba"] = COLORS
     mesh.active_texture_coordinates = UV
     normals = cn.Mesh(VERTICES, FACES)
-    mesh.point_data["Normals"], mesh.cell_data["Normals"] = normals.vertex_normals, normals.normals
+    mesh.point_data["Normals"], mesh.cell_data["Normals"] = normals.vertex_normals, normals.face_normals
     attributes = {
         "point data": lambda mesh: mesh.point_data["value"],
         "cell data": lambda mesh: mesh.cell_data["value"],
@@ -127,7 +127,7 @@ def of_meshio() -> list[Case]:
         VERTICES,
         [("triangle", FACES), ("line", [[0, 1], [1, 2]])],
         point_data={"value": VALUES, "Normals": shape.vertex_normals},
-        cell_data={"value": [FACE_VALUES, np.zeros(2)], "Normals": [shape.normals, np.zeros((2, 3))]},
+        cell_data={"value": [FACE_VALUES, np.zeros(2)], "Normals": [shape.face_normals, np.zeros((2, 3))]},
         field_data={"steel": np.array([1, 2])},
         point_sets={"left": [0, 1, 2]},
         cell_sets={"upper": [np.array([0, 1]), np.array([], int)]},
@@ -191,7 +191,7 @@ def row(cases: list[Case]) -> tuple[list[str], list[str], list[str]]:
             (kept if _same(read, case.mesh, after) else lost).append(name)
         for name, read in case.normals.items():
             values = np.asarray(read(after))
-            true = moved.normals if len(values) == M else moved.vertex_normals
+            true = moved.face_normals if len(values) == M else moved.vertex_normals
             near = len(values) == len(true) and np.einsum("ij,ij->i", values, true).min() > 0.99
             (renewed if near and not _same(read, case.mesh, after) else lost).append(name)
     return kept, renewed, lost

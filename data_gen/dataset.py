@@ -178,7 +178,7 @@ def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:
 
 def _disturbed(clean: Mesh, family: str, kind: NoiseKind, level: float, *, rng: np.random.Generator) -> Pair:
     noisy = clean.moved(clean.vertices + displacements(clean, kind, level=level, rng=rng))
-    return Pair(noisy, clean, clean.normals, family, kind, level)
+    return Pair(noisy, clean, clean.face_normals, family, kind, level)
 
 
 def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, workers: int = 1) -> Iterator[Pair]:

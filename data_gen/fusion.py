@@ -59,9 +59,9 @@ def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.ran
     noisy = _meshed(_distances(images, nodes, truncation=truncation, smooth=smooth), nodes, spacing)
     clean = noisy.moved(projected(field, noisy.vertices, size=spacing, reach=np.inf, steps=6))
     true = unit(gradients(field, clean.centroids, step=1e-3 * spacing))
-    if angles_between(clean.normals, true).mean() > FOLDED:
+    if angles_between(clean.face_normals, true).mean() > FOLDED:
         raise UnfitShapeError("the clean mesh is not that of the shape")
-    return Measured(noisy, clean, clean.normals)
+    return Measured(noisy, clean, clean.face_normals)
 
 
 def _tilt(spread: float, *, rng: np.random.Generator) -> Vectors:

@@ -25,7 +25,7 @@ class Measured(NamedTuple):
     @classmethod
     def on_surface(cls, noisy: Mesh, clean: Mesh) -> "Measured":
         """Pair meshes of which each face of the clean one is the truth of the noisy one's."""
-        return cls(noisy, clean, clean.normals)
+        return cls(noisy, clean, clean.face_normals)
 
 
 def beneath(field: Field, noisy: Mesh, *, cell: float) -> Measured:

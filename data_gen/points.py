@@ -69,7 +69,7 @@ def sampled_points(
     two of (n, 3) : points, and unit normals that err by up to some 20 degrees
     """
     axis = direction(rng=rng)
-    density = np.exp(float(rng.uniform(0, 1.2)) * (rough.normals @ axis))  # one side is seen better
+    density = np.exp(float(rng.uniform(0, 1.2)) * (rough.face_normals @ axis))  # one side is seen better
     weights = rough.areas * density
     face = rng.choice(len(weights), count, p=weights / weights.sum())
     weight = rng.dirichlet(np.ones(3), count)

@@ -56,7 +56,7 @@ def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np
         mend(half_edges)
         mesh = mesh_of(half_edges)
     fit(mesh)
-    agreement = np.einsum("ij,ij->i", field_normals(field, mesh), mesh.normals)
+    agreement = np.einsum("ij,ij->i", field_normals(field, mesh), mesh.face_normals)
     if np.mean(agreement < (0.5 if sharp else -0.2)) > ASTRAY:
         raise UnfitShapeError("too many faces do not follow the surface, which has features finer than the mesh")
     return mesh
@@ -93,7 +93,7 @@ def creases_of(field: Field, mesh: Mesh) -> NDArray[np.bool_]:
     So a narrow fillet is none, however much the mesh bends there.
     """
     inner, pairs = mesh.topology.interior_edges, mesh.topology.face_pairs.T
-    bends = np.einsum("ij,ij->i", *mesh.normals[pairs]) < np.cos(0.5 * JUMP)
+    bends = np.einsum("ij,ij->i", *mesh.face_normals[pairs]) < np.cos(0.5 * JUMP)
     edges, pairs = inner[bends], pairs[:, bends]
     middle = mesh.vertices[mesh.topology.edges[edges]].mean(axis=1)
     spacing = mesh.mean_edge_length

@@ -15,7 +15,7 @@ def length(vectors):
 
 
 def joint_bilateral_pass(mesh: Mesh, guide, neighbors: Csr, *, sigma_s, sigma_r, count_self):
-    n, c, a = mesh.normals, mesh.centroids, mesh.areas
+    n, c, a = mesh.face_normals, mesh.centroids, mesh.areas
     out = n.copy()
     for f in range(len(n)):
         g = np.append(neighbors.row(f), f) if count_self else neighbors.row(f)
@@ -29,7 +29,7 @@ def joint_bilateral_pass(mesh: Mesh, guide, neighbors: Csr, *, sigma_s, sigma_r,
 
 
 def patch_statistics(mesh: Mesh, rings: Csr):
-    n, a = mesh.normals, mesh.areas
+    n, a = mesh.face_normals, mesh.areas
     pairs = [faces for faces in map(mesh.topology.edge_faces.row, range(len(mesh.topology.edges))) if len(faces) == 2]
     inconsistency, means = np.empty(len(n)), np.empty_like(n)
     for f in range(len(n)):
@@ -105,7 +105,7 @@ def walk_matrix(n, rings: Csr, sigma_r):
 
 
 def median_pass(mesh: Mesh, rings: Csr, median):
-    n, a = mesh.normals, mesh.areas
+    n, a = mesh.face_normals, mesh.areas
     out = np.empty_like(n)
     for f in range(len(n)):
         g = np.append(f, rings.row(f))
@@ -119,7 +119,7 @@ def median_pass(mesh: Mesh, rings: Csr, median):
 
 
 def bilateral_difference(mesh: Mesh, rings: Csr, *, sigma_s, sigma_r):
-    n, c, a = mesh.normals, mesh.centroids, mesh.areas
+    n, c, a = mesh.face_normals, mesh.centroids, mesh.areas
     matrix = np.eye(len(n))
     for f in range(len(n)):
         g = rings.row(f)
@@ -133,7 +133,7 @@ def fleishman_step(mesh: Mesh):
     p = mesh.vertices
     out = p.copy()
     for i in range(len(p)):
-        n = unit(mesh.normals[mesh.topology.vertex_faces.row(i)].sum(axis=0))
+        n = unit(mesh.face_normals[mesh.topology.vertex_faces.row(i)].sum(axis=0))
         spread = length(p[mesh.topology.vertex_neighbors.row(i)] - p[i]).min()
         near, queue = {i}, [i]
         while queue:
@@ -153,7 +153,7 @@ def jones(mesh: Mesh, *, sigma_f, sigma_g):
     distance = length(p[:, None] - c)
     near = distance <= 2 * sigma_f * edge
     w = near * a * gauss(distance, 0.5 * sigma_f * edge)
-    n = mesh.moved(w @ c / w.sum(axis=1, keepdims=True)).normals
+    n = mesh.moved(w @ c / w.sum(axis=1, keepdims=True)).face_normals
     height = np.einsum("ifd,fd->if", c - p[:, None], n)
     w = near * a * gauss(distance, sigma_f * edge) * gauss(height, sigma_g * edge)
     return p + (w * height) @ n / w.sum(axis=1, keepdims=True)

@@ -54,7 +54,7 @@ def noisy(mesh: Mesh, level: float, *, seed: int = 0) -> Mesh:
 
 def mean_angle(mesh: Mesh, true: Mesh) -> float:
     """Mean angle between the normals of the same faces of two meshes, in degrees."""
-    return float(np.degrees(np.arccos(np.clip((mesh.normals * true.normals).sum(axis=1), -1, 1))).mean())
+    return float(np.degrees(np.arccos(np.clip((mesh.face_normals * true.face_normals).sum(axis=1), -1, 1))).mean())
 
 
 def signed_volume(mesh: Mesh) -> float:

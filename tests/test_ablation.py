@@ -23,7 +23,7 @@ TINY = TrainConfig(
     fit=Fit(hidden=(4,), epochs=1),
     data=DatasetConfig(count=2, families=("smooth",), min_faces=1200, max_faces=1250),
 )
-SETS = {"balls": [(noisy(icosphere(2), 0.2), icosphere(2).normals)]}
+SETS = {"balls": [(noisy(icosphere(2), 0.2), icosphere(2).face_normals)]}
 
 
 def test_the_ladder_leads_from_the_paper_to_auto_on_the_same_data():
@@ -45,7 +45,7 @@ def test_each_kind_of_error_is_measured_by_the_true_normals(tmp_path):
     assert all(len(found) >= 1 for found in sets.values())
     mesh, normals = sets["segmentations"][0]
     assert normals.shape == (len(mesh.faces), 3)
-    assert not np.allclose(normals, mesh.normals)
+    assert not np.allclose(normals, mesh.face_normals)
 
 
 class Interrupted(Exception):

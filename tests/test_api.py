@@ -288,14 +288,14 @@ def test_normals_of_meshio_are_renewed():
         BALL.vertices,
         [("triangle", BALL.faces[:100]), ("vertex", [[3]]), ("triangle", BALL.faces[100:])],
         point_data={"Normals": -normals, **dict(zip(names, normals.T, strict=True))},
-        cell_data={"Normals": [BALL.normals[:100], np.ones((1, 3)), BALL.normals[100:]]},
+        cell_data={"Normals": [BALL.face_normals[:100], np.ones((1, 3)), BALL.face_normals[100:]]},
     )
     out = cn.denoise(mesh, **METHOD)
     expected = cn.denoise(BALL, **METHOD)
     np.testing.assert_allclose(out.point_data["Normals"], -expected.vertex_normals, atol=1e-6)
     np.testing.assert_allclose(np.stack([out.point_data[n] for n in names], 1), expected.vertex_normals, atol=1e-6)
     first, other, last = out.cell_data["Normals"]
-    np.testing.assert_allclose(np.concatenate([first, last]), expected.normals, atol=1e-12)
+    np.testing.assert_allclose(np.concatenate([first, last]), expected.face_normals, atol=1e-12)
     np.testing.assert_array_equal(other, np.ones((1, 3)))
     np.testing.assert_array_equal(mesh.point_data["nx"], normals[:, 0])
 

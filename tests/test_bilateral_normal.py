@@ -17,15 +17,15 @@ def test_a_pass_equals_its_formula(sigma_r, sigma_s, ring, center):
     ours = bilateral_normals(ROUGH, sigma_s=sigma_s, sigma_r=sigma_r, iterations=1, ring=ring, center=center)
     rings = ROUGH.topology.face_rings(ring)
     expected = reference.joint_bilateral_pass(
-        ROUGH, ROUGH.normals, rings, sigma_s=sigma_s, sigma_r=sigma_r, count_self=center == "count"
+        ROUGH, ROUGH.face_normals, rings, sigma_s=sigma_s, sigma_r=sigma_r, count_self=center == "count"
     )
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-12)
 
 
 def test_range_weight_is_taken_on_the_guide():
-    guide = unit(np.random.default_rng(1).normal(size=ROUGH.normals.shape))
+    guide = unit(np.random.default_rng(1).normal(size=ROUGH.face_normals.shape))
     rings = ROUGH.topology.face_rings(1)
-    ours = joint_bilateral_pass(ROUGH.normals, guide, ROUGH.areas, rings, spatial_weights(ROUGH, rings, 1.0), 0.4)
+    ours = joint_bilateral_pass(ROUGH.face_normals, guide, ROUGH.areas, rings, spatial_weights(ROUGH, rings, 1.0), 0.4)
     expected = reference.joint_bilateral_pass(ROUGH, guide, rings, sigma_s=1.0, sigma_r=0.4, count_self=True)
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-12)
 
@@ -40,17 +40,17 @@ def test_without_range_weight_it_is_the_gaussian_mean():
 def test_narrow_range_keeps_what_differs():
     clean = cube(4)
     np.testing.assert_allclose(
-        bilateral_normals(clean, sigma_s=1, sigma_r=0.1, iterations=20), clean.normals, atol=1e-12
+        bilateral_normals(clean, sigma_s=1, sigma_r=0.1, iterations=20), clean.face_normals, atol=1e-12
     )
     wide = bilateral_normals(clean, sigma_s=1, sigma_r=2.0, iterations=20)
-    assert np.linalg.norm(wide - clean.normals, axis=1).mean() > 0.1
+    assert np.linalg.norm(wide - clean.face_normals, axis=1).mean() > 0.1
 
 
 def test_no_iterations_keep_the_normals_and_lonely_faces_their_own():
-    np.testing.assert_array_equal(bilateral_normals(ROUGH, sigma_s=1, sigma_r=0.3, iterations=0), ROUGH.normals)
+    np.testing.assert_array_equal(bilateral_normals(ROUGH, sigma_s=1, sigma_r=0.3, iterations=0), ROUGH.face_normals)
     triangles = Mesh(np.random.default_rng(0).normal(size=(6, 3)), [(0, 1, 2), (3, 4, 5)])
     alone = bilateral_normals(triangles, sigma_s=1, sigma_r=0.3, iterations=3)
-    np.testing.assert_array_equal(alone, triangles.normals)
+    np.testing.assert_array_equal(alone, triangles.face_normals)
 
 
 def test_faces_without_area_weigh_nothing():

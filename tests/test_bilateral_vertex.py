@@ -50,7 +50,7 @@ def test_spreads_given_in_mean_edges_are_used():
 
 
 def error(clean, vertices):
-    return np.linalg.norm(clean.moved(vertices).normals - clean.normals, axis=1).mean()
+    return np.linalg.norm(clean.moved(vertices).face_normals - clean.face_normals, axis=1).mean()
 
 
 def test_noise_goes():

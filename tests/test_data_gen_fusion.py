@@ -32,7 +32,7 @@ def test_the_clean_mesh_is_the_surface_beneath_the_noisy_one():
         np.testing.assert_array_equal(noisy.faces, clean.faces)
         np.testing.assert_allclose(np.linalg.norm(clean.vertices, axis=1), 1, atol=1e-6)
         np.testing.assert_allclose(np.cross(noisy.vertices, clean.vertices), 0, atol=1e-5)
-        assert np.median((noisy.normals * noisy.centroids).sum(axis=1)) > 0.9  # outward
+        assert np.median((noisy.face_normals * noisy.centroids).sum(axis=1)) > 0.9  # outward
         sizes.append(len(clean.faces))
         seen.append(clean.area / (4 * np.pi))
     assert 0.6 * 4000 < np.median(sizes) < 1.6 * 4000

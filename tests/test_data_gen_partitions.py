@@ -38,7 +38,7 @@ def test_walls_that_reach_the_border_end_there():
     found = label_nets(volume)
     np.testing.assert_array_equal(found.mesh.vertices[:, 0], 1.5)
     np.testing.assert_array_equal(found.labels, np.tile([1, 2], (len(found.labels), 1)))
-    np.testing.assert_allclose(found.mesh.normals, np.tile([1.0, 0, 0], (len(found.labels), 1)))
+    np.testing.assert_allclose(found.mesh.face_normals, np.tile([1.0, 0, 0], (len(found.labels), 1)))
 
 
 def test_normals_are_those_of_sphere_and_plane():

@@ -47,7 +47,7 @@ def test_noisier_points_make_larger_bumps():
     for level in (0.02, 1.0):
         rng = np.random.default_rng(2)
         made = reconstruction(BALL, extent_of(BALL, rng=rng), faces=5000, level=level, rng=rng)
-        errors.append(np.degrees(angles_between(made.noisy.normals, made.normals)).mean())
+        errors.append(np.degrees(angles_between(made.noisy.face_normals, made.normals)).mean())
     assert errors[1] > 1.5 * errors[0]
 
 

@@ -49,7 +49,7 @@ def test_dual_contouring_of_a_cube_has_six_flat_sides_and_straight_edges(jitter)
     assert on_sides.any(axis=1).mean() > 0.99  # all vertices are on a side
     assert np.abs(CUBE(mesh.vertices)).max() < 0.02
     assert mesh.volume == pytest.approx(8 * HALF.prod(), rel=2e-4)
-    sides = np.abs(mesh.normals @ TURN).max(axis=1)
+    sides = np.abs(mesh.face_normals @ TURN).max(axis=1)
     assert mesh.areas[sides > 1 - 1e-9].sum() > 0.99 * mesh.area  # and nearly all the area is flat
     on_edges = on_sides.sum(axis=1) == 2
     length = 8 * HALF.sum()
@@ -152,7 +152,7 @@ def test_a_view_is_what_is_seen_from_one_side():
         np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, atol=2e-3)
         toward = unit(mesh.area_vectors.sum(axis=0)[None])[0]
         assert (mesh.vertices @ toward).min() > -0.05
-        assert (mesh.normals * mesh.centroids).sum(axis=1).min() > 0.9
+        assert (mesh.face_normals * mesh.centroids).sum(axis=1).min() > 0.9
 
 
 def test_an_empty_shape_is_unfit():

@@ -63,7 +63,7 @@ def test_a_tomogram_errs_with_its_grain():
     for level in (0.02, 0.9):
         made = measured(tomogram, BOX, seed=3, level=level)
         known = made.normals.any(axis=1)
-        errors.append(np.degrees(angles_between(made.noisy.normals[known], made.normals[known])).mean())
+        errors.append(np.degrees(angles_between(made.noisy.face_normals[known], made.normals[known])).mean())
     assert errors[1] > errors[0] + 3
 
 
@@ -94,7 +94,7 @@ def test_surface_nets_are_exact_on_a_plane_of_grey_values():
     inner = np.linalg.norm(mesh.vertices - 5.5, axis=1) < 2.5
     assert inner.sum() > 10
     np.testing.assert_allclose(level[inner], 0, atol=1e-12)
-    assert (mesh.normals[np.isin(mesh.faces, np.flatnonzero(inner)).all(axis=1)] @ normal > 0).all()
+    assert (mesh.face_normals[np.isin(mesh.faces, np.flatnonzero(inner)).all(axis=1)] @ normal > 0).all()
 
 
 def test_volumes_without_a_surface_are_refused():

@@ -128,7 +128,7 @@ def test_wrong_lengths_are_refused_with_a_reason():
 def roughness(mesh: Mesh) -> float:
     """Mean angle between the normals of adjacent faces, in degrees."""
     first, second = mesh.topology.face_pairs.T
-    return float(np.degrees(angles_between(mesh.normals[first], mesh.normals[second])).mean())
+    return float(np.degrees(angles_between(mesh.face_normals[first], mesh.face_normals[second])).mean())
 
 
 def bumps(mesh: Mesh, seed: int) -> Mesh:

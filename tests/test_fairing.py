@@ -107,7 +107,9 @@ def test_blend_rounds_the_edges_of_a_cube_and_nothing_else():
     away = ~grown(box, seam, rings=2)
     assert (moved[away] == box.vertices[away]).all()
     turn = [
-        np.linalg.norm(np.diff(mesh.normals[mesh.topology.edge_faces.indices.reshape(-1, 2)], axis=1), axis=2).max()
+        np.linalg.norm(
+            np.diff(mesh.face_normals[mesh.topology.edge_faces.indices.reshape(-1, 2)], axis=1), axis=2
+        ).max()
         for mesh in (box, box.moved(moved))
     ]
     assert turn[1] < 0.75 * turn[0]

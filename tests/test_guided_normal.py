@@ -42,12 +42,12 @@ def test_a_flat_patch_is_perfectly_consistent_and_one_crease_of_k_edges_counts_c
 
 def test_patch_guidance_does_not_look_over_an_edge():
     clean = cube(6)
-    own = np.linalg.norm(patch_guidance(clean) - clean.normals, axis=1) < 1e-12
+    own = np.linalg.norm(patch_guidance(clean) - clean.face_normals, axis=1) < 1e-12
     cuts_a_corner = (np.abs(clean.corners) == 1).sum(axis=2).min(axis=1) > 1  # no flat patch is near these
     assert cuts_a_corner.sum() < 20
     np.testing.assert_array_equal(own, ~cuts_a_corner)
     across = gaussian_guidance(clean, faces_within(clean, 1.15), 0.6)
-    assert np.abs(across - clean.normals).max() > 0.1
+    assert np.abs(across - clean.face_normals).max() > 0.1
 
 
 def test_guidance_comes_from_the_least_inconsistent_patch_around():
@@ -69,7 +69,7 @@ def test_neighbours_are_the_faces_within_the_radius():
 @pytest.mark.parametrize("guidance", ["patch", "gaussian"])
 def test_one_iteration_is_one_joint_pass_and_a_vertex_update(guidance):
     near = faces_within(ROUGH, 1.5)
-    mean = reference.joint_bilateral_pass(ROUGH, ROUGH.normals, near, sigma_s=0.8, sigma_r=np.inf, count_self=True)
+    mean = reference.joint_bilateral_pass(ROUGH, ROUGH.face_normals, near, sigma_s=0.8, sigma_r=np.inf, count_self=True)
     guide = patch_guidance(ROUGH) if guidance == "patch" else mean
     normals = reference.joint_bilateral_pass(ROUGH, guide, near, sigma_s=0.8, sigma_r=0.3, count_self=True)
     ours = guided_normal(ROUGH, guidance=guidance, radius=1.5, sigma_s=0.8, sigma_r=0.3, iterations=1, sweeps=7)

@@ -71,7 +71,7 @@ def test_flat_hole_is_filled_flat_and_its_area_is_what_was_missing():
         filled = fill_holes(pierced, order=order, max_edges=30)  # the outer boundary has 48
         assert abs(filled.vertices[:, 2]).max() < 1e-12
         assert filled.area == pytest.approx(144, rel=1e-9)
-        assert (filled.normals[:, 2] > 0.999).all()
+        assert (filled.face_normals[:, 2] > 0.999).all()
 
 
 def test_several_holes_and_holes_that_touch_at_a_vertex():

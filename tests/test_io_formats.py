@@ -44,7 +44,7 @@ def test_stl_normals_follow_and_attributes_stay():
     data = written(file.with_vertices(file.mesh.vertices * (1, 2, 3)))
     again = read(data)
     records = np.frombuffer(data, [("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")], offset=84)
-    assert np.allclose(records["n"], again.mesh.normals, atol=1e-7)
+    assert np.allclose(records["n"], again.mesh.face_normals, atol=1e-7)
     assert records["a"].tolist() == [1, 2, 3, 65535]
     assert data[:80] == stl_binary()[:80]
 
@@ -107,7 +107,7 @@ def test_vertex_normals_of_the_sphere_stay_radial(sign):
 def test_equal_normals_at_a_seam_stay_equal_and_creases_stay():
     soup = cube(2).corners.reshape(-1, 3)
     faces = np.arange(len(soup)).reshape(-1, 3)
-    flat = np.repeat(cube(2).normals, 3, axis=0)
+    flat = np.repeat(cube(2).face_normals, 3, axis=0)
     bent = ply_of(soup, faces, flat)
     moved = bent.with_vertices(bent.mesh.vertices * (1, 1, 2))
     again = moved.content().vertex_values
@@ -166,7 +166,7 @@ def test_ply_strips_alternate():
     points = b"0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n"
     file = read(header + points + b"10 0 2 1 3 -1 2 4 3 5 -1\n")
     assert file.mesh.faces.tolist() == [[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]
-    assert np.allclose(file.mesh.normals, (0, 0, 1))
+    assert np.allclose(file.mesh.face_normals, (0, 0, 1))
 
 
 def test_polygon_fans_do_not_fold():
@@ -175,7 +175,7 @@ def test_polygon_fans_do_not_fold():
         corners = np.roll(np.arange(4), turn)
         triangles, owners = triangulate(arrow, Polygons.from_rows(corners[None]))
         assert owners.tolist() == [0, 0]
-        assert (Mesh(arrow, triangles).normals[:, 2] > 0).all()
+        assert (Mesh(arrow, triangles).face_normals[:, 2] > 0).all()
 
 
 def test_short_polygons_have_no_triangle():
@@ -263,7 +263,7 @@ def test_glb_keeps_all_but_positions_normals_and_their_bounds():
 def test_glb_closes_seams_and_keeps_meshes_apart():
     file = read(glb())
     assert file.welds.tolist() == [0, 1, 2, 1, 2, 3, 4, 5, 6, 7]
-    assert np.allclose(file.mesh.normals[:, 2], (1, 1, -1, -1))
+    assert np.allclose(file.mesh.face_normals[:, 2], (1, 1, -1, -1))
     assert file.parts.tolist() == [0] * 6 + [1] * 4
 
 

@@ -18,7 +18,7 @@ def test_a_noisy_cube_returns_to_six_flat_sides(operator):
     smooth = rough.moved(l0(rough, operator=operator))
     assert mean_angle(rough, clean) > 15
     assert mean_angle(smooth, clean) < 1.5
-    own_side = np.abs(smooth.normals).max(axis=1)
+    own_side = np.abs(smooth.face_normals).max(axis=1)
     assert np.quantile(own_side, 0.1) > np.cos(np.radians(2))
     edges = np.abs(clean.vertices).max(axis=1) == 1
     assert np.abs(np.abs(smooth.vertices[edges]).max(axis=1) - 1).mean() < 0.1 * clean.mean_edge_length

@@ -50,7 +50,7 @@ TURN = Rotation.from_euler("xyz", [0.4, -1.1, 2.0]).as_matrix()
 
 def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
     """The descriptors as the paper writes them: B-FND, then G-FND, face by face; "distance" cuts the Gaussian."""
-    n, c, a, l = mesh.normals, mesh.centroids, mesh.areas, mesh.mean_edge_length
+    n, c, a, l = mesh.face_normals, mesh.centroids, mesh.areas, mesh.mean_edge_length
 
     def gauss(x, sigma):
         return np.exp(-(x**2) / (2 * sigma**2))
@@ -136,16 +136,16 @@ def test_the_own_and_the_noisy_normal_stand_before_and_behind_the_filtered_ones(
     np.testing.assert_array_equal(plain, bilateral_descriptor(before, "distance"))
     both = stage_stack(stage_settings("n+B", later=True), before, MESH)
     np.testing.assert_array_equal(both[:, 1:-1], plain)
-    np.testing.assert_array_equal(both[:, 0], before.normals.astype(np.float32))
-    np.testing.assert_array_equal(both[:, -1], MESH.normals.astype(np.float32))
+    np.testing.assert_array_equal(both[:, 0], before.face_normals.astype(np.float32))
+    np.testing.assert_array_equal(both[:, -1], MESH.face_normals.astype(np.float32))
 
 
 def test_descriptors_of_a_plane_are_its_normal_and_their_angles_vanish():
     side = cube(6)
     flat = side.topology.face_rings(RINGS)
-    inside = [f for f in range(len(side.faces)) if np.ptp(side.normals[flat.row(f)], axis=0).max() == 0]
+    inside = [f for f in range(len(side.faces)) if np.ptp(side.face_normals[flat.row(f)], axis=0).max() == 0]
     stack = guided_descriptor(side, "rings")[inside]
-    np.testing.assert_allclose(stack, np.broadcast_to(side.normals[inside][:, None], stack.shape), atol=1e-6)
+    np.testing.assert_allclose(stack, np.broadcast_to(side.face_normals[inside][:, None], stack.shape), atol=1e-6)
     np.testing.assert_allclose(pairwise_features(stack), np.log(FLOOR), atol=2e-2)
 
 
@@ -169,7 +169,7 @@ def test_iterated_normals_hold_the_bilateral_filter_after_its_passes():
         got = stack[:, (p + 1) * len(ITERATED_SIGMA_R)]
         expected = bilateral_normals(MESH, sigma_s=1.0, sigma_r=np.inf, iterations=passes, center="count")
         np.testing.assert_allclose(got, expected, atol=5e-6)
-    twin = MESH.normals
+    twin = MESH.face_normals
     for _ in range(4):
         twin = unit((ring_weights(MESH) * compact(twin, 0.35)) @ twin)
     at = 1 + ITERATED_PASSES.index(4) * len(ITERATED_SIGMA_R) + ITERATED_SIGMA_R.index(0.35)
@@ -217,7 +217,7 @@ def test_smoothed_vertices_take_the_mean_height_of_themselves_and_their_neighbou
         heights = ((weights @ vertices - vertices) * directions).sum(axis=1, keepdims=True)
         vertices = vertices + heights * directions
         if done in (1, 3):
-            np.testing.assert_allclose(found[:, done // 2], MESH.moved(vertices).normals, atol=1e-6)
+            np.testing.assert_allclose(found[:, done // 2], MESH.moved(vertices).face_normals, atol=1e-6)
 
 
 def test_smoothed_vertices_know_the_shape_of_triangles_and_averaged_normals_do_not():
@@ -227,13 +227,13 @@ def test_smoothed_vertices_know_the_shape_of_triangles_and_averaged_normals_do_n
     averaged = iterated(bowl)[:, SMOOTHING_DIRECTION].astype(float)
     between = smoothed_normals(bowl, averaged, (4,))[:, 0].astype(float)
     inner = np.abs(bowl.centroids[:, :2]).max(axis=1) < 5
-    error = [angles_between(found[inner], bowl.normals[inner]).mean() for found in (between, averaged)]
+    error = [angles_between(found[inner], bowl.face_normals[inner]).mean() for found in (between, averaged)]
     assert error[0] < 0.1 * error[1]
 
 
 def test_faces_without_area_keep_their_normals_between_smoothed_vertices():
     flat = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1, 3]])
-    found = smoothed_normals(flat, flat.normals, (1, 2))
+    found = smoothed_normals(flat, flat.face_normals, (1, 2))
     np.testing.assert_array_equal(found, [[[0, 0, 0]] * 2, [[0, 0, 1]] * 2])
 
 

@@ -23,22 +23,26 @@ def test_mean_is_that_of_the_area_vectors():
 @settings(max_examples=10, deadline=None)
 @given(st.floats(-1, 0.99))
 def test_unilateral_pass_equals_its_formula(threshold):
-    ours = unilateral_pass(ROUGH.normals, RINGS, threshold)
-    np.testing.assert_allclose(ours, reference.unilateral_pass(ROUGH.normals, RINGS, threshold), rtol=0, atol=1e-12)
+    ours = unilateral_pass(ROUGH.face_normals, RINGS, threshold)
+    np.testing.assert_allclose(
+        ours, reference.unilateral_pass(ROUGH.face_normals, RINGS, threshold), rtol=0, atol=1e-12
+    )
 
 
 def test_unilateral_with_a_threshold_next_to_one_changes_nothing():
-    np.testing.assert_allclose(unilateral_pass(ROUGH.normals, RINGS, 1 - 1e-12), ROUGH.normals, atol=1e-12)
+    np.testing.assert_allclose(unilateral_pass(ROUGH.face_normals, RINGS, 1 - 1e-12), ROUGH.face_normals, atol=1e-12)
 
 
 @pytest.mark.parametrize("length", [0, 1, 4])
 def test_a_walk_visits_with_the_powers_of_its_matrix(length):
-    expected = np.linalg.matrix_power(reference.walk_matrix(ROUGH.normals, RINGS, 0.5), length) @ ROUGH.normals
-    ours = walk_means(ROUGH.normals, RINGS, sigma_r=0.5, length=length)
+    expected = (
+        np.linalg.matrix_power(reference.walk_matrix(ROUGH.face_normals, RINGS, 0.5), length) @ ROUGH.face_normals
+    )
+    ours = walk_means(ROUGH.face_normals, RINGS, sigma_r=0.5, length=length)
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-12)
 
 
 def test_a_long_walk_that_likes_all_normals_forgets_where_it_came_from():
     degree = RINGS.counts + 1  # of its stationary distribution
-    ours = walk_means(ROUGH.normals, RINGS, sigma_r=np.inf, length=1000)
-    np.testing.assert_allclose(ours, np.tile(degree @ ROUGH.normals / degree.sum(), (len(ours), 1)), atol=1e-9)
+    ours = walk_means(ROUGH.face_normals, RINGS, sigma_r=np.inf, length=1000)
+    np.testing.assert_allclose(ours, np.tile(degree @ ROUGH.face_normals / degree.sum(), (len(ours), 1)), atol=1e-9)

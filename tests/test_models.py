@@ -256,7 +256,7 @@ def test_own_meshes_are_wound_as_they_are_to_be_denoised(tmp_path):
     made = training_pairs([tmp_path / "shapes"], [tmp_path / "pairs"], config)
     assert len(made) == 8
     for p in made:
-        assert ((p.clean.normals * p.clean.centroids).sum(axis=1) > 0).all()
+        assert ((p.clean.face_normals * p.clean.centroids).sum(axis=1) > 0).all()
         np.testing.assert_array_equal(p.noisy.faces, p.clean.faces)
 
 

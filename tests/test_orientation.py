@@ -68,9 +68,9 @@ def test_copies_of_a_face_count_as_one():
     doubled = Mesh(BALL.vertices, np.concatenate([BALL.faces, BALL.faces[:7], BALL.faces[3:9, ::-1]]))
     faces = oriented(doubled).faces
     np.testing.assert_array_equal(faces[: len(BALL.faces)], BALL.faces)
-    normals = oriented(doubled).normals
-    np.testing.assert_allclose(normals[-13:-6], BALL.normals[:7])
-    np.testing.assert_allclose(normals[-6:], BALL.normals[3:9])
+    normals = oriented(doubled).face_normals
+    np.testing.assert_allclose(normals[-13:-6], BALL.face_normals[:7])
+    np.testing.assert_allclose(normals[-6:], BALL.face_normals[3:9])
 
 
 def test_faces_that_repeat_a_vertex_neither_join_nor_part_others():

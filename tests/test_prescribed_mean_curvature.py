@@ -35,7 +35,7 @@ def test_weights_are_one_where_it_is_smooth_small_at_creases_and_zero_at_boundar
     assert (crease_weights(sphere, sphere.vertices, threshold=0.2) == 1).all()
     box = cube(8)
     both = box.topology.edge_faces.indices.reshape(-1, 2)
-    crease = np.linalg.norm(box.normals[both[:, 0]] - box.normals[both[:, 1]], axis=1) > 1
+    crease = np.linalg.norm(box.face_normals[both[:, 0]] - box.face_normals[both[:, 1]], axis=1) > 1
     weights = crease_weights(box, smoothed_normals(box, 0), threshold=0.2)
     assert weights[crease].max() < 0.15
     normals = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 0], [0, 1, 0]]) / [[1], [2**0.5], [2**0.5], [1]]

@@ -56,7 +56,7 @@ def test_it_denoises_a_copy_and_keeps_the_data(ball):
     np.testing.assert_array_equal(out.point_data["heat"], np.arange(162.0))
     np.testing.assert_array_equal(out.cell_data["label"], np.where(UPPER, 2, 1))
     assert list(out.field_data["unit"]) == ["mm"]
-    np.testing.assert_allclose(out.cell_data["Normals"], Mesh(expected, BALL.faces).normals, atol=1e-6)
+    np.testing.assert_allclose(out.cell_data["Normals"], Mesh(expected, BALL.faces).face_normals, atol=1e-6)
     assert not ball.cell_data["Normals"].any()
 
 

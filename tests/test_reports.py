@@ -98,7 +98,7 @@ def test_small_meshes_are_shown_whole_and_large_ones_with_their_own_vertices():
     drawn = Mesh(ROUGH.vertices[fewer.kept_vertices], fewer.faces)
     assert drawn.volume == pytest.approx(ROUGH.volume, rel=0.1)
     assert (np.diff(fewer.kept_faces) > 0).all()
-    towards = (drawn.normals * ROUGH.normals[fewer.kept_faces]).sum(axis=1)
+    towards = (drawn.face_normals * ROUGH.face_normals[fewer.kept_faces]).sum(axis=1)
     assert (towards > 0).mean() > 0.9
 
 

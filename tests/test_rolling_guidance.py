@@ -23,7 +23,9 @@ def slope_left(mesh: Mesh, width: float) -> float:
     normals = rolled_normals(mesh, width=width * np.ptp(mesh.vertices[:, 0]) / 60, sigma=1e6, iterations=1)
     reach = np.abs(mesh.centroids - mesh.centroids.mean(axis=0)).max(axis=0)
     inner = (np.abs(mesh.centroids - mesh.centroids.mean(axis=0))[:, :2] < 0.6 * reach[:2]).all(axis=1)
-    return float((normals[inner, 0] @ mesh.normals[inner, 0]) / (mesh.normals[inner, 0] @ mesh.normals[inner, 0]))
+    return float(
+        (normals[inner, 0] @ mesh.face_normals[inner, 0]) / (mesh.face_normals[inner, 0] @ mesh.face_normals[inner, 0])
+    )
 
 
 @pytest.mark.parametrize(("ratio", "share"), [(1.0, 0.5), (2.0, 0.82), (4.0, 0.95), (0.5, 0.14)])
@@ -34,7 +36,9 @@ def test_shares_of_waves_are_those_of_two_implicit_steps(ratio, share):
 def test_wide_edges_stay_where_narrow_waves_go():
     rough = noisy(cube(16), 0.15)
     guided, even = (cn.denoise(rough, method="rolling-guidance-normal", width=3, sigma=sigma) for sigma in (0.6, 1e6))
-    errors = [np.degrees(angles_between(mesh.normals, cube(16).normals)).mean() for mesh in (rough, guided, even)]
+    errors = [
+        np.degrees(angles_between(mesh.face_normals, cube(16).face_normals)).mean() for mesh in (rough, guided, even)
+    ]
     assert errors[1] < 0.25 * errors[0]
     assert errors[1] < 0.7 * errors[2]
 

@@ -71,7 +71,7 @@ def to_learn_from(clean, level) -> tuple[Faces, FeatureScaler]:
         mean=zero, scale=one, projection=np.zeros((inputs, 0), np.float32), context_mean=none, context_scale=none
     )
     context = np.zeros((len(stack), 0), np.float32)
-    return Faces(*map(torch.from_numpy, (stack, context, clean.normals.astype(np.float32)))), scaler
+    return Faces(*map(torch.from_numpy, (stack, context, clean.face_normals.astype(np.float32)))), scaler
 
 
 def test_training_lowers_the_loss():

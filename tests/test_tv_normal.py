@@ -14,13 +14,13 @@ def parts(mesh):
     difference = difference_operator(pairs, len(mesh.faces))
     shared = [np.intersect1d(mesh.faces[f], mesh.faces[g]) for f, g in pairs]
     lengths = np.array([np.linalg.norm(mesh.vertices[i] - mesh.vertices[j]) for i, j in shared])
-    weights = np.exp(-(np.linalg.norm(difference @ mesh.normals, axis=1) ** 4))
+    weights = np.exp(-(np.linalg.norm(difference @ mesh.face_normals, axis=1) ** 4))
     edge = mesh.mean_edge_length
-    return difference, weights, lengths / edge, mesh.areas / edge**2, mesh.normals
+    return difference, weights, lengths / edge, mesh.areas / edge**2, mesh.face_normals
 
 
 def least_variation(mesh, *, fidelity, rounds):
-    return TotalVariation(mesh, fidelity=fidelity).least(mesh.normals, rounds=rounds)
+    return TotalVariation(mesh, fidelity=fidelity).least(mesh.face_normals, rounds=rounds)
 
 
 def energy(mesh, values, fidelity):
@@ -59,7 +59,7 @@ def test_rounds_by_conjugate_gradients_minimise_as_well_as_exact_ones(fidelity, 
 
 def test_high_fidelity_is_the_identity():
     values = least_variation(ROUGH, fidelity=1e8, rounds=50).values
-    np.testing.assert_allclose(values, ROUGH.normals, atol=1e-6)
+    np.testing.assert_allclose(values, ROUGH.face_normals, atol=1e-6)
 
 
 def test_a_step_sinks_by_length_times_weight_over_fidelity_times_area():
@@ -70,9 +70,9 @@ def test_a_step_sinks_by_length_times_weight_over_fidelity_times_area():
     values = least_variation(bent, fidelity=2.0, rounds=1500).values
     edge = bent.mean_edge_length
     left = bent.centroids[:, 0] < 3 - 1e-9
-    jump = bent.normals[left][0] - bent.normals[~left][0]
+    jump = bent.face_normals[left][0] - bent.face_normals[~left][0]
     weight, seam = np.exp(-(np.linalg.norm(jump) ** 4)), 6 / edge
     for side, sign in ((left, -1), (~left, 1)):
-        moved = values[side] - bent.normals[side]
+        moved = values[side] - bent.face_normals[side]
         expected = sign * weight * seam / (2 * 2.0 * bent.areas[side].sum() / edge**2) * jump / np.linalg.norm(jump)
         np.testing.assert_allclose(moved.mean(axis=0), expected, atol=1e-6)

@@ -18,16 +18,16 @@ def fitted(mesh, normals, attachment=1e-3):
 @pytest.mark.parametrize("clean, level", [(icosphere(3), 0.2), (cube(8), 0.1), (grid(12, 12), 0.1)])
 def test_true_normals_bring_the_error_near_zero(clean, level):
     rough = noisy(clean, level, seed=1)
-    error = mean_angle(fitted(rough, clean.normals), clean)
+    error = mean_angle(fitted(rough, clean.face_normals), clean)
     assert error < 0.05 * mean_angle(rough, clean)
-    assert mean_angle(fitted(rough, clean.normals, 1e-6), clean) < 0.2 * error
+    assert mean_angle(fitted(rough, clean.face_normals, 1e-6), clean) < 0.2 * error
 
 
 def test_the_gradient_of_the_energy_vanishes():
     clean = noisy(grid(5, 6), 0.1)
     mesh = Mesh(np.concatenate([clean.vertices, [[7.0, 7, 7]]]), clean.faces)
     rng = np.random.default_rng(0)
-    normals = mesh.normals + 0.2 * rng.normal(size=mesh.normals.shape)
+    normals = mesh.face_normals + 0.2 * rng.normal(size=mesh.face_normals.shape)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     weights = rng.uniform(0.5, 2, len(mesh.faces))
     vertices = least_squares_vertices(mesh, normals, weights=weights, attachment=0.1)
@@ -44,8 +44,8 @@ def test_the_gradient_of_the_energy_vanishes():
 def test_many_sweeps_of_the_vertex_update_come_to_the_same_place():
     clean = icosphere(2)
     rough = noisy(clean, 0.05)
-    swept = rough.moved(recover_vertices(rough, clean.normals, sweeps=3000))
-    solved = fitted(rough, clean.normals, 1e-5)
+    swept = rough.moved(recover_vertices(rough, clean.face_normals, sweeps=3000))
+    solved = fitted(rough, clean.face_normals, 1e-5)
     assert mean_angle(swept, clean) < 0.02 and mean_angle(solved, clean) < 0.02
     apart = np.linalg.norm(swept.vertices - solved.vertices, axis=1).mean()
     assert apart < 0.2 * np.linalg.norm(swept.vertices - rough.vertices, axis=1).mean()
@@ -60,16 +60,16 @@ def test_one_factorisation_does(monkeypatch):
             super().__init__(matrix, positions)
 
     monkeypatch.setattr(vertex_fit, "Factorisation", Counted)
-    fitted(icosphere(2), icosphere(2).normals)
+    fitted(icosphere(2), icosphere(2).face_normals)
     assert made == [(3 * 162, 3 * 162)]
 
 
 def test_huge_systems_are_solved_by_conjugate_gradients_with_the_same_result(monkeypatch):
     clean = icosphere(2)
     rough = noisy(clean, 0.2)
-    direct = fitted(rough, clean.normals).vertices
+    direct = fitted(rough, clean.face_normals).vertices
     monkeypatch.setattr(vertex_fit, "DENSE_LIMIT", 0)
-    np.testing.assert_allclose(fitted(rough, clean.normals).vertices, direct, atol=1e-8)
+    np.testing.assert_allclose(fitted(rough, clean.face_normals).vertices, direct, atol=1e-8)
 
 
 FITTING = [name for name, method in registered().items() if "fit" in method.settings]

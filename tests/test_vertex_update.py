@@ -13,7 +13,7 @@ def test_fitted_by_angles_thin_faces_come_nearer_to_their_normals():
     clean = clean.moved(clean.vertices * (1, 0.1, 1) + np.sin(clean.vertices[:, :1] / 4) * (0, 0, 1))
     rough = noisy(clean, 0.1, seed=1)
     errors = [
-        mean_angle(rough.moved(recover_vertices(rough, clean.normals, weighting=weighting)), clean)
+        mean_angle(rough.moved(recover_vertices(rough, clean.face_normals, weighting=weighting)), clean)
         for weighting in get_args(Weighting)
     ]
     assert errors[1] < 0.8 * errors[0]
@@ -32,7 +32,7 @@ def test_a_face_pulls_by_its_height_but_not_without_end():
 @pytest.mark.parametrize("sweeps", [1, 3])
 def test_with_foldovers_ignored_the_update_is_the_published_sum(sweeps):
     """x_i += (1/N_i) Σ n_f <n_f, c_f - x_i>, vertex by vertex in the order of the groups (Sun et al. 2007)."""
-    rough, normals = noisy(cube(4), 0.8, seed=2), cube(4).normals
+    rough, normals = noisy(cube(4), 0.8, seed=2), cube(4).face_normals
     topology, expected = rough.topology, rough.vertices.copy()
     for _ in range(sweeps):
         for i in topology.vertex_colors.indices:
@@ -47,7 +47,7 @@ def test_with_foldovers_ignored_the_update_is_the_published_sum(sweeps):
 def test_true_normals_bring_the_error_near_zero_and_turn_no_face():
     for clean in (icosphere(3), cube(10)):
         rough = noisy(clean, 0.2, seed=1)
-        out = rough.moved(recover_vertices(rough, clean.normals, sweeps=100))
+        out = rough.moved(recover_vertices(rough, clean.face_normals, sweeps=100))
         assert mean_angle(rough, clean) > 15
         assert mean_angle(out, clean) < 1.5
-        assert ((out.normals * clean.normals).sum(axis=1) > 0).all()
+        assert ((out.face_normals * clean.face_normals).sum(axis=1) > 0).all()

@@ -180,9 +180,9 @@ def test_figures_of_a_face_are_those_of_the_file(browser, report):
     before, after = (cn.read(report.parent / f"{name}.ply").mesh for name in ("before", "after"))
     face = int(found["After"].removeprefix("face "))
     number = lambda name: float(re.match(r"[-\d.e]+", found[name])[0])  # noqa: E731
-    turned = np.degrees(np.arccos(before.normals[face] @ after.normals[face]))
+    turned = np.degrees(np.arccos(before.face_normals[face] @ after.face_normals[face]))
     assert number("Angle to the input") == pytest.approx(turned, abs=0.1)
-    angle = np.degrees(np.arccos(CLEAN.normals[face] @ after.normals[face]))
+    angle = np.degrees(np.arccos(CLEAN.face_normals[face] @ after.face_normals[face]))
     assert number("Angle to the truth") == pytest.approx(angle, abs=0.1)
     moves = np.linalg.norm(after.vertices - before.vertices, axis=1)[after.faces[face]].mean()
     assert number("Displacement") == pytest.approx(moves, rel=0.02)
@@ -223,7 +223,7 @@ def test_a_range_lights_up_its_faces_and_greys_the_others(browser, report):
     browser.open(report, f"{plain}&range=20,1000")
     after = browser.canvas()
     height, width, _ = before.shape
-    angles = np.degrees(np.arccos(np.clip((ROUGH.normals * CLEAN.normals).sum(axis=1), -1, 1)))
+    angles = np.degrees(np.arccos(np.clip((ROUGH.face_normals * CLEAN.face_normals).sum(axis=1), -1, 1)))
     seen = set()
     for x in range(width // 2 - 150, width // 2 + 151, 20):
         y = height // 2 + 30
@@ -381,7 +381,7 @@ def test_a_finding_is_flown_to(browser, tmp_path):
     face = int(browser.click(width // 2, height // 2)["Mesh"].removeprefix("face "))
     assert face in (700, len(CLEAN.faces))
     eye = np.array(list(map(float, browser.state()["view"].split(","))))
-    assert eye[:3] @ CLEAN.normals[700] > 0.99
+    assert eye[:3] @ CLEAN.face_normals[700] > 0.99
 
 
 @needs_browser

@@ -70,13 +70,13 @@ def test_grids_keep_their_data(format, style, tmp_path):
 
 def test_normals_of_cells_follow(tmp_path):
     ball = icosphere(2)
-    data = {"normals": [ball.normals.astype(np.float32)]}
+    data = {"normals": [ball.face_normals.astype(np.float32)]}
     mesh = meshio.Mesh(ball.vertices, [("triangle", ball.faces.astype(np.int64))], cell_data=data)
     mesh.write(tmp_path / "ball.vtu")
     file = cn.read(tmp_path / "ball.vtu")
     io.write(file.with_vertices(ball.vertices * (1, 2, 3)), tmp_path / "moved.vtu")
     moved = meshio.read(tmp_path / "moved.vtu")
-    expected = ball.moved(ball.vertices * (1, 2, 3)).normals
+    expected = ball.moved(ball.vertices * (1, 2, 3)).face_normals
     assert np.allclose(moved.cell_data["normals"][0], unit(expected), atol=1e-6)
 
 

@@ -17,7 +17,7 @@ def wall_angle(found, partition):
     """Mean angle to the true walls in degrees, by area."""
     mesh = found.mesh
     true = partition.normals(mesh.centroids, found.labels)
-    angles = np.degrees(np.arccos(np.clip((true * mesh.normals).sum(axis=1), -1, 1)))
+    angles = np.degrees(np.arccos(np.clip((true * mesh.face_normals).sum(axis=1), -1, 1)))
     return np.average(angles, weights=mesh.areas)
 
 

@@ -133,7 +133,7 @@ def _example(name: str, methods: Sequence[str]) -> Example:
 
 def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
     """(m,) angle between the normals of a face in both meshes, in degrees."""
-    return np.asarray(np.degrees(angles_between(mesh.normals, clean.normals)))
+    return np.asarray(np.degrees(angles_between(mesh.face_normals, clean.face_normals)))
 
 
 def _save(folder: Path, example: Example) -> None:

@@ -89,7 +89,7 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints | None = N
 def _angles(mesh: Mesh) -> NDArray[np.float64]:
     """(e,) angle between the normals of the two faces of each edge, 0 where there are not two."""
     topology = mesh.topology
-    first, second = mesh.normals[topology.face_pairs.T]
+    first, second = mesh.face_normals[topology.face_pairs.T]
     inconsistent = topology.balance[topology.interior_edges] != 0  # both faces traverse the edge in one direction
     second = np.where(inconsistent[:, None], -second, second)
     angles = np.zeros(len(topology.edges))

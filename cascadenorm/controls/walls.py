@@ -36,7 +36,7 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     copies = np.maximum(np.bincount(shells.owners, minlength=count), 1)
     moves = scatter_add(shells.owners, vertices - before.vertices, count) / copies[:, None]
     joined = mesh.moved(mesh.vertices + moves)
-    normals = unit(shells.wall_normals(mesh, before.moved(vertices).normals))
+    normals = unit(shells.wall_normals(mesh, before.moved(vertices).face_normals))
 
     # Fit what is at and next to junctions, smooth the curves, and fit what is next to them
     moved = np.zeros(count, bool)

@@ -142,7 +142,7 @@ def _changes(before: Mesh, after: Mesh, unit: float) -> dict[str, Values]:
     """How far the faces have turned and the vertices have moved."""
     moves = (after.vertices - before.vertices) * unit
     return {
-        "angle": angles_at_faces(after.normals, before.normals),
+        "angle": angles_at_faces(after.face_normals, before.face_normals),
         "displacement": np.linalg.norm(moves, axis=1),
         "normal-displacement": np.einsum("ij,ij->i", moves, before.vertex_normals),
     }

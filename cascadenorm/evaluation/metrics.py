@@ -115,7 +115,7 @@ def errors(mesh: Mesh, reference: Mesh) -> Errors:
     surface = Surface(reference)
     distances = np.full(len(mesh.vertices), np.nan)
     distances[mesh.topology.used_vertices] = surface.nearest(_used_vertices(mesh)).distances
-    ours, theirs = mesh.normals, reference.normals
+    ours, theirs = mesh.face_normals, reference.face_normals
     if not np.array_equal(mesh.faces, reference.faces):
         theirs = theirs[surface.nearest(mesh.centroids).faces]
     return Errors(angles_at_faces(ours, theirs), distances)

@@ -123,7 +123,7 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
         first = Mesh(first.vertices, true.faces)
         for chosen in patches(true, faces=config.max_faces):
             clean = patch(true, chosen)
-            made.append(data_gen.Pair(patch(first, chosen), clean, clean.normals, data_gen.OWN, "none", 0.0))
+            made.append(data_gen.Pair(patch(first, chosen), clean, clean.face_normals, data_gen.OWN, "none", 0.0))
     return made
 
 

@@ -58,11 +58,11 @@ def chords(mesh: Mesh) -> Chords:
     topology, n = mesh.topology, len(mesh.vertices)
     around = topology.vertex_faces
     cosines = np.empty(n)
-    parallel_for(n, _cosine_range, mesh.vertices, mesh.faces, mesh.normals, around, cosines)
+    parallel_for(n, _cosine_range, mesh.vertices, mesh.faces, mesh.face_normals, around, cosines)
     cosines[topology.edges[topology.edge_faces.counts != 2]] = -1.0
     edges, pairs = (np.ascontiguousarray(x) for x in (topology.edges[topology.interior_edges], topology.face_pairs))
     out = np.empty((len(edges), 2))
-    parallel_for(len(edges), _chord_range, mesh.vertices, mesh.faces, mesh.normals, edges, pairs, around, out)
+    parallel_for(len(edges), _chord_range, mesh.vertices, mesh.faces, mesh.face_normals, edges, pairs, around, out)
     residuals, sagittas = np.ascontiguousarray(out.T)
     return Chords(residuals, sagittas, np.asarray((cosines[edges] >= SMOOTH).all(axis=1)))
 
@@ -93,7 +93,7 @@ def error_sums(part: Part, measured: Chords) -> dict[str, NDArray[Any]]:
     rise, bent = _bends(mesh, own)
     first, second = mesh.topology.face_pairs[own].T
     label = mesh.topology.face_components[first]
-    angle = angles_between(mesh.normals[first[bent]], mesh.normals[second[bent]])
+    angle = angles_between(mesh.face_normals[first[bent]], mesh.face_normals[second[bent]])
     smooth = measured.smooth[own]
     squares = [scatter_add(label[smooth], values[own][smooth] ** 2, count) for values in measured[:2]]
     return {
@@ -147,7 +147,7 @@ def error_shares(surface: Surface, sums: Found, measured: Chords | None = None) 
 def rises(mesh: Mesh, first: Ints32, second: Ints32) -> Floats:
     """Return how far the centroids of two faces rise over each other's planes, together; negative where convex."""
     across = mesh.centroids[second] - mesh.centroids[first]
-    return np.asarray(np.einsum("ij,ij->i", across, mesh.normals[first] - mesh.normals[second]))
+    return np.asarray(np.einsum("ij,ij->i", across, mesh.face_normals[first] - mesh.face_normals[second]))
 
 
 def _bends(mesh: Mesh, own: Bools) -> tuple[Floats, Bools]:

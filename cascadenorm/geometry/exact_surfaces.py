@@ -90,7 +90,7 @@ def coplanar_neighbors(mesh: Mesh) -> NDArray[np.int8]:
     out = np.empty(len(mesh.faces), np.int8)
     limit = rounding(mesh)
     across = mesh.topology.faces_across
-    parallel_for(len(out), _coplanar_range, mesh.vertices, mesh.faces, mesh.normals, across, limit, out)
+    parallel_for(len(out), _coplanar_range, mesh.vertices, mesh.faces, mesh.face_normals, across, limit, out)
     return out
 
 

@@ -48,7 +48,7 @@ def halved_where_flipped(
     halvings : (n,) of the displacement of each vertex so far
     """
     moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
-    flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.normals) <= 0)
+    flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
     back = np.unique(mesh.faces[flipped])
     halvings[back] = np.minimum(halvings[back] + 1, HALVINGS + 1)
     return np.asarray(flipped)
@@ -74,5 +74,5 @@ def foldovers(mesh: Mesh) -> NDArray[np.bool_]:
         sums = mesh.sums_around(sums)[mesh.faces].sum(axis=1)
     length, total = np.linalg.norm(sums[:, :3], axis=1), np.maximum(sums[:, 3], np.finfo(float).tiny)
     scatter = np.sqrt(np.maximum(1 - (length / total) ** 2, 0))
-    along = np.einsum("ij,ij->i", sums[:, :3], mesh.normals)
+    along = np.einsum("ij,ij->i", sums[:, :3], mesh.face_normals)
     return np.asarray(along < np.minimum(scatter, STEEPEST) * length)

@@ -41,7 +41,9 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None) ->
         if max_edges is not None and len(loop) > max_edges:
             continue
         taken = _edges_within(mesh, loop, chords)
-        normals = mesh.normals[[beside[b, a] for a, b in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)]]
+        normals = mesh.face_normals[
+            [beside[b, a] for a, b in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)]
+        ]
         patch = loop[triangulate_loop(mesh.vertices[loop], normals, _places(loop, taken))]
         count = len(vertices)
         vertices, patch = refine(vertices, patch, scale, taken)

@@ -45,7 +45,7 @@ def has_voxel_faces(mesh: Mesh | Surface) -> bool:
     def along_axes(part: Part) -> Found:
         own = part.faces
         areas = part.mesh.areas[own]
-        along = np.abs(part.mesh.normals[own] @ axes.T).max(axis=1) > 1 - 1e-4
+        along = np.abs(part.mesh.face_normals[own] @ axes.T).max(axis=1) > 1 - 1e-4
         return {"area": areas.sum(), "along": areas[along].sum()}
 
     sums = added(surface.each("along axes", 1, along_axes))
@@ -72,7 +72,7 @@ def _normal_of_largest(surface: Surface, name: str, across: Vectors | None) -> V
     """Return the normal of the largest face, of those across a direction if one is given; None where none has area."""
 
     def largest(part: Part) -> Found:
-        areas, normals = np.where(part.faces, part.mesh.areas, 0.0), part.mesh.normals
+        areas, normals = np.where(part.faces, part.mesh.areas, 0.0), part.mesh.face_normals
         if across is not None:
             areas = areas * (np.abs(normals @ across) < 1e-3)
         one = areas.argmax()
@@ -96,13 +96,15 @@ def _steps(part: Part) -> Found:
     rise = rises(mesh, first, second)
     ends = topology.edges[topology.interior_edges]
     length = np.linalg.norm(mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]], axis=1)
-    bend = length * angles_between(mesh.normals[first], mesh.normals[second]) * (np.abs(rise) > rounding(mesh))
+    bend = (
+        length * angles_between(mesh.face_normals[first], mesh.face_normals[second]) * (np.abs(rise) > rounding(mesh))
+    )
     signed = np.stack([np.copysign(bend, rise), bend], axis=1)
     at_vertices = scatter_add(ends.ravel(), np.repeat(signed, 2, axis=0), len(mesh.vertices))
     left, total = np.abs(averaged(at_vertices, topology.vertex_neighbors, 2)[part.vertices]).T
 
     least = np.ones(len(mesh.vertices))
-    cosines = np.einsum("ijk,ik->ij", mesh.vertex_normals[mesh.faces], mesh.normals)
+    cosines = np.einsum("ijk,ik->ij", mesh.vertex_normals[mesh.faces], mesh.face_normals)
     np.minimum.at(least, mesh.faces, cosines)
     used = part.vertices & topology.used_vertices
     return {

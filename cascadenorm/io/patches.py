@@ -62,7 +62,7 @@ class Patches:
 
     def face_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         """Return (b, 3) unit normals of the triangles, on the side on which those of the polygons, (p, 3), are."""
-        normals = self._filled.normals[-len(self.triangles) :]
+        normals = self._filled.face_normals[-len(self.triangles) :]
         return normals * _side(stored[self.polygons], normals)
 
 

@@ -45,7 +45,7 @@ def bilateral_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
     -------
     (m, 10, 3) : σ_r ascending within σ_s ascending
     """
-    guides = np.broadcast_to(mesh.normals, (len(SIGMA_S), *mesh.normals.shape))
+    guides = np.broadcast_to(mesh.face_normals, (len(SIGMA_S), *mesh.face_normals.shape))
     return _filtered(mesh, guides, SIGMA_R, neighborhood)
 
 
@@ -92,7 +92,7 @@ def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, times:
     def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         out[:, int(own) :] = describe(mesh, neighborhood)
         if own:
-            out[:, 0] = mesh.normals
+            out[:, 0] = mesh.face_normals
 
     return Descriptor(own + count, fill, times * RINGS, times)
 
@@ -127,7 +127,7 @@ def _later() -> Descriptor:
         bilateral, smoothed, of_noisy = np.split(out, [iterated.size, iterated.size + len(passes)], axis=1)
         iterated.fill(bilateral, mesh, noisy, neighborhood)
         smoothed_normals(mesh, out[:, SMOOTHING_DIRECTION], passes, out=smoothed)
-        smoothed_normals(noisy, mesh.normals, passes, sigma_r=SMOOTH_SIGMA_R, out=of_noisy)
+        smoothed_normals(noisy, mesh.face_normals, passes, sigma_r=SMOOTH_SIGMA_R, out=of_noisy)
 
     return Descriptor(iterated.size + 2 * len(passes), fill, max(iterated.rings, _smoothing(passes)))
 

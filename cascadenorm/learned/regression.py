@@ -104,7 +104,7 @@ def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh) -> Stack:
     stack = np.empty((len(mesh.faces), descriptor.size + settings.sees_noisy, 3), np.float32)
     descriptor.fill(stack[:, : descriptor.size], mesh, noisy, settings.neighborhood)
     if settings.sees_noisy:
-        stack[:, -1] = noisy.normals
+        stack[:, -1] = noisy.face_normals
     return stack
 
 

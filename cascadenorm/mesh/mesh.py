@@ -117,7 +117,7 @@ class Mesh:
         return np.divide(2 * self.areas, longest, out=np.zeros_like(longest), where=longest > 0)
 
     @cached_property
-    def normals(self) -> Vectors:
+    def face_normals(self) -> Vectors:
         """(m, 3) unit normal of each face; zero where the face has no area."""
         return unit(self.area_vectors)
 

@@ -78,7 +78,7 @@ def _shaded(
     mesh: Mesh, view: Camera, colors: NDArray[np.float64] | None, values: HeatMap | None, smooth: bool
 ) -> tuple[NDArray[np.float64], ...]:
     """Palette, and for each corner its place there and its light: from the viewer, and from the upper left."""
-    normals = mesh.normals @ view.axes.T
+    normals = mesh.face_normals @ view.axes.T
     outside = normals[:, 2] - view.perspective * np.einsum("ij,ij->i", view.framed(mesh.centroids), normals) >= 0
     at_corners = (mesh.vertex_normals @ view.axes.T)[mesh.faces] if smooth else normals[:, None]
     at_corners = np.where(outside[:, None, None], at_corners, -at_corners)

@@ -143,7 +143,7 @@ def _worst_part(shown: _Shown, camera: Camera) -> tuple[float, float, float]:
     half = MARGIN * max(camera.reach)
     for mesh in denoised:
         angles = np.nan_to_num(errors(*scaled_alike(mesh, shown.clean)).angles)
-        facing = mesh.normals @ camera.axes[2] > 0.2
+        facing = mesh.face_normals @ camera.axes[2] > 0.2
         x, y = (projected(camera.framed(mesh.centroids), camera.perspective)[:, :2] / half).T
         places = [np.clip(((1 + along) / 2 * cells).astype(int), 0, cells - 1) for along in (x, -y)]
         weights = np.where(facing, angles * mesh.areas / max(mesh.areas.sum(), 1e-300), 0.0)

@@ -54,7 +54,7 @@ axis.set(xlabel="noise level, mean edge lengths", ylabel="mean angle to the true
 # outward. So a mean over a neighbourhood cancels most of the error, and filters of normals differ in how they choose
 # and weight it. The second picture shows the error of each face as a heat map.
 noisy = disturbed(0.2)
-cosines = np.einsum("ij,ij->i", noisy.normals, clean.normals)
+cosines = np.einsum("ij,ij->i", noisy.face_normals, clean.face_normals)
 error = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
 heat = HeatMap(error, "face", (0.0, 60.0), False)
 smooth = cn.denoise(noisy, method="mean-normal", iterations=1)

@@ -70,7 +70,7 @@ right.set(xlabel="sweeps", ylabel="distance to the true surface, edges", xscale=
 # %%
 # Giving the vertex update the *true* normals bounds what a filter can achieve. The remaining error is that of the
 # second step alone; the difference from the result with filtered normals is the error of the first step.
-truth = noisy.moved(recover_vertices(noisy, clean.normals, sweeps=50))
+truth = noisy.moved(recover_vertices(noisy, clean.face_normals, sweeps=50))
 ours = noisy.moved(recover_vertices(noisy, filtered[10], sweeps=8))
 figure, axes = plt.subplots(1, 3, figsize=(9, 3.2), layout="constrained")
 for axis, mesh, title in zip(axes, (noisy, ours, truth), ("noisy", "filtered normals", "true normals"), strict=True):

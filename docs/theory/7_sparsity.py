@@ -57,7 +57,7 @@ show(results)
 # elsewhere. Squares leave many small bends, the absolute value fewer, the count fewest, and the large ones survive.
 def bends(mesh):
     first, second = mesh.topology.face_pairs.T
-    cosines = np.einsum("ij,ij->i", mesh.normals[first], mesh.normals[second])
+    cosines = np.einsum("ij,ij->i", mesh.face_normals[first], mesh.face_normals[second])
     return np.sort(np.degrees(np.arccos(np.clip(cosines, -1, 1))))[::-1]
 
 

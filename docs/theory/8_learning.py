@@ -51,7 +51,7 @@ def angles(normals, truth):
 
 noisy, clean = part(1, 0.25)
 filtered = bank(noisy)
-wanted = clean.normals
+wanted = clean.face_normals
 each = np.stack([angles(filtered[:, k], wanted) for k in range(len(FILTERS))])
 print("mean angle of each filter:", each.mean(axis=1).round(1))
 print("if each face took its best one:", each.min(axis=0).mean().round(1))
@@ -104,10 +104,10 @@ test_noisy, test_clean = part(2, 0.25)
 stack = bank(test_noisy)
 nearest = np.linalg.norm((descriptors(stack) / scale)[:, None] - centers, axis=2).argmin(axis=1)
 learned = applied(stack, nearest, coefficients)
-single = [angles(stack[:, k], test_clean.normals).mean() for k in range(len(FILTERS))]
+single = [angles(stack[:, k], test_clean.face_normals).mean() for k in range(len(FILTERS))]
 figure, axis = plt.subplots(figsize=(8, 3.4), layout="constrained")
 axis.bar([f"{passes} × {spread:g}" for passes, spread in FILTERS], single, color="grey")
-axis.bar(["regression"], [angles(learned, test_clean.normals).mean()])
+axis.bar(["regression"], [angles(learned, test_clean.face_normals).mean()])
 axis.tick_params(axis="x", rotation=30)
 axis.set(xlabel="passes × σ_r of a single filter", ylabel="mean angle to the true normals, degrees")
 
