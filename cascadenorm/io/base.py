@@ -15,7 +15,7 @@ from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.normals import Normals, renewed_normals
 from cascadenorm.io.polygons import Polygons, triangulate
 from cascadenorm.io.welding import weld
-from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, first_places, isolated
+from cascadenorm.mesh import Mesh, all_in_rows, bad_faces, bad_vertices, first_places, isolated
 from cascadenorm.messages import counted
 
 Piece = bytes | memoryview
@@ -213,25 +213,26 @@ class MeshFile(ABC):
         wanted = np.asarray(vertices, np.float64)
         if wanted.shape != mesh.vertices.shape:
             raise MeshError(f"vertices have shape {wanted.shape}; the mesh of this file has {mesh.vertices.shape}")
-        copies = wanted[self.welds]
+        kind, (welds, first) = self.positions.dtype, self._weld
         with np.errstate(over="ignore", invalid="ignore"):
-            while True:
-                typed = copies.astype(self.positions.dtype)
-                rounded = self._storable(typed)
-                if rounded is typed:  # `vertices` keep the limit in that type already
-                    break
-                far = np.linalg.norm(rounded.astype(np.float64) - self.positions, axis=1) > limit
-                if not far.any():
-                    break
-                copies[far] = 0.5 * (copies[far] + self.positions[far])
-        bad = np.asarray(~np.isfinite(rounded).all(axis=1))
+            copies = wanted.astype(kind).take(welds, axis=0)
+            rounded = self._storable(copies)
+            if rounded is not copies:  # otherwise `vertices` keep the limit already
+                copies = wanted.take(welds, axis=0)
+                while (far := np.linalg.norm(rounded.astype(np.float64) - self.positions, axis=1) > limit).any():
+                    copies[far] = 0.5 * (copies[far] + self.positions[far])
+                    rounded = self._storable(copies.astype(kind))
+        bad = ~all_in_rows(np.isfinite(rounded))
         if bad.any():
-            raise MeshError(f"{bad.sum()} vertices are not finite as {rounded.dtype} (vertices {first_places(bad)})")
+            raise MeshError(f"{bad.sum()} vertices are not finite as {kind} (vertices {first_places(bad)})")
         moved = copy.copy(self)
-        finite = np.asarray(np.isfinite(self.positions).all(axis=1))[:, None]
-        moved.positions = np.where((copies == self.positions) | ~finite, self.positions, rounded)
-        first = self._weld[1]
-        moved.__dict__["mesh"] = mesh.moved(np.where(finite[first], moved.positions[first], mesh.vertices))
+        moved.positions = np.where(copies == self.positions, self.positions, rounded)
+        present = moved.positions.take(first, axis=0)
+        if self._isolates:  # positions that are not finite stay so
+            finite = all_in_rows(np.isfinite(self.positions))[:, None]
+            moved.positions = np.where(finite, moved.positions, self.positions)
+            present = np.where(finite[first], present, mesh.vertices)
+        moved.__dict__["mesh"] = mesh.moved(present)
         return moved
 
     def _storable(self, positions: Positions) -> Positions:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError
 from cascadenorm.io.polygons import Polygons
-from cascadenorm.mesh import first_places
+from cascadenorm.mesh import any_in_rows, first_places
 
 Positions = NDArray[Any]
 """(k, 3) float32 or float64, as the file holds them."""
@@ -54,7 +54,7 @@ class Content:
         """Return the positions in single precision; raises OutputError where one is beyond it."""
         with np.errstate(over="ignore"):
             single = self.positions.astype(np.float32)
-        bad = np.asarray((np.isinf(single) & np.isfinite(self.positions)).any(axis=1))
+        bad = any_in_rows(np.isinf(single) & np.isfinite(self.positions))
         if bad.any():
             raise OutputError(
                 f"{bad.sum()} vertices exceed the largest number of this format, 3.4e38 (vertices "

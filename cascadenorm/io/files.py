@@ -142,7 +142,7 @@ def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]]
 
 def _lost(file: MeshFile) -> list[str]:
     """Return what a file in its own format cannot keep."""
-    return list(file.moving_loses) if file.has_moved else []
+    return list(file.moving_loses) if file.moving_loses and file.has_moved else []
 
 
 def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile, list[str]]:

@@ -27,7 +27,7 @@ from cascadenorm.io.json_text import JsonText
 from cascadenorm.io.json_text import Path as JsonPath
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, strips
-from cascadenorm.mesh import repeats_vertex
+from cascadenorm.mesh import all_in_rows, any_in_rows, repeats_vertex
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -160,7 +160,7 @@ class GltfContainer(MeshFile):
         """Return positions rounded to the whole numbers in which the file stores them, if it does."""
         if (self._stored.kinds == 0).all():
             return positions
-        finite = np.asarray(np.isfinite(positions).all(axis=1))
+        finite = all_in_rows(np.isfinite(positions))
         data = bytearray(self._buffers.data)
         self._stored.put(data, positions, finite)
         return np.where(finite[:, None], self._stored.read(data), positions)
@@ -174,7 +174,7 @@ class GltfContainer(MeshFile):
         Buffers that are files and get no name are put into the JSON.
         """
         data = bytearray(self._buffers.data)
-        self._stored.put(data, self.positions, np.asarray(self._changed.any(axis=1)))
+        self._stored.put(data, self.positions, any_in_rows(self._changed))
         stored = self._stored_normals.read(data)
         if len(stored):
             normals, renewed = self._renewed(Normals(stored, self._corner_normals))
@@ -197,7 +197,7 @@ class GltfContainer(MeshFile):
         for primitive in self._primitives:
             for name, places in ("POSITION", primitive.positions), ("NORMAL", primitive.normals):
                 vectors, before = places.raw(data), places.raw(self._buffers.data)
-                finite = vectors[np.isfinite(vectors).all(axis=1)]
+                finite = vectors[all_in_rows(np.isfinite(vectors))]
                 finite = finite.astype(float) if finite.dtype.kind == "f" else finite
                 if ((vectors != before) & ~np.isnan(before)).any() and len(finite):
                     path = "accessors", primitive.attributes[name]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.polygons import area_vectors
-from cascadenorm.mesh import scatter_add, unit
+from cascadenorm.mesh import any_in_rows, scatter_add, unit
 
 NORMALS = ("Normals", "normals")
 """What normals are called in VTK."""
@@ -59,8 +59,8 @@ def renewed_normals(
     if np.nansum(np.sign(np.einsum("ij,ij->i", old[groups], normals.values))) < 0:
         new = -new
     moved = np.zeros(len(groups), bool)
-    moved[users[(before != after).any(axis=1)[triangles].any(axis=1)[rows]]] = True
-    renewed = moved[groups] & new.any(axis=1)
+    moved[users[any_in_rows(any_in_rows(before != after)[triangles])[rows]]] = True
+    renewed = moved[groups] & any_in_rows(new != 0)
     return np.where(renewed[:, None], new, normals.values), renewed
 
 

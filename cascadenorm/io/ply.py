@@ -101,7 +101,8 @@ class PlyFile(MeshFile):
             wider.positions = self.positions
             return wider.pieces()
         replaced: list[Replaced] = [("vertex", XYZ, self.positions, self._changed)]
-        corners = {"vertex": self.triangles, "face": np.repeat(self.triangle_polygons[:, None], 3, axis=1)}
+        of_faces = np.broadcast_to(self.triangle_polygons[:, None], self.triangles.shape)
+        corners = {"vertex": self.triangles, "face": of_faces}
         for element, used in corners.items():
             values = self._read(element, NORMAL)
             if values is not None:

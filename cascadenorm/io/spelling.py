@@ -8,6 +8,7 @@ import orjson
 from numpy.typing import NDArray
 
 from cascadenorm.io.text import blocks
+from cascadenorm.mesh import any_in_rows
 
 PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
 """From where to where numbers have no exponent; orjson writes those beyond in another way."""
@@ -39,7 +40,7 @@ def _spelled(values: NDArray[Any], between: bytes) -> bytes:
     native = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
     text = orjson.dumps(native, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # between [[ and ]]
     text = text.replace(b"],[", between).replace(b",", b" ")
-    beyond = np.flatnonzero(_beyond(values).any(axis=1))
+    beyond = np.flatnonzero(any_in_rows(_beyond(values)))
     if len(beyond):
         rows = text.split(between)
         for row in beyond.tolist():

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import MeshError
+from cascadenorm.mesh.arrays import all_in_rows
 from cascadenorm.mesh.mesh import Mesh, face_array, vertex_array
 
 
 def bad_vertices(vertices: ArrayLike) -> NDArray[np.bool_]:
     """Return which vertices are not finite, (n,)."""
-    return np.asarray(~np.isfinite(vertex_array(vertices)).all(axis=1))
+    return ~all_in_rows(np.isfinite(vertex_array(vertices)))
 
 
 def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
