@@ -43,19 +43,14 @@ def iterated_bilateral_normals(
     normals = np.repeat(mesh.face_normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after = np.empty_like(normals)
     out = np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32) if out is None else out
-    parallel_for(len(normals), _keep, normals[:, :, 0], out[:, 0])  # which is where the memory of `out` comes from
+    parallel_for(len(normals), _keep_range, normals[:, :, :1], out[:, :1])
     for done in track(passes[-1]):
         parallel_for(len(normals), _bilateral_range, normals, own, rings, weights, steepness, after)
         normals, after = after, normals
         if done + 1 in passes:
             first = 1 + LANES * passes.index(done + 1)
-            kept = out[:, first : first + LANES]
-            parallel_for(len(kept), _keep, normals.transpose(0, 2, 1), kept)
+            parallel_for(len(normals), _keep_range, normals, out[:, first : first + LANES])
     return out
-
-
-def _keep(start: int, stop: int, normals: NDArray[np.float32], out: NDArray[np.float32]) -> None:
-    out[start:stop] = normals[start:stop]
 
 
 def _range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
@@ -116,6 +111,15 @@ def _compiled(f, normals, own, rings, weights, steepness, out):  # type: ignore[
     return lambda f, normals, own, rings, weights, steepness, out: filter_lanes(  # type: ignore[call-arg]
         f, normals, own, rings, weights, steepness, out
     )
+
+
+@kernel
+def _keep_range(start: int, stop: int, normals: Floats32, out: Floats32) -> None:
+    """Copy normals, (m, 3, k), to (m, k, 3)."""
+    for f in range(start, stop):
+        for r in range(normals.shape[2]):
+            for d in range(3):
+                out[f, r, d] = normals[f, d, r]
 
 
 @kernel
