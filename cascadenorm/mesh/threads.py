@@ -18,7 +18,7 @@ from threadpoolctl import ThreadpoolController
 
 from cascadenorm.mesh.thread_pool import on_threads
 
-BLOCK = 8192
+BLOCK = 1024  # rows, of which some hundred numbers each fit into the second cache
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
 SMALLEST_CHUNK = 512
 
@@ -113,7 +113,8 @@ def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest:
 def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[Any]:
     """Call run(start, stop) on blocks of 0 … count that do not depend on the threads, each on a thread of its own.
 
-    For what is no kernel, such as products of matrices, whose last bits may depend on their shape.
+    For what is no kernel, such as products of matrices, whose last bits may depend on their shape. All blocks have
+    about the same size, of at most BLOCK, since BLAS rounds otherwise where a matrix is small.
 
     Parameters
     ----------
@@ -124,9 +125,10 @@ def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[An
     the rows that the calls returned, stop - start each, in one array
     """
     first, out = Lock(), list[NDArray[Any]]()
+    blocks = -(-count // BLOCK)
 
     def alone(i: int) -> None:
-        start, stop = i * BLOCK, min((i + 1) * BLOCK, count)
+        start, stop = i * count // blocks, (i + 1) * count // blocks
         with limit_threads(1):
             block = run(start, stop)
         with first:
@@ -134,5 +136,5 @@ def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[An
                 out.append(np.empty((count, *block.shape[1:]), block.dtype))
         out[0][start:stop] = block
 
-    on_threads(thread_count(), -(-count // BLOCK), alone)
+    on_threads(thread_count(), blocks, alone)
     return out[0]
