@@ -17,6 +17,8 @@ CONTEXT_STEPS = (1, 2, 4, 8)
 """Rounds of averaging over one ring after which context features are taken."""
 FLOOR = 1e-4
 """Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
+FACES = 128
+"""Faces whose pairs of normals are compared at a time: their normals fit into the first cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,26 +76,23 @@ class FeatureScaler:
         -------
         (m, d + 5 p + 1), or (m, d) where p is 0
         """
-        features = np.empty((len(stack), len(self.mean) + len(self.context_mean)), np.float32)
-        self._write_own(stack, features)
-        around = features[:, len(self.mean) :]
-        np.concatenate(context, axis=1, out=around)
-        around -= self.context_mean
-        around *= self.context_scale
-        return features
+        features = np.empty((len(self.mean) + len(self.context_mean), len(stack)), np.float32)
+        own, around = np.split(features, [len(self.mean)])
+        self._write_own(stack, own)
+        np.concatenate([part.T for part in context], out=around)
+        _normalize(around, self.context_mean, self.context_scale)
+        return features.T
 
     def _own(self, stack: Stack) -> Array:
-        features = np.empty((len(stack), len(self.mean)), np.float32)
+        """Return the normalised features of the faces themselves, (m, d)."""
+        features = np.empty((len(self.mean), len(stack)), np.float32)
         self._write_own(stack, features)
-        return features
+        return features.T
 
-    def _write_own(self, stack: Stack, features: Array) -> None:
-        """Write the features of the faces themselves to the first columns."""
-        parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), features)
-        own = features[:, : len(self.mean)]
-        np.log(own, out=own)
-        own -= self.mean
-        own *= self.scale
+    def _write_own(self, stack: Stack, out: Array) -> None:
+        """Write the features of the faces themselves, (d, m)."""
+        _write_logarithms(stack, out)
+        _normalize(out, self.mean, self.scale)
 
 
 def pairwise_features(stack: Stack) -> NDArray[np.float32]:
@@ -108,9 +107,15 @@ def pairwise_features(stack: Stack) -> NDArray[np.float32]:
     (m, k (k - 1) / 2), pairs i < j in row order
     """
     count = stack.shape[1]
-    out = np.empty((len(stack), count * (count - 1) // 2), np.float32)
+    out = np.empty((count * (count - 1) // 2, len(stack)), np.float32)
+    _write_logarithms(stack, out)
+    return out.T
+
+
+def _write_logarithms(stack: Stack, out: Array) -> None:
+    """Write the pairwise features of faces, (d, m): along rows of one feature all loops become vector instructions."""
     parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), out)
-    return np.log(out, out=out)
+    np.log(out, out=out)
 
 
 class ComponentSums(NamedTuple):
@@ -199,20 +204,33 @@ def _of_faces(values: Array, component: Ints32) -> Array:
 def _pair_range(start: int, stop: int, stack: Floats32, out: Floats32) -> None:
     """1 - cos + FLOOR, cos by half the squared chord, which keeps its digits where two normals nearly agree.
 
-    It fills the first columns of `out`, which may have more.
+    Iteration f alone writes out[:, f].
     """
     count = stack.shape[1]
-    axes = np.empty((3, count), np.float32)  # in each of which the later normals are neighbours
-    for f in range(start, stop):
-        for i in range(count):
-            for d in range(3):
-                axes[d, i] = stack[f, i, d]
+    axes = np.empty((count, 3, FACES), np.float32)
+    for first in range(start, stop, FACES):
+        # some faces at a time, those of one axis of one normal beside each other
+        faces = min(FACES, stop - first)
+        for f in range(faces):
+            for i in range(count):
+                for d in range(3):
+                    axes[i, d, f] = stack[first + f, i, d]
+
+        # pair by pair
         p = 0
         for i in range(count):
-            later = count - 1 - i
-            x0, y0, z0 = axes[0, i], axes[1, i], axes[2, i]
-            xs, ys, zs, row = axes[0, i + 1 :], axes[1, i + 1 :], axes[2, i + 1 :], out[f, p : p + later]
-            for j in range(later):
-                x, y, z = x0 - xs[j], y0 - ys[j], z0 - zs[j]
-                row[j] = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
-            p += later
+            for j in range(i + 1, count):
+                (x0, y0, z0), (x1, y1, z1), row = axes[i], axes[j], out[p, first : first + faces]
+                for f in range(faces):
+                    x, y, z = x0[f] - x1[f], y0[f] - y1[f], z0[f] - z1[f]
+                    row[f] = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
+                p += 1
+
+
+@kernel
+def _normalize(rows: Floats32, mean: Floats32, scale: Floats32) -> None:
+    """(rows[i] - mean[i]) * scale[i], in place; in one pass, which takes a fifth of the time of two of numpy."""
+    for i in range(len(rows)):
+        row = rows[i]
+        for f in range(len(row)):
+            row[f] = (row[f] - mean[i]) * scale[i]
