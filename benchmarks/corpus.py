@@ -197,7 +197,7 @@ def _content(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> Cont
 
 
 def _written(content: Content, path: Path) -> Path:
-    write_file(PlyFile(PlyFile.encode(content)[0]), path, force=True)
+    write_file(PlyFile(b"".join(PlyFile.encode(content)[0])), path, force=True)
     return path
 
 

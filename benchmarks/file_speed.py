@@ -92,8 +92,8 @@ def files(mesh: Mesh, folder: Path) -> dict[str, Path]:
         "GLB": folder / "mesh.glb",
     }
     plain, with_values, stl, stl_text, obj, digits, obj_values, glb = paths.values()
-    plain.write_bytes(PlyFile.encode(Content(points, polygons))[0])
-    with_values.write_bytes(PlyFile.encode(Content(points, polygons, values))[0])
+    plain.write_bytes(b"".join(PlyFile.encode(Content(points, polygons))[0]))
+    with_values.write_bytes(b"".join(PlyFile.encode(Content(points, polygons, values))[0]))
     write(read(plain), stl)
     stl_text.write_text("".join(stl_lines(single)), encoding="ascii")
     obj.write_text("".join(obj_lines(mesh.faces, v=points)), encoding="ascii")

@@ -44,7 +44,9 @@ def denoised(name: str, method: str) -> np.ndarray:
 def write(path: Path, name: str) -> None:
     """Write the arrays as they are, without a look at them."""
     mesh = MESHES[name]
-    path.write_bytes(PlyFile.encode(Content(mesh.vertices, Polygons.from_rows(mesh.faces.astype(np.int64))))[0])
+    path.write_bytes(
+        b"".join(PlyFile.encode(Content(mesh.vertices, Polygons.from_rows(mesh.faces.astype(np.int64))))[0])
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -347,7 +347,8 @@ def test_made_files_hold_colours_and_texture(format, tmp_path):
     content = Content(
         mesh.vertices.astype(np.float32), Polygons.from_rows(mesh.faces.astype(np.int64)), {**colors, **texture}
     )
-    data, lost = io.files.FORMATS[format].encode(content)
+    pieces, lost = io.files.FORMATS[format].encode(content)
+    data = b"".join(pieces)
     again = read(data).content()
     assert lost == []
     assert np.array_equal(again.positions, content.positions)

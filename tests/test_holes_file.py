@@ -137,7 +137,7 @@ def test_a_hole_of_one_face_needs_no_vertex(tmp_path):
     whole = PlyFile(data).with_patches(Patches(PlyFile(data), FILLED))
     faces = np.delete(whole.mesh.faces, 5, axis=0)
     content = replace(whole.content(), polygons=Polygons.from_rows(faces.astype(np.int64)), face_values={})
-    file, done = filled(tmp_path, PlyFile.encode(content)[0], ".ply")
+    file, done = filled(tmp_path, b"".join(PlyFile.encode(content)[0]), ".ply")
     assert done.added == 1 and len(file.positions) == len(whole.positions)
     assert_closed(file.mesh)
 
@@ -199,7 +199,7 @@ def test_other_formats_keep_what_others_can_take_over(tmp_path, suffix):
     source = tmp_path / f"holed{suffix}"
     content = cn.read(io.BytesIO(ply_binary("<"))).content()
     kind = FORMATS[suffix[1:]]
-    source.write_bytes(kind.encode(content)[0])
+    source.write_bytes(b"".join(kind.encode(content)[0]))
     before = cn.read(source)
     done = fill_holes_file(source, tmp_path / f"filled{suffix}")
     after = cn.read(tmp_path / f"filled{suffix}")
@@ -212,7 +212,7 @@ def test_other_formats_keep_what_others_can_take_over(tmp_path, suffix):
 
 
 def test_what_a_scene_loses_is_said(tmp_path, capsys):
-    data = GltfFile.encode(cn.read(io.BytesIO(ply_binary("<"))).content())[0]
+    data = b"".join(GltfFile.encode(cn.read(io.BytesIO(ply_binary("<"))).content())[0])
     (tmp_path / "holed.gltf").write_bytes(data.replace(b'"scene":0', b'"materials":[{"name":"steel"}],"scene":0'))
     assert run(["fill-holes", str(tmp_path / "holed.gltf")]) == 0
     assert "left out: materials\n" in capsys.readouterr().err
@@ -234,7 +234,7 @@ def test_a_seam_is_no_hole(tmp_path):
 def soup() -> bytes:
     """The holed ball with three vertices for each face."""
     corners = Polygons.from_rows(np.arange(3 * FACES).reshape(-1, 3))
-    return PlyFile.encode(Content(HOLED.corners.reshape(-1, 3), corners))[0]
+    return b"".join(PlyFile.encode(Content(HOLED.corners.reshape(-1, 3), corners))[0])
 
 
 def test_numbers_too_large_for_a_file_are_refused(tmp_path):

@@ -21,12 +21,12 @@ OFF_TETRAHEDRON = b"\n".join(
 
 def encoded(mesh: Mesh, format: str) -> io.MeshFile:
     polygons = Polygons.from_rows(mesh.faces.astype(np.int64))
-    return FORMATS[format](FORMATS[format].encode(Content(mesh.vertices, polygons))[0])
+    return FORMATS[format](b"".join(FORMATS[format].encode(Content(mesh.vertices, polygons))[0]))
 
 
 def ply_of(vertices, faces, normals=None) -> io.MeshFile:
     values = {} if normals is None else dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
-    return FORMATS["ply"](FORMATS["ply"].encode(Content(vertices, Polygons.from_rows(faces), values))[0])
+    return FORMATS["ply"](b"".join(FORMATS["ply"].encode(Content(vertices, Polygons.from_rows(faces), values))[0]))
 
 
 @pytest.mark.parametrize("data", [stl_binary(), stl_text()])

@@ -148,7 +148,7 @@ def test_colors_and_the_numbers_of_faces_are_those_of_the_file(place):
     red = np.arange(9, dtype=np.uint8) * 20
     values = {"red": red, "green": red[::-1].copy(), "blue": np.full(9, 7, np.uint8)}
     content = Content(square.vertices, Polygons.from_rows(corners), vertex_values=values)
-    (place / "quads.ply").write_bytes(PlyFile.encode(content)[0])
+    (place / "quads.ply").write_bytes(b"".join(PlyFile.encode(content)[0]))
     cn.report("r.html", "quads.ply")
     (mesh,) = scene_of(place / "r.html")["meshes"]
     np.testing.assert_array_equal(unpacked(mesh["colors"]), np.stack([*values.values()], axis=1))
@@ -300,7 +300,7 @@ def test_a_mesh_that_cannot_be_denoised_is_shown_without_what_is_bad(place):
     with pytest.raises(cn.MeshError):
         Mesh(vertices, CLEAN.faces)
     content = Content(vertices, Polygons.from_rows(CLEAN.faces.astype(np.int64)))
-    (place / "bad.ply").write_bytes(PlyFile.encode(content)[0])
+    (place / "bad.ply").write_bytes(b"".join(PlyFile.encode(content)[0]))
     cn.report("r.html", "bad.ply")
     assert "1 vertex is not finite" in text_of(place / "r.html")
     (mesh,) = scene_of(place / "r.html")["meshes"]

@@ -32,7 +32,7 @@ def ball(tmp_path, monkeypatch):
         {"paint": PAINT, "quality": SOFT, "height": 5 * SOFT},
         {"part": PARTS},
     )
-    (tmp_path / "ball.ply").write_bytes(PlyFile.encode(content)[0])
+    (tmp_path / "ball.ply").write_bytes(b"".join(PlyFile.encode(content)[0]))
     return cn.read("ball.ply")
 
 
@@ -104,7 +104,7 @@ def test_copies_at_a_seam_have_the_smallest_weight_and_are_fixed_together(tmp_pa
     faces = np.concatenate([corners[0], corners[1] + len(used[0])])
     weights = RNG.random(len(owners))
     content = Content(sheet.vertices[owners], Polygons.from_rows(faces.astype(np.int64)), {"w": weights})
-    (tmp_path / "sheet.ply").write_bytes(PlyFile.encode(content)[0])
+    (tmp_path / "sheet.ply").write_bytes(b"".join(PlyFile.encode(content)[0]))
     file = cn.read("sheet.ply")
     assert len(owners) == len(sheet.vertices) + 5 == len(file.mesh.vertices) + 5
     smallest = np.ones(len(file.mesh.vertices))

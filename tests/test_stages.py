@@ -141,7 +141,7 @@ def test_a_halo_that_filters_by_distance_leave_is_widened(place, monkeypatch):
 
 def test_stl_by_the_default_of_the_command_line_where_it_does_not_fit(place, capsys, monkeypatch):
     content = Content(RIBBON.vertices, Polygons.from_rows(RIBBON.faces.astype(np.int64)))
-    Path("scan.stl").write_bytes(StlFile.encode(content)[0])
+    Path("scan.stl").write_bytes(b"".join(StlFile.encode(content)[0]))
     assert run(["denoise", "scan.stl", "-o", "whole.stl"]) == 0
     capsys.readouterr()
     monkeypatch.setattr(fitting, "free_memory", lambda: 1_000_000)

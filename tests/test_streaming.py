@@ -48,7 +48,9 @@ def with_colors(mesh, kind) -> bytes:
     rng = np.random.default_rng(0)
     values = {"quality": rng.random(len(mesh.vertices)).astype(np.float32)}
     labels = {"label": rng.integers(0, 9, len(mesh.faces)).astype(np.int32)}
-    return PlyFile.encode(Content(mesh.vertices.astype(kind), polygons, vertex_values=values, face_values=labels))[0]
+    return b"".join(
+        PlyFile.encode(Content(mesh.vertices.astype(kind), polygons, vertex_values=values, face_values=labels))[0]
+    )
 
 
 @pytest.mark.parametrize("mesh", [BALL, SHEET], ids=["ball", "sheet"])
@@ -277,7 +279,7 @@ def test_binary_stl_is_welded_on_disk(place):
     """Vertices are numbered, sums taken and normals written as in memory; a triangle that stays keeps its normal."""
     mesh = side_by_side(shuffled(BALL), SHEET)
     content = Content(mesh.vertices * 3 + [10, 0, 0], Polygons.from_rows(mesh.faces.astype(np.int64)))
-    data = bytearray(StlFile.encode(content)[0])
+    data = bytearray(b"".join(StlFile.encode(content)[0]))
     data[84 : 84 + 12] = np.array([9, 9, 9], "<f4").tobytes()  # no unit normal
     Path("scan.stl").write_bytes(data)
     for settings in (SETTINGS, NORMALS):

@@ -25,7 +25,7 @@ class ArraysFile(MeshFile):
         return self._moved_pieces()
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        return [self.encode(self.content())[0]]
+        return self.encode(self.content())[0]
 
     def content(self) -> Content:
         """Return the vertices and faces."""
@@ -35,6 +35,6 @@ class ArraysFile(MeshFile):
         return Content(self.positions, self.polygons)
 
     @classmethod
-    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content as binary little-endian PLY."""
         return PlyFile.encode(content)

@@ -14,6 +14,7 @@ from cascadenorm.errors import MeshError
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.normals import Normals, renewed_normals
 from cascadenorm.io.polygons import Polygons, triangulate
+from cascadenorm.io.text import blocks
 from cascadenorm.io.welding import weld
 from cascadenorm.mesh import Mesh, all_in_rows, bad_faces, bad_vertices, first_places, isolated
 from cascadenorm.messages import counted
@@ -67,8 +68,8 @@ class MeshFile(ABC):
 
     @classmethod
     @abstractmethod
-    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
-        """Write content in this format; the bytes, and what they leave out, in words."""
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
+        """Write content in this format; the bytes, in pieces, and what they leave out, in words."""
 
     def isolating(self: AnyMeshFile) -> AnyMeshFile:
         """Return this file with a `mesh` that does without what is bad, as `isolated` does, instead of refusing it."""
@@ -222,11 +223,12 @@ class MeshFile(ABC):
                 while (far := np.linalg.norm(rounded.astype(np.float64) - self.positions, axis=1) > limit).any():
                     copies[far] = 0.5 * (copies[far] + self.positions[far])
                     rounded = self._storable(copies.astype(kind))
-        bad = ~all_in_rows(np.isfinite(rounded))
-        if bad.any():
+        if not np.isfinite(rounded).all():
+            bad = ~all_in_rows(np.isfinite(rounded))
             raise MeshError(f"{bad.sum()} vertices are not finite as {kind} (vertices {first_places(bad)})")
         moved = copy.copy(self)
-        moved.positions = np.where(copies == self.positions, self.positions, rounded)
+        moved.positions = rounded
+        np.copyto(rounded, self.positions, where=copies == self.positions)
         present = moved.positions.take(first, axis=0)
         if self._isolates:  # positions that are not finite stay so
             finite = all_in_rows(np.isfinite(self.positions))[:, None]
@@ -242,12 +244,16 @@ class MeshFile(ABC):
     @property
     def has_moved(self) -> bool:
         """Whether a position differs from what was read."""
-        return bool(self._changed.any())
+        return any(self._changed_in(block).any() for block in blocks(len(self.positions), 3))
 
     @property
     def _changed(self) -> NDArray[np.bool_]:
         """(k, 3) which coordinates differ from those that were read."""
-        return np.asarray((self.positions != self._read_positions) & ~np.isnan(self._read_positions))
+        return self._changed_in(slice(None))
+
+    def _changed_in(self, rows: slice) -> NDArray[np.bool_]:
+        read = self._read_positions[rows]
+        return np.asarray((self.positions[rows] != read) & ~np.isnan(read))
 
     def _renewed(self, normals: Normals) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the normals of the present positions, and which of them belong to faces that moved."""

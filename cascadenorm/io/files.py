@@ -230,8 +230,8 @@ def _meshio_formats() -> dict[str, type[MeshFile]]:
 
 def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], list[str]]:
     content = file.content()
-    data, lost = kind.encode(content)
-    return [data], [*content.left_out, *lost]
+    pieces, lost = kind.encode(content)
+    return pieces, [*content.left_out, *lost]
 
 
 def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
@@ -248,7 +248,7 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     """
     mesh = Mesh(vertices, faces)
     kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
-    return ArraysFile(Content(mesh.vertices.astype(kind), Polygons.from_rows(mesh.faces.astype(np.int64))))
+    return ArraysFile(Content(mesh.vertices.astype(kind, copy=False), Polygons.from_rows(mesh.faces.astype(np.int64))))
 
 
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:

@@ -260,10 +260,10 @@ class GltfContainer(MeshFile):
             return content_of(self._json.document, self._accessors, shapes)
 
     @classmethod
-    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content with the colours and texture coordinates of vertices."""
         document, buffer, lost = document_of(content)
-        return cls._made(document, buffer), lost
+        return [cls._made(document, buffer)], lost
 
 
 @contextmanager

@@ -210,7 +210,7 @@ class ObjFile(MeshFile):
         return [self._text.word(word).decode("utf-8", "replace") for word in words]
 
     @classmethod
-    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content as OBJ, with the colours and texture coordinates of vertices."""
         colors = channels(content.vertex_values)
         colors.pop("alpha", None)
@@ -222,7 +222,7 @@ class ObjFile(MeshFile):
         text = [lines_of(b"v", content.positions, *fractions)]
         if textured:
             text.append(lines_of(b"vt", np.stack([content.vertex_values[name] for name in TEXTURE], axis=1)))
-        return b"".join([*text, *_face_lines(content.polygons, textured)]), lost
+        return [*text, *_face_lines(content.polygons, textured)], lost
 
 
 def _face_lines(polygons: Polygons, textured: bool) -> list[bytes]:

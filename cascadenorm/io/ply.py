@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterable
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -248,7 +249,7 @@ class PlyFile(MeshFile):
         return Content(self.positions, self.polygons, per["vertex"], per["face"], tuple(left_out))
 
     @classmethod
-    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content as binary little-endian PLY."""
         vertex = fields_of({**dict(zip(XYZ, content.positions.T, strict=True)), **content.vertex_values})
         face, counts = fields_of(content.face_values), content.polygons.counts
@@ -260,8 +261,8 @@ class PlyFile(MeshFile):
             *[f"property {NAMES[v.dtype.str[1:]]} {name}" for name, v in face.items()],
             *["end_header", ""],
         ]
-        rows = joined_columns(list(vertex.values()))
-        return b"".join(["\n".join(lines).encode(), rows.data, face_rows(content.polygons, length, face).data]), []
+        vertex_rows = joined_columns(list(vertex.values()))
+        return chain(["\n".join(lines).encode()], vertex_rows, face_rows(content.polygons, length, face)), []
 
 
 def _kind(p: Property, byte_order: str) -> Kind:

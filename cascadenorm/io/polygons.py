@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import face_area_vectors, repeats_vertex, scatter_add
+from cascadenorm.mesh import Floats32, Ints, face_area_vectors, kernel, parallel_for, repeats_vertex, scatter_add
+from cascadenorm.mesh.vectors import cross, divided, length, row, scaled, subtract
 
 MOST_APEXES = 64  # corners tried for a fan without folds
 MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stays
@@ -33,10 +34,15 @@ class Polygons(NamedTuple):
     @classmethod
     def from_rows(cls, rows: NDArray[np.int64]) -> "Polygons":
         """Join polygons that all have the same number of corners, one a row."""
-        return cls(np.arange(len(rows) + 1, dtype=np.int64) * rows.shape[1], rows.ravel())
+        return cls(np.arange(0, rows.size + 1, rows.shape[1], dtype=np.int64), rows.ravel())
 
     def __len__(self) -> int:
         return len(self.indptr) - 1
+
+    def part(self, block: slice) -> "Polygons":
+        """Return the polygons of a block."""
+        indptr = self.indptr[block.start : block.stop + 1]
+        return Polygons(indptr - indptr[0], self.corners[indptr[0] : indptr[-1]])
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -92,9 +98,9 @@ def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np
 def _ears(corners: NDArray[Any]) -> list[tuple[int, int, int]]:
     """Cut ears off a polygon, (c, 3) positions, as seen along its mean normal; none where it crosses itself."""
     with np.errstate(all="ignore"):
-        scaled = (corners - corners[0]) / np.float64(np.abs(corners - corners[0]).max() or 1)
-        normal = np.cross(scaled, np.roll(scaled, -1, axis=0)).sum(axis=0)
-        flat = scaled @ np.linalg.svd(normal[None])[2][1:].T if np.isfinite(normal).all() else np.full((1, 2), np.nan)
+        near_one = (corners - corners[0]) / np.float64(np.abs(corners - corners[0]).max() or 1)
+        normal = np.cross(near_one, np.roll(near_one, -1, axis=0)).sum(axis=0)
+        flat = near_one @ np.linalg.svd(normal[None])[2][1:].T if np.isfinite(normal).all() else np.full((1, 2), np.nan)
     x, y = flat.T
     if np.roll(y, -1) @ x - np.roll(x, -1) @ y < 0:
         y = -y
@@ -155,11 +161,42 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
 
 
 def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the normal of each triangle times its area, up to one positive factor for all of them.
-
-    The factor keeps coordinates of any size from overflowing.
-    """
-    largest = np.abs(positions).max(initial=0, where=np.isfinite(positions))
+    """Return the normal of each triangle times its area, over the square of the largest coordinate."""
     with np.errstate(invalid="ignore"):  # triangles with corners that are not finite come out the same way
-        scaled = np.divide(positions, largest if largest > 0 else 1, dtype=np.float64)
-    return face_area_vectors(scaled, triangles.astype(np.int32))
+        near_one = np.divide(positions, largest_coordinate(positions), dtype=np.float64)
+    return face_area_vectors(near_one, triangles.astype(np.int32))
+
+
+def largest_coordinate(positions: NDArray[Any]) -> float:
+    """Return the largest size of a finite coordinate, 1 if all are zero: over it, none is too large to be squared."""
+    largest = np.maximum(positions.max(initial=0), -positions.min(initial=0))
+    if not np.isfinite(largest):
+        largest = np.abs(positions).max(initial=0, where=np.isfinite(positions))
+    return float(largest) if largest > 0 else 1.0
+
+
+def unit_normals(positions: NDArray[Any], triangles: NDArray[np.int64], largest: float) -> NDArray[np.float32]:
+    """Return the (m, 3) unit normals of triangles, zero where they have no area.
+
+    Parameters
+    ----------
+    positions : (k, 3)
+    triangles : (m, 3) rows of positions
+    largest : what `largest_coordinate` says of these positions, or of more
+    """
+    out = np.empty(triangles.shape, np.float32)
+    parallel_for(len(out), _unit_normal_range, positions, triangles, largest, out)
+    return out
+
+
+@kernel
+def _unit_normal_range(
+    start: int, stop: int, positions: NDArray[Any], triangles: Ints, largest: float, out: Floats32
+) -> None:
+    for f in range(start, stop):
+        a = divided(row(positions, triangles[f, 0]), largest)
+        b = divided(row(positions, triangles[f, 1]), largest)
+        c = divided(row(positions, triangles[f, 2]), largest)
+        normal = scaled(0.5, cross(subtract(b, a), subtract(c, a)))
+        size = length(normal)
+        out[f, 0], out[f, 1], out[f, 2] = divided(normal, size) if size > 0 else (0.0, 0.0, 0.0)

@@ -1,6 +1,7 @@
 """STL: triangles with their own corners, binary or in text; welded inside."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,11 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.polygons import Polygons, area_vectors, triangulate
+from cascadenorm.io.polygons import Polygons, largest_coordinate, triangulate, unit_normals
 from cascadenorm.io.spelling import spelled
-from cascadenorm.io.text import Text
+from cascadenorm.io.text import Text, blocks
 from cascadenorm.io.tokenizer import Places
-from cascadenorm.mesh import unit
+from cascadenorm.mesh import any_in_rows
 
 RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEADER = 84  # 80 bytes of anything, then the number of triangles
@@ -46,20 +47,28 @@ class StlFile(MeshFile):
         return positions, Polygons.from_rows(np.arange(len(positions)).reshape(-1, 3))
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        moved = self._changed.reshape(-1, 9).any(axis=1) & ~self.left_out
-        normals = unit(area_vectors(self.positions, self.triangles[moved])).astype(np.float32)
+        moved = any_in_rows(self._changed.reshape(-1, 9)) & ~self.left_out
+        largest = largest_coordinate(self.positions)
         if self._text is None:
-            records = self._records.copy()
-            records["corners"] = self.positions.reshape(-1, 3, 3)
-            records["normal"][moved] = normals
-            end = HEADER + records.nbytes
-            return [self.data[:HEADER], records.view(np.uint8).data, memoryview(self.data)[end:]]
+            end = HEADER + self._records.nbytes
+            return chain([self.data[:HEADER]], self._moved_records(moved, largest), [memoryview(self.data)[end:]])
+        normals = unit_normals(self.positions, self.triangles[moved], largest)
         words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
         text, facet_lines = self._text, self._facets
         if (text.stop[facet_lines] - text.first[facet_lines] >= 5).all():  # facet normal x y z
             words = np.concatenate([words, text.columns(facet_lines[moved], 3, start=2).ravel()])
             spellings = np.concatenate([spellings, spelled(normals)])
         return text.replaced(words, spellings)
+
+    def _moved_records(self, moved: NDArray[np.bool_], largest: float) -> Iterator[Piece]:
+        """Return the records with the present positions, and the normals of those that moved, block by block."""
+        corners = self.positions.reshape(-1, 3, 3)
+        for block in blocks(len(moved), 12):
+            records = self._records[block].copy()
+            records["corners"] = corners[block]
+            normals = unit_normals(self.positions, self.triangles[block], largest)
+            np.copyto(records["normal"], normals, where=moved[block, None])
+            yield records.view(np.uint8).data
 
     def _read_content(self) -> Content:
         positions = self.positions[self._weld[1]]
@@ -71,23 +80,29 @@ class StlFile(MeshFile):
         return Content(positions, polygons, face_values=values, left_out=("the header",) if any(self.data[:80]) else ())
 
     @classmethod
-    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content as binary STL."""
         triangles, owners = triangulate(content.positions, content.polygons)
-        records = np.zeros(len(triangles), RECORD)
         single = content.single_positions()
-        records["corners"] = single[triangles]
-        records["normal"] = unit(area_vectors(content.positions, triangles))
+        attribute = content.face_values.get("attribute", np.zeros(len(content.polygons), np.uint16))
+        header = bytes(80) + len(triangles).to_bytes(4, "little")
         lost = [f"vertex property '{name}'" for name in content.vertex_values]
         lost += [f"face property '{name}'" for name in content.face_values if name != "attribute"]
-        if "attribute" in content.face_values:
-            records["attribute"] = content.face_values["attribute"][owners]
         if (content.polygons.counts != 3).any():
             lost.append("polygons (cut into triangles)")
         if (single != content.positions).any():
             lost.append("digits of the positions beyond single precision")
         lost.append("the order of the vertices")
-        return b"".join([bytes(80), len(records).to_bytes(4, "little"), records.view(np.uint8).data]), lost
+        largest = largest_coordinate(content.positions)
+
+        def records(block: slice) -> Piece:
+            facets = np.empty(len(triangles[block]), RECORD)
+            facets["normal"] = unit_normals(content.positions, triangles[block], largest)
+            facets["corners"] = single.take(triangles[block], axis=0)
+            facets["attribute"] = attribute[owners[block]]
+            return facets.view(np.uint8).data
+
+        return chain([header], map(records, blocks(len(triangles), 12))), lost
 
 
 def is_binary_stl(data: bytes) -> bool:

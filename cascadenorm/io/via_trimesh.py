@@ -76,7 +76,7 @@ class TrimeshFile(MeshFile):
         return list(self._scene.graph.nodes_geometry)
 
     @classmethod
-    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content with the colours of vertices."""
         import trimesh
 
@@ -92,7 +92,7 @@ class TrimeshFile(MeshFile):
         lost += [f"face property '{name}'" for name in content.face_values]
         if (content.polygons.counts != 3).any():
             lost.append("polygons (cut into triangles)")
-        return _exported(mesh, cls.format), lost
+        return [_exported(mesh, cls.format)], lost
 
 
 def trimesh_kind(format: str) -> type[TrimeshFile] | None:

@@ -106,7 +106,7 @@ class MeshioFile(MeshFile):
         return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 
     @classmethod
-    def encode(cls, content: Content) -> tuple[bytes, list[str]]:
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content with all values of vertices and faces; faces of as many corners follow each other."""
         import meshio
 
@@ -124,7 +124,7 @@ class MeshioFile(MeshFile):
             cell_data={name: [values[rows] for rows in chosen] for name, values in content.face_values.items()},
         )
         lost = ["the order of the faces"] if (np.diff(counts) < 0).any() else []
-        return _written(grid, cls.format, {}), lost
+        return [_written(grid, cls.format, {})], lost
 
 
 class VtkFile(MeshioFile):

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.polygons import area_vectors
+from cascadenorm.io.polygons import largest_coordinate, unit_normals
 from cascadenorm.io.stl import HEADER, RECORD
-from cascadenorm.mesh import unit
 from cascadenorm.streaming.ply_rows import BLOCK, ELSEWHERE, PlyTables, ply_tables, write_tables
 from cascadenorm.streaming.tiles import Buckets
 
@@ -84,7 +83,8 @@ def moved_records(path: Path, mesh: PlyTables, moved: NDArray[Any]) -> Iterator[
             changed = (there != records["corners"]).reshape(-1, 9).any(axis=1)
             records["corners"] = np.where(there == records["corners"], records["corners"], there)
             triangles = np.arange(3 * len(records)).reshape(-1, 3)[changed]
-            records["normal"][changed] = unit(area_vectors(records["corners"].reshape(-1, 3), triangles))
+            positions = records["corners"].reshape(-1, 3)
+            records["normal"][changed] = unit_normals(positions, triangles, largest_coordinate(positions))
             yield records.tobytes()
 
 
