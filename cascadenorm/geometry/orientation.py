@@ -101,7 +101,7 @@ def _join(
 
     Until the end, `patch` leads to an earlier face of the same patch, and `flipped` is relative to that one.
     Union-find with a bit for each face. The connected components of the orientation double cover, of a spanning tree
-    where a patch has a single side, are the same, but take scipy eight times as long.
+    where a patch has a single side, are the same, but take scipy many times as long.
     """
     single_sided = False
     for e in range(len(edges)):
@@ -109,20 +109,28 @@ def _join(
             continue
         a, b = edges[e]
         # an edge is passed where its faces have at most two third vertices: one face, two, or copies of these
-        apexes = _count_apexes(faces, around.indices[around.indptr[e] : around.indptr[e + 1]], a, b)
-        first = np.int32(-1)  # as all indices here: a kernel is compiled for each type
-        for f in around.indices[around.indptr[e] : around.indptr[e + 1]]:
-            if _repeats_vertex(faces, f):
+        apexes = 0
+        one: Index = -1
+        other: Index = -1
+        for k in range(around.indptr[e], around.indptr[e + 1]):
+            apex, _ = _at_edge(faces, around.indices[k], a, b)
+            if apex not in (-1, one, other):
+                apexes += 1
+                one, other = apex, one
+        first = first_apex = np.int32(-1)  # as all indices here: a kernel is compiled for each type
+        first_runs = False
+        for k in range(around.indptr[e], around.indptr[e + 1]):
+            f = around.indices[k]
+            apex, runs = _at_edge(faces, f, a, b)
+            if apex < 0:
                 continue
             if apexes != 2:
                 at_boundary[f] = True
             if first < 0:
-                first = f
+                first, first_apex, first_runs = f, apex, runs
             elif apexes <= 2:
                 # neighbours run along their edge in opposite ways, copies of one face in the same way
-                same = _runs(faces, f, a, b) == _runs(faces, first, a, b)
-                twins = _apex(faces, f, a, b) == _apex(faces, first, a, b)
-                single_sided |= _unite(patch, flipped, first, f, same != twins)
+                single_sided |= _unite(patch, flipped, first, f, (runs == first_runs) != (apex == first_apex))
     for f in range(len(patch)):
         patch[f], flipped[f] = _find(patch, flipped, np.int32(f))
     return single_sided
@@ -153,42 +161,13 @@ def _find(patch: Ints32, flipped: Bools, f: Index) -> tuple[Index, bool]:
 
 
 @kernel
-def _count_apexes(faces: Ints32, around: Ints32, a: Index, b: Index) -> int:
-    """Count the different third vertices of the faces at an edge; 3 stands for more as well."""
-    first: Index = -1
-    second: Index = -1
-    for f in around:
-        if _repeats_vertex(faces, f):
-            continue
-        apex = _apex(faces, f, a, b)
-        if first < 0 or apex == first:
-            first = apex
-        elif second < 0 or apex == second:
-            second = apex
-        else:
-            return 3
-    return int(first >= 0) + int(second >= 0)
-
-
-@kernel
-def _apex(faces: Ints32, f: Index, a: Index, b: Index) -> Index:
-    """Return the vertex of a face that is neither a nor b."""
-    apex = -1
-    for v in faces[f]:
-        if v not in (a, b):
-            apex = v
-            break
-    return apex
-
-
-@kernel
-def _repeats_vertex(faces: Ints32, f: Index) -> bool:
+def _at_edge(faces: Ints32, f: Index, a: Index, b: Index) -> tuple[Index, bool]:
+    """Return the third vertex of a face at an edge, -1 if it repeats a vertex, and whether it runs from a to b."""
     u, v, w = faces[f]
-    return bool(u == v or v == w or w == u)
-
-
-@kernel
-def _runs(faces: Ints32, f: Index, a: Index, b: Index) -> bool:
-    """Tell whether a face runs from a to b, rather than from b to a."""
-    u, v, w = faces[f]
-    return bool((u == a and v == b) or (v == a and w == b) or (w == a and u == b))
+    if u == v or v == w or w == u:
+        return np.int32(-1), False
+    if u not in (a, b):
+        return u, v == a
+    if v not in (a, b):
+        return v, w == a
+    return w, u == a
