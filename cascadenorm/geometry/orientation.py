@@ -117,7 +117,8 @@ def _join(
             if apex not in (-1, one, other):
                 apexes += 1
                 one, other = apex, one
-        first = first_apex = np.int32(-1)  # as all indices here: a kernel is compiled for each type
+        first: Index = np.int32(-1)  # as all indices here: a kernel is compiled for each type
+        first_apex: Index = np.int32(-1)
         first_runs = False
         for k in range(around.indptr[e], around.indptr[e + 1]):
             f = around.indices[k]
