@@ -1,9 +1,10 @@
 """Where the processor time of methods goes, kernel by kernel, against the speed of memory and of matrix products.
 
-python benchmarks/performance.py [--method NAME ...]
+python benchmarks/performance.py [--method NAME ...] [--environment DIR]
 
-Denoises the torus of benchmarks/speed.py with a million faces on one thread, and writes docs/performance.md. It counts
-processor time, which depends less on what else the machine does than the time that passes.
+Denoises the torus of benchmarks/speed.py with a million faces on one thread, and writes docs/performance.md and a flame
+graph of each method beside it. It counts processor time, which depends less on what else the machine does than the time
+that passes. py-spy, which samples the calls, is installed into an environment of its own.
 """
 
 import argparse
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from flame_graph import drawn, sampled
 from kernel_use import BLOCKS, Use, watched
 from speed import SIZES, wavy_torus
 
@@ -24,6 +26,11 @@ from cascadenorm.mesh import Mesh, one_blas_thread
 
 PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
 METHODS = ("auto", "bilateral-normal")
+PROGRAM = """
+from cascadenorm import denoise
+from speed import SIZES, wavy_torus
+denoise(wavy_torus(*SIZES["1 M faces"]), method={method!r}, threads=1)
+"""
 LEAST = 0.01
 """Share of the time of a method from which a kernel has a row of its own."""
 
@@ -46,10 +53,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measure each method and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--method", action="append", help="may be given several times")
+    parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="of py-spy")
     chosen = parser.parse_args(arguments)
     machine = Machine(copy_speed(), product_speed())
     mesh = wavy_torus(*SIZES["1 M faces"])
-    sections = [section(name, account(mesh, name), len(mesh.faces), machine) for name in chosen.method or METHODS]
+    methods = chosen.method or METHODS
+    sections = [section(name, account(mesh, name), len(mesh.faces), machine) for name in methods]
+    for name in methods:
+        stacks = sampled(PROGRAM.format(method=name), "denoise", chosen.environment)
+        PAGE.with_name(picture(name)).write_text(drawn(stacks), encoding="utf-8")
     PAGE.write_text("\n".join([*head(machine), *sections]), encoding="utf-8")
     print(PAGE.read_text(encoding="utf-8"))
 
@@ -79,8 +91,15 @@ def section(method: str, done: Account, faces: int, machine: Machine) -> str:
         *(row(name, use, faces, done.seconds, machine) for name, use in large),
         f"| the rest: numpy, Python, smaller kernels | | | {1e9 * rest / faces:.0f} | {rest / done.seconds:.0%} | | |",
         "",
+        f"![Flame graph: the calls of {method}, each as wide as its share of the time]({picture(method)})",
+        "",
     ]
     return "\n".join(lines)
+
+
+def picture(method: str) -> str:
+    """Name of the file with the flame graph of a method."""
+    return f"performance-{method}.svg"
 
 
 def row(name: str, use: Use, faces: int, total: float, machine: Machine) -> str:
@@ -120,6 +139,9 @@ def head(machine: Machine) -> list[str]:
         f"{machine.memory:.1f} GB/s for a copy of a large array and {machine.products:.0f} GFLOP/s for a product of "
         "large matrices in single precision. A kernel near the first one waits for memory, and would gain from fewer "
         "passes or smaller numbers alone; one far below it computes, or waits for neighbours that lie apart.",
+        "",
+        "In the flame graphs a call is as wide as its share of the time, and what it calls is below it. They show "
+        "functions of Python; the time of a kernel is that of the function that runs it.",
         "",
         "`python benchmarks/track.py` counts rows, bytes and memory on a small mesh, compares them with the last "
         "record in `benchmarks/track.json` and fails where one has grown; a test does the same.",

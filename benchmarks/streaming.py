@@ -7,7 +7,8 @@ of its own. `--write` puts the rows in place of those of the same method; rows o
 
 `--limit` is a limit of the operating system on the data of that process (RLIMIT_DATA: all private memory that it asks
 for, used or not), beyond which it would end. The peak of resident memory is that which the kernel reports for the
-process; it includes pages of files that are mapped, which the kernel may drop.
+process; it includes pages of files that are mapped, which the kernel may drop. Scratch is the largest size that the
+folder beside the output was seen to have.
 """
 
 import argparse
@@ -17,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +29,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "patches.md"
 BEGIN, END = "<!-- large files: written by benchmarks/streaming.py -->", "<!-- end of large files -->"
 TITLES = (
     "method", "million faces", "file, MB", "`--memory`", "hard limit", "peak, MB", "processor, s", "seconds",
-    "read, MB", "written, MB",
+    "read, MB", "written, MB", "scratch, MB",
 )  # fmt: skip
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
 
@@ -93,7 +95,11 @@ def measured(millions: float, options: argparse.Namespace) -> str:
         command += [word for given in options.set for word in ("--set", given)]
         start = time.perf_counter()
         process = subprocess.Popen(command, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_DATA, (limit, limit)))
-        _, status, used = os.wait4(process.pid, 0)
+        scratch, ended = 0, 0
+        while not ended:
+            ended, status, used = os.wait4(process.pid, os.WNOHANG)
+            scratch = max(scratch, size_of(output.with_name(f".{output.name}.parts")))
+            time.sleep(0.1)
         seconds = time.perf_counter() - start
         if status:
             raise SystemExit(f"the run ended with status {status}")
@@ -110,8 +116,18 @@ def measured(millions: float, options: argparse.Namespace) -> str:
         f"{seconds:.0f}",
         f"{used.ru_inblock * 512 / 1e6:.0f}",
         f"{used.ru_oublock * 512 / 1e6:.0f}",
+        f"{scratch / 1e6:.0f}",
     )
     return f"| {' | '.join(cells)} |"
+
+
+def size_of(folder: Path) -> int:
+    """Bytes of the files in a folder, some of which may just be removed."""
+    size = 0
+    for path in folder.glob("*"):
+        with suppress(FileNotFoundError):
+            size += path.stat().st_size
+    return size
 
 
 if __name__ == "__main__":

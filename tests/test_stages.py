@@ -178,7 +178,7 @@ def test_what_is_told_from_the_patches_is_what_the_whole_tells(place, name, monk
     whole = store.gather(500, lambda groups: 300)
     assert whole.patches > 1
     seen = whole.frame.of(mesh)
-    passes = Passes(store, Path("store"), None, 1.0)
+    passes = Passes(store, Path("store"), map, None, 1.0)
     expected = what_is_bounded_in_memory(seen)
     monkeypatch.setattr(chords, "AT_ONCE", 100)  # numbers of few are held in memory
     monkeypatch.setattr(voxel_lattice, "AT_ONCE", 100)
@@ -205,7 +205,7 @@ def test_flips_are_taken_back_in_patches_as_in_the_whole(place, monkeypatch):
     Path("store").mkdir()
     store = Store(ply_tables(Path("scan.ply")), Path("store"))
     store.gather(500, lambda groups: 300)
-    passes, wanted = Passes(store, Path("store"), None, 1.0), store.vertex_layer("wanted", np.dtype(("f8", (3,))))
+    passes, wanted = Passes(store, Path("store"), map, None, 1.0), store.vertex_layer("wanted", np.dtype(("f8", (3,))))
     seen = store.whole.frame.of(RIBBON)
     moved = seen.vertices + 3 * seen.mean_edge_length * np.random.default_rng(0).normal(size=seen.vertices.shape)
     passes.run("moved", 1, lambda view: view.keep_vertices(wanted, moved[view.patch.vertices]))

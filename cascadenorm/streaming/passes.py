@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Callable, Iterator
-from functools import cached_property
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +16,9 @@ from cascadenorm.mesh import Floats, Ints, Mesh, Vectors
 from cascadenorm.progress import Listener
 from cascadenorm.streaming.components import write_components
 from cascadenorm.streaming.layers import Layer
+from cascadenorm.streaming.patch_files import write_missing
 from cascadenorm.streaming.store import Store, StoredPatch
+from cascadenorm.workers import Map
 
 VECTOR = np.dtype(("f8", (3,)))
 
@@ -45,13 +47,13 @@ class View:
 
     Parameters
     ----------
-    components : (c,) numbers in the whole of its connected components
+    components : (c,) numbers in the whole of its connected components, which `Passes` has written
     mesh : of the patch with its halo
     """
 
-    def __init__(self, store: Store, number: int, stored: StoredPatch, component: Layer) -> None:
+    def __init__(self, store: Store, number: int, stored: StoredPatch) -> None:
         self._stored, self._tiles = stored, store.tiles_of(number)
-        labels, whole = component.read(stored.tiles, stored.vertex_rows), store.whole
+        labels, whole = _component(store).read(stored.tiles, stored.vertex_rows), store.whole
         self.components, local = np.unique(labels, return_inverse=True)
         self.mesh = as_part(
             Mesh(stored.positions, stored.patch.faces),
@@ -130,20 +132,18 @@ class Passes:
     Parameters
     ----------
     folder : where results are kept
+    each : does the work on the patches of a pass
     progress : is told which part of the total cost is spent
     """
 
-    def __init__(self, store: Store, folder: Path, progress: Listener | None, cost: float) -> None:
-        self.store, self.folder, self._progress, self._cost, self._spent = store, folder, progress, cost, 0.0
-        self._component = store.vertex_layer("component", np.int32)
-
-    @cached_property
-    def components(self) -> int:
-        """How many connected components the mesh has."""
-        path = self.folder / "components.txt"
+    def __init__(self, store: Store, folder: Path, each: Map, progress: Listener | None, cost: float) -> None:
+        self.store, self.folder, self._each, self._progress, self._cost = store, folder, each, progress, cost
+        self._spent = 0.0
+        path = folder / "components.txt"
         if not path.exists():
-            write_atomically(path, [str(write_components(self.store, self._component)).encode()])
-        return int(path.read_text(encoding="ascii"))
+            write_atomically(path, [str(write_components(store, _component(store))).encode()])
+        self.components = int(path.read_text(encoding="ascii"))
+        """How many connected components the mesh has."""
 
     def each(self, name: str, rings: int, measure: Measure) -> Results:
         """Measure each patch, as `geometry.parts.Surface` has it."""
@@ -161,31 +161,12 @@ class Passes:
         cost : of the pass
         """
         count = self.store.whole.patches
-        assert self.components
         paths = [self.folder / f"{name.replace(' ', '_')}_{number}.npz" for number in range(count)]
-        for number, path in enumerate(paths):
-            if not path.exists():
-                content = io.BytesIO()
-                np.savez(content, **self._found(number, rings, work))
-                write_atomically(path, [content.getvalue()])
-            self._spent += cost / count
+        for done in write_missing(paths, partial(_found, self.store, rings, work), self._each):
             if self._progress is not None and cost > 0:
-                self._progress(min(1.0, self._spent / self._cost))
+                self._progress(min(1.0, (self._spent + cost * done / count) / self._cost))
+        self._spent += cost
         return Results(paths)
-
-    def view(self, number: int, stored: StoredPatch) -> View:
-        """Return a patch, which has faces, as methods see it."""
-        assert self.components
-        return View(self.store, number, stored, self._component)
-
-    def _found(self, number: int, rings: int, work: Callable[[View], Found | None]) -> dict[str, Any]:
-        while len((stored := self.store.patch(number, rings)).own_faces):
-            view = self.view(number, stored)
-            try:
-                return {**(work(view) or {}), "components": view.components}
-            except TooNarrow:
-                rings *= 2
-        return {}
 
     def normals(self, name: str) -> Layer:
         """Return normals of all faces, under a name."""
@@ -194,3 +175,23 @@ class Passes:
     def positions(self, name: str) -> Layer:
         """Return positions of all vertices, in the frame, under a name."""
         return self.store.vertex_layer(name.replace(" ", "_"), VECTOR)
+
+
+def _component(store: Store) -> Layer:
+    """Return the connected component of each vertex."""
+    return store.vertex_layer("component", np.int32)
+
+
+def _found(store: Store, rings: int, work: Callable[[View], Found | None], number: int) -> bytes:
+    """Work on a patch, with a wider halo where it needs one; return what was found, as a file."""
+    found: dict[str, Any] = {}
+    while len((stored := store.patch(number, rings)).own_faces):
+        view = View(store, number, stored)
+        try:
+            found = {**(work(view) or {}), "components": view.components}
+            break
+        except TooNarrow:
+            rings *= 2
+    content = io.BytesIO()
+    np.savez(content, **found)
+    return content.getvalue()

@@ -127,7 +127,7 @@ def _stacks(
 def _facts(passes: Passes, name: str, positions: Layer | None) -> Facts:
     """Return what filters need to know of all edges and faces where the vertices are at some positions."""
     path = passes.folder / f"{name.replace(' ', '_')}.json"
-    areas = passes.store.face_layer("areas", np.float64)
+    areas = passes.store.face_layer(f"{name} areas".replace(" ", "_"), np.float64)
     if not path.exists():
 
         def measure(view: View) -> Found:

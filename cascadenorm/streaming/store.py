@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -79,7 +80,7 @@ class Gathered(NamedTuple):
 class Store:
     """The mesh of a file in a folder; `gather` makes it, once.
 
-    It keeps 2 bytes of each vertex in memory, the tile that it lies in, and up to 10 while it is made.
+    It keeps up to 10 bytes of each vertex in memory while it is made.
     """
 
     def __init__(self, tables: PlyTables, folder: Path) -> None:
@@ -105,12 +106,18 @@ class Store:
             found = self._written(span, size)
             content = {**found._asdict(), "frame": [found.frame.center.tolist(), found.frame.exponent]}
             write_atomically(self._complete, [json.dumps(content).encode()], force=True)
+        return self.whole
+
+    def __reduce__(self) -> "tuple[type[Store], tuple[PlyTables, Path]]":
+        """Pickle where it is, for processes with the same disk."""
+        return Store, (self.tables, self._folder)
+
+    @cached_property
+    def whole(self) -> Gathered:
+        """What is known of the whole mesh, once it was gathered."""
         content = json.loads(self._complete.read_text(encoding="ascii"))
         center, exponent = content.pop("frame")
-        self.whole = Gathered(frame=Frame(np.array(center), exponent), **content)
-        self._open(self.whole.depth)
-        self._tile = np.load(self._folder / "tile.npy")
-        return self.whole
+        return Gathered(frame=Frame(np.array(center), exponent), **content)
 
     @property
     def numbers(self) -> NDArray[np.uint32] | None:
@@ -195,9 +202,24 @@ class Store:
         once = np.unique(rows["id"], return_index=True)[1]
         return rows["id"], once, rows["corners"][once], flipped[once]
 
-    def _open(self, depth: int) -> None:
-        self._vertices = Buckets(self._folder / "vertices.bin", self._vertex, 1 << depth)
-        self._faces = Buckets(self._folder / "faces.bin", FACE, 1 << depth)
+    @cached_property
+    def _vertices(self) -> Buckets:
+        return self._buckets(self.whole.depth)[0]
+
+    @cached_property
+    def _faces(self) -> Buckets:
+        return self._buckets(self.whole.depth)[1]
+
+    @cached_property
+    def _tile(self) -> NDArray[Any]:
+        """(n,) the tile of each vertex."""
+        return np.asarray(np.load(self._folder / "tile.npy", mmap_mode="r"))
+
+    def _buckets(self, depth: int) -> tuple[Buckets, Buckets]:
+        """Return the vertices and the faces by tiles."""
+        count = 1 << depth
+        vertices = Buckets(self._folder / "vertices.bin", self._vertex, count)
+        return vertices, Buckets(self._folder / "faces.bin", FACE, count)
 
     def _beside(self, tiles: set[int]) -> set[int]:
         """Return the tiles that share a face with some."""
@@ -214,7 +236,7 @@ class Store:
         facts = numbered(tables, frame, self._folder, span)
         parts = -(-self.tables.vertices.rows // size(facts.groups))
         depth = 0 if parts == 1 else TILES + int(np.ceil(np.log2(parts)))
-        self._open(depth)
+        self._vertices, self._faces = self._buckets(depth)
         self._write_tiles(tables, cuts_of(sample, depth).tile, depth)
         single_sided = self._orientation.gather(tables, self._faces, self._tile, frame)
         for name in ("around.npy", "groups.npy", "ordered.ply"):
@@ -254,7 +276,6 @@ class Store:
         self._vertices.write(vertex_rows())
         self._faces.write(face_rows())
         np.save(self._folder / "tile.npy", tile)
-        self._tile = tile
 
 
 def _faces_around(tables: PlyTables) -> NDArray[np.int32]:

@@ -5,8 +5,10 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +18,8 @@ from numpy.typing import NDArray
 
 import cascadenorm
 from cascadenorm.api import denoise
+from cascadenorm.cluster import LOCAL, folder_of_names
+from cascadenorm.cluster_map import on_cluster
 from cascadenorm.controls.apply import controlled, in_words
 from cascadenorm.controls.halo import check_local, check_local_controls
 from cascadenorm.controls.settings import Controls, checked, takes_controls
@@ -24,16 +28,17 @@ from cascadenorm.errors import MeshError, OutputError, ParameterError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.files import beside
 from cascadenorm.memory import PROCESS, memory_size
-from cascadenorm.mesh import Mesh, limit_threads, one_blas_thread
-from cascadenorm.progress import Listener
+from cascadenorm.mesh import Mesh, limit_threads, one_blas_thread, thread_count
 from cascadenorm.registry import Method, find
 from cascadenorm.streaming.guided import guided_steps
-from cascadenorm.streaming.passes import Passes, Steps
+from cascadenorm.streaming.passes import Passes, Steps, View
+from cascadenorm.streaming.patch_files import write_missing
 from cascadenorm.streaming.ply_rows import ELSEWHERE, ply_tables
 from cascadenorm.streaming.stages import LEARNED, learned_steps
 from cascadenorm.streaming.stl_records import check_triangles, moved_records, welded
 from cascadenorm.streaming.store import Store, StoredPatch
 from cascadenorm.streaming.sweeps import WIDTH
+from cascadenorm.workers import Map
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -63,6 +68,7 @@ def denoise_large_file(
     method: str,
     force: bool = False,
     parameters: dict[str, Any] | None = None,
+    scheduler: str | None = None,
     **controls: "Unpack[Controls]",
 ) -> DenoisingSummary:
     """Denoise a mesh file that is larger than memory, in patches, to the same result as `denoise_file` in memory.
@@ -76,9 +82,12 @@ def denoise_large_file(
     ----------
     source : a binary PLY file of triangles, or a binary STL file
     output : as in `denoise_file`, a file in the same format
-    memory : that the process should take, as bytes or as text like "4GB"; up to 10 bytes for each vertex come on top
+    memory : that a process should take, as bytes or as text like "4GB"; in this one up to 10 bytes for each vertex come
+        on top
     method : "auto", "cascade", "guided-normal", or one whose receptive field docs/patches.md states: "taubin", …
     force, parameters : as in `denoise_file`
+    scheduler : address of a Dask scheduler whose workers denoise the patches, or "local" for a cluster on this machine;
+        they need the source and the folder of the output under the same names
 
     Returns
     -------
@@ -89,6 +98,7 @@ def denoise_large_file(
     ReadError : not such a file, or not valid; vertices split at seams
     ParameterError : a method or a control that sees more of the mesh than a patch
     OutputError : as in `denoise_file`
+    MissingDependencyError, WorkerError : of the cluster
     """
     every, chosen, given = checked(controls), find(method), parameters or {}
     of_vertex = STAGED_VERTEX if method in STAGED else VERTEX
@@ -97,14 +107,14 @@ def denoise_large_file(
     steps = STAGED[method](chosen, given) if method in STAGED else None
     folder = _folder(target, _key(Path(source), chosen, given, every, steps))
     start = time.perf_counter()
-    with limit_threads(every["threads"]), one_blas_thread():
+    with limit_threads(every["threads"]), one_blas_thread(), _patch_by_patch(scheduler, source, target, given) as each:
         store, rings = _gathered(
             Path(source), folder, at_once, lambda groups: _rings(chosen, given, groups, every), steps is not None
         )
         if steps is not None:
-            _denoise_in_stages(store, folder, chosen, steps, every)
+            _denoise_in_stages(store, folder, chosen, steps, every, each)
         else:
-            _denoise_patches(store, folder, method, given, every, rings)
+            _denoise_patches(store, folder, method, given, every, rings, each)
         moved = _joined(store, folder)
     seconds = time.perf_counter() - start
     tables, whole = store.tables, store.whole
@@ -248,12 +258,25 @@ def _folder(target: Path, key: str) -> Path:
     return folder
 
 
-def _patch_file(folder: Path, number: int) -> Path:
-    return folder / f"patch_{number}.bin"
+@contextmanager
+def _patch_by_patch(
+    scheduler: str | None, source: str | PathLike[str], target: Path, parameters: Mapping[str, Any]
+) -> Iterator[Map]:
+    """Return what does work on patches: this process, one after the other, or the workers of a cluster."""
+    if scheduler is None:
+        yield map
+        return
+    workers = thread_count() if scheduler == LOCAL else 1
+    with on_cluster(scheduler, workers=workers, folder=folder_of_names([source, target], parameters.values())) as each:
+        yield each
+
+
+def _patch_files(store: Store, folder: Path) -> list[Path]:
+    return [folder / f"patch_{number}.bin" for number in range(store.whole.patches)]
 
 
 def _denoise_patches(
-    store: Store, folder: Path, method: str, parameters: Mapping[str, Any], controls: Controls, rings: int
+    store: Store, folder: Path, method: str, parameters: Mapping[str, Any], controls: Controls, rings: int, each: Map
 ) -> None:
     """Denoise the patches."""
     settings: dict[str, Any] = {name: controls[name] for name in ("strength", "boundary", "max_displacement")}
@@ -262,51 +285,45 @@ def _denoise_patches(
         patch = stored.patch
         return denoise(stored.positions, patch.faces, method=method, halo=patch.halo, **parameters, **settings)
 
-    _write_patches(store, folder, rings, denoised, controls["progress"])
+    paths = _patch_files(store, folder)
+    for done in write_missing(paths, partial(_moved_rows, store, rings, denoised), each):
+        if controls["progress"] is not None:
+            controls["progress"](done / len(paths))
 
 
-def _denoise_in_stages(store: Store, folder: Path, method: Method, steps: Steps, controls: Controls) -> None:
+def _denoise_in_stages(store: Store, folder: Path, method: Method, steps: Steps, controls: Controls, each: Map) -> None:
     """Do the passes of a method in stages, then move the vertices of each patch under the controls."""
-    passes = Passes(store, folder, controls["progress"], steps.cost)
-    place = steps.take(passes)
+    progress = controls["progress"]
+    place = steps.take(Passes(store, folder, each, progress, steps.cost))
+    without: Controls = {**controls, "progress": None}
 
     def denoised(number: int, stored: StoredPatch) -> NDArray[Any]:
-        view = passes.view(number, stored)
+        view = View(store, number, stored)
         known = replace(method, function=lambda mesh: place(view), rings=lambda given, groups: 1)
         mesh = Mesh(stored.positions, stored.patch.faces)
-        settings: Controls = {**controls, "progress": None, "halo": stored.patch.halo}
+        settings: Controls = {**without, "halo": stored.patch.halo}
         return controlled(known, mesh, {}, settings, dtype=stored.positions.dtype)
 
-    _write_patches(store, folder, 1, denoised, None)
-    if controls["progress"] is not None:
-        controls["progress"](1.0)
+    for _ in write_missing(_patch_files(store, folder), partial(_moved_rows, store, 1, denoised), each):
+        pass
+    if progress is not None:
+        progress(1.0)
 
 
-def _write_patches(
-    store: Store,
-    folder: Path,
-    rings: int,
-    denoised: Callable[[int, StoredPatch], NDArray[Any]],
-    progress: Listener | None,
-) -> None:
-    """Write the vertices of each patch that is not done yet to a file of its own; a patch without faces stays.
+def _moved_rows(store: Store, rings: int, denoised: Callable[[int, StoredPatch], NDArray[Any]], number: int) -> bytes:
+    """Return the vertices of a patch with their new positions; one without faces stays.
 
     Parameters
     ----------
-    rings : width of the halos
+    rings : width of the halo
     denoised : returns the positions of the vertices of a patch, by its number and what is stored of it, (k, 3)
     """
-    for number in range(store.whole.patches):
-        path = _patch_file(folder, number)
-        if not path.exists():
-            stored = store.patch(number, rings)
-            patch = stored.patch
-            positions = denoised(number, stored) if len(stored.own_faces) else stored.positions
-            rows = np.empty(len(patch.inside), store.moved_kind)
-            rows["id"], rows["xyz"] = patch.inside, positions[~patch.halo.vertices]
-            write_atomically(path, [rows.tobytes()])
-        if progress is not None:
-            progress((number + 1) / store.whole.patches)
+    stored = store.patch(number, rings)
+    patch = stored.patch
+    positions = denoised(number, stored) if len(stored.own_faces) else stored.positions
+    rows = np.empty(len(patch.inside), store.moved_kind)
+    rows["id"], rows["xyz"] = patch.inside, positions[~patch.halo.vertices]
+    return rows.tobytes()
 
 
 def _joined(store: Store, folder: Path) -> NDArray[Any]:
@@ -314,8 +331,8 @@ def _joined(store: Store, folder: Path) -> NDArray[Any]:
     shape = store.tables.vertices.rows, 3
     moved = np.memmap(folder / "moved.bin", store.moved_kind["xyz"].base, "w+", shape=shape)
     numbers = store.numbers
-    for number in range(store.whole.patches):
-        rows = np.fromfile(_patch_file(folder, number), store.moved_kind)
+    for path in _patch_files(store, folder):
+        rows = np.fromfile(path, store.moved_kind)
         moved[rows["id"] if numbers is None else numbers[rows["id"]]] = rows["xyz"]
     return moved
 

@@ -46,6 +46,7 @@ def denoise(
             metavar="SIZE", help="Denoise in patches within this much memory, such as 4GB; see docs/patches.md."
         ),
     ] = None,
+    scheduler: Scheduler = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
@@ -65,10 +66,12 @@ def denoise(
 
         reports.check_report(report, force=force)
     size: str | int | None = memory
+    if size is None and scheduler is not None:
+        raise typer.BadParameter("--scheduler works on patches: give --memory too, that of a worker")
     if size is None and report is None and "-" not in (source, target):
         size = _memory_for_patches(source, target, method, parameters, force, controls)
     if size is not None:
-        _denoise_large(source, target, size, (report, format), method, parameters, force, as_json, controls)
+        _denoise_large(source, target, size, (report, format), method, parameters, scheduler, force, as_json, controls)
         return
     with progress_bars.progress_bar("denoising") as progress:
         denoised = api.denoised_file(
@@ -112,6 +115,7 @@ def _denoise_large(
     others: tuple[object, ...],
     method: str,
     parameters: dict[str, Any],
+    scheduler: str | None,
     force: bool,
     as_json: bool,
     controls: dict[str, Any],
@@ -130,6 +134,7 @@ def _denoise_large(
             method=method,
             force=force,
             parameters=parameters,
+            scheduler=scheduler,
             progress=progress,
             **controls,
         )
