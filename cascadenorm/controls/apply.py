@@ -25,6 +25,7 @@ from cascadenorm.mesh import (
     Mesh,
     Renumbered,
     Vectors,
+    all_in_rows,
     first_places,
     in_frame,
     one_blas_thread,
@@ -228,7 +229,7 @@ def _surface_step(
 
 def _finite(method: Method, vertices: Vectors, numbers: Ints) -> Vectors:
     bad = np.zeros(numbers.max() + 1, bool)
-    bad[numbers[~np.isfinite(vertices).all(axis=1)]] = True
+    bad[numbers[~all_in_rows(np.isfinite(vertices))]] = True
     if bad.any():
         raise DenoiseError(
             f"{method.name} returned {bad.sum()} vertices that are not finite (vertices {first_places(bad)})",

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.controls.settings import Length, parsed_length
 from cascadenorm.errors import DenoiseError
-from cascadenorm.mesh import Mesh, Vectors, first_places
+from cascadenorm.mesh import Mesh, Vectors, all_in_rows, first_places
 
 
 def framed_length(name: str, length: Length | None, framed: Mesh, exponent: int) -> float:
@@ -46,7 +46,7 @@ def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float,
     with np.errstate(over="ignore"):
         step = np.ldexp(limited(displacement, limit), exponent)
         after = np.where(step != 0, mesh.vertices + step, mesh.vertices).astype(dtype)
-    bad = ~np.isfinite(after).all(axis=1)
+    bad = ~all_in_rows(np.isfinite(after))
     if bad.any():
         raise DenoiseError(
             f"{bad.sum()} vertices would exceed the range of {dtype} (vertices {first_places(bad)})",

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh.arrays import Vectors
+from cascadenorm.mesh.arrays import Vectors, box_of
 from cascadenorm.mesh.mesh import Mesh
 
 
@@ -39,8 +39,7 @@ def frame_between(lower: Vectors, upper: Vectors) -> Frame:
 
 def frame_of(mesh: Mesh) -> Frame:
     """Return the frame of the vertices that a face uses."""
-    used = mesh.topology.used_vertices
-    return frame_between(mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0))
+    return frame_between(*box_of(mesh.vertices[mesh.topology.used_vertices]))
 
 
 def in_frame(mesh: Mesh) -> tuple[Mesh, int]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import MeshError
-from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, first_places, unit
+from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, box_of, first_places, unit
 from cascadenorm.mesh.csr import Csr, grouped
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
@@ -174,8 +174,7 @@ class Mesh:
     @cached_property
     def diagonal(self) -> float:
         """Length of the diagonal of the bounding box of used vertices; infinite if beyond the largest number."""
-        used = self.vertices[self.topology.used_vertices]
-        box, exponent = _near_one(np.stack([used.min(axis=0), used.max(axis=0)]))
+        box, exponent = _near_one(np.stack(box_of(self.vertices[self.topology.used_vertices])))
         return _scaled(np.linalg.norm(box[1] - box[0]), exponent)
 
 
