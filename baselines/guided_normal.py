@@ -16,7 +16,7 @@ from cascadenorm.baselines.bilateral_normal import (
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.geometry.neighborhoods import each_alone, within
-from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
 from cascadenorm.mesh.vectors import dot, length, row, squared_distance, subtract
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
@@ -113,8 +113,7 @@ def centroid_distance(mesh: Mesh) -> float:
 
 def centroid_distances(mesh: Mesh) -> Floats:
     """Return the distance of the centroids of the two faces at each interior edge."""
-    ours, theirs = np.moveaxis(mesh.centroids[mesh.topology.face_pairs], 1, 0)
-    return np.asarray(np.linalg.norm(ours - theirs, axis=1))
+    return row_distances(mesh.centroids, mesh.topology.face_pairs)
 
 
 def faces_within(mesh: Mesh, radius: float) -> Csr:

@@ -11,7 +11,7 @@ from scipy import sparse
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.geometry.sparse_solvers import solver
-from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances, unit
 from cascadenorm.mesh.csr import grouped
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.progress import track
@@ -87,8 +87,7 @@ class TotalVariation:
 
     def __init__(self, mesh: Mesh, *, fidelity: float) -> None:
         edge, count = mesh.mean_edge_length or 1.0, len(mesh.faces)
-        ends = mesh.vertices[mesh.topology.edges[mesh.topology.interior_edges]]
-        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / edge
+        lengths = row_distances(mesh.vertices, mesh.topology.edges[mesh.topology.interior_edges]) / edge
         pairs = mesh.topology.face_pairs
         self.colors = grouped(_face_colors(_sides(pairs, lengths, count).across))
         self.places = np.empty(count, np.int32)

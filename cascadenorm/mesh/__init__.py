@@ -15,6 +15,7 @@ from cascadenorm.mesh.arrays import (
     any_in_rows,
     doubled,
     first_places,
+    row_distances,
     scatter_add,
     unit,
 )
@@ -61,6 +62,7 @@ __all__ = [
     "ordered_for_cache",
     "parallel_for",
     "repeats_vertex",
+    "row_distances",
     "scale_between",
     "scaled_alike",
     "scatter_add",

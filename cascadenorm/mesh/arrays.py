@@ -49,6 +49,20 @@ def box_of(points: NDArray[Any]) -> tuple[Floats, Floats]:
     return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
 
 
+def row_lengths(vectors: Vectors) -> Floats:
+    """Return (k,) the length of each row."""
+    out = np.empty(len(vectors))
+    parallel_for(len(out), _length_range, vectors, out)
+    return out
+
+
+def row_distances(points: Vectors, pairs: Ints32) -> Floats:
+    """Return (k,) the distance of the two points of each pair, (k, 2)."""
+    out = np.empty(len(pairs))
+    parallel_for(len(out), _distance_range, points, pairs, out)
+    return out
+
+
 def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
     """Angles in radians between unit rows that belong together, less those where one is zero; accurate at any angle."""
     proper = ours.any(axis=1) & theirs.any(axis=1)
@@ -91,6 +105,20 @@ def _unit_range(start: int, stop: int, vectors: Floats, out: Floats) -> int:
         else:
             zeros += 1
     return zeros
+
+
+@kernel
+def _length_range(start: int, stop: int, vectors: Vectors, out: Floats) -> None:
+    for i in range(start, stop):
+        out[i] = np.sqrt(vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2)
+
+
+@kernel
+def _distance_range(start: int, stop: int, points: Vectors, pairs: Ints32, out: Floats) -> None:
+    for i in range(start, stop):
+        p, q = pairs[i]
+        x, y, z = points[q, 0] - points[p, 0], points[q, 1] - points[p, 1], points[q, 2] - points[p, 2]
+        out[i] = np.sqrt(x * x + y * y + z * z)
 
 
 @kernel

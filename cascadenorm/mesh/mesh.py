@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import MeshError
-from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, box_of, first_places, unit
+from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, box_of, first_places, row_distances, row_lengths, unit
 from cascadenorm.mesh.csr import Csr, grouped
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology import Topology
-from cascadenorm.mesh.vectors import cross, length, row, squared_distance, subtract
+from cascadenorm.mesh.vectors import cross, row, squared_distance, subtract
 from cascadenorm.messages import counted
 
 
@@ -101,7 +101,7 @@ class Mesh:
     @cached_property
     def areas(self) -> NDArray[np.float64]:
         """(m,) area of each face."""
-        return np.asarray(np.linalg.norm(self.area_vectors, axis=1))
+        return row_lengths(self.area_vectors)
 
     @cached_property
     def longest_edges(self) -> NDArray[np.float64]:
@@ -145,15 +145,12 @@ class Mesh:
     def mean_edge_length(self) -> float:
         """Mean length of the undirected edges; infinite where it is beyond the largest number."""
         vertices, exponent = _near_one(np.where(self.topology.used_vertices[:, None], self.vertices, 0.0))
-        lengths = np.empty(len(self.topology.edges))
-        parallel_for(len(lengths), _length_range, vertices, self.topology.edges, lengths)
-        return _scaled(lengths.mean(), exponent)
+        return _scaled(row_distances(vertices, self.topology.edges).mean(), exponent)
 
     @cached_property
     def median_edge_length(self) -> float:
         """Median length of the undirected edges."""
-        ends = self.vertices[self.topology.edges]
-        return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
+        return float(np.median(row_distances(self.vertices, self.topology.edges)))
 
     @cached_property
     def median_area(self) -> float:
@@ -218,12 +215,6 @@ def _longest_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out:
         for k in range(3):
             longest = max(longest, squared_distance(row(vertices, faces[f, k]), row(vertices, faces[f, k - 1])))
         out[f] = np.sqrt(longest)
-
-
-@kernel
-def _length_range(start: int, stop: int, vertices: Vectors, edges: Ints32, out: Floats) -> None:
-    for e in range(start, stop):
-        out[e] = length(subtract(row(vertices, edges[e, 1]), row(vertices, edges[e, 0])))
 
 
 def _near_one(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
