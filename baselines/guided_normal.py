@@ -17,7 +17,7 @@ from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
-from cascadenorm.mesh.vectors import dot, length, row, squared_distance, subtract
+from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
@@ -172,39 +172,40 @@ def _patch_statistics(
     means: Vectors,
 ) -> None:
     inside = np.full(len(normals), -1, np.int32)
+    most = 1
     for f in range(start, stop):
-        # the patch: the face and the faces around it
-        patch = np.empty(rings.indptr[f + 1] - rings.indptr[f] + 1, np.int32)
-        patch[:-1] = rings.indices[rings.indptr[f] : rings.indptr[f + 1]]
-        patch[-1] = f
-        for g in patch:
-            inside[g] = f
+        most = max(most, rings.indptr[f + 1] - rings.indptr[f] + 1)
+    patch, proper = np.empty(most, np.int32), np.empty((most, 3))
+    for f in range(start, stop):
+        # the patch: the faces around the face, and itself
+        size = rings.indptr[f + 1] - rings.indptr[f] + 1
+        for i in range(size):
+            patch[i] = rings.indices[rings.indptr[f] + i] if i < size - 1 else f
+            inside[patch[i]] = f
 
         # its mean normal, the widest chord between two normals, and the turns at the edges inside, each counted once
-        x = y = z = 0.0
+        total = (0.0, 0.0, 0.0)
         widest = saliency = largest = 0.0
-        for i in range(len(patch)):
-            g = patch[i]
+        count = 0
+        for g in patch[:size]:
             if areas[g] == 0.0:
                 continue
-            x += areas[g] * normals[g, 0]
-            y += areas[g] * normals[g, 1]
-            z += areas[g] * normals[g, 2]
-            for j in range(i):
-                h = patch[j]
-                if areas[h] > 0.0:
-                    widest = max(widest, squared_distance(row(normals, g), row(normals, h)))
+            normal = row(normals, g)
+            total = add(total, scaled(areas[g], normal))
+            for i in range(count):
+                widest = max(widest, squared_distance(row(proper, i), normal))
+            proper[count, 0], proper[count, 1], proper[count, 2] = normal
+            count += 1
             for side in range(3):
                 h = across[g, side]
                 if h > g and inside[h] == f and areas[h] > 0.0:
-                    turn = length(subtract(row(normals, g), row(normals, h)))
+                    turn = length(subtract(normal, row(normals, h)))
                     largest = max(largest, turn)
                     saliency += turn
 
         inconsistency[f] = np.sqrt(widest) * largest / (EPSILON + saliency)
-        size = length((x, y, z))
-        scale = 1.0 / size if size > 0.0 else 0.0
-        means[f, 0], means[f, 1], means[f, 2] = scale * x, scale * y, scale * z
+        extent = length(total)
+        means[f, 0], means[f, 1], means[f, 2] = scaled(1.0 / extent if extent > 0.0 else 0.0, total)
 
 
 @kernel
