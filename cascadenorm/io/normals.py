@@ -6,10 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.polygons import area_vectors
-from cascadenorm.mesh import any_in_rows, scatter_add, unit
+from cascadenorm.mesh import Bools, Ints, Ints32, Vectors, any_in_rows, kernel, unit
 
 NORMALS = ("Normals", "normals")
 """What normals are called in VTK."""
+
+UNUSED, SHARED = -1, -2
+"""In place of the vertex at which a normal is used: where there is none, or several."""
 
 
 class Normals(NamedTuple):
@@ -50,26 +53,22 @@ def renewed_normals(
     """
     with np.errstate(invalid="ignore"):  # a NaN may be a signalling one
         normals = normals._replace(values=normals.values.astype(np.float64))
-    rows, columns = np.nonzero(normals.corners >= 0)
-    slots = normals.corners[rows, columns]
-    groups = _groups(normals, slots, welds[triangles[rows, columns]])
-    users = groups[slots]
-    old = scatter_add(users, area_vectors(before, triangles)[rows], len(groups))
-    new = unit(scatter_add(users, area_vectors(after, triangles)[rows], len(groups)))[groups]
+    groups = _groups(normals, triangles, welds)
+    areas_before, areas_after = area_vectors(before, triangles), area_vectors(after, triangles)
+    old, new, moved = np.zeros((len(groups), 3)), np.zeros((len(groups), 3)), np.zeros(len(groups), bool)
+    moves = any_in_rows(before != after)
+    _sum_around(normals.corners, groups, triangles, moves, areas_before, areas_after, old, new, moved)
+    new = unit(new)[groups]
     if np.nansum(np.sign(np.einsum("ij,ij->i", old[groups], normals.values))) < 0:
         new = -new
-    moved = np.zeros(len(groups), bool)
-    moved[users[any_in_rows(any_in_rows(before != after)[triangles])[rows]]] = True
     renewed = moved[groups] & any_in_rows(new != 0)
     return np.where(renewed[:, None], new, normals.values), renewed
 
 
-def _groups(normals: Normals, slots: NDArray[np.int64], vertices: NDArray[np.int32]) -> NDArray[np.int64]:
+def _groups(normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.int32]) -> NDArray[np.int64]:
     """Return for each normal the first one that has the same value at a copy of the same vertex."""
-    groups = np.arange(len(normals.values))
-    owner = np.full(len(groups), -1)
-    owner[slots] = vertices
-    owner[slots[owner[slots] != vertices]] = -1  # used at several vertices: a group of its own
+    groups, owner = np.arange(len(normals.values)), np.full(len(normals.values), UNUSED, np.int32)
+    _find_owners(normals.corners, triangles, welds, owner)
     candidates = np.flatnonzero(owner >= 0)
     candidates = candidates[np.bincount(owner[candidates], minlength=1)[owner[candidates]] > 1]
     if len(candidates):
@@ -77,3 +76,37 @@ def _groups(normals: Normals, slots: NDArray[np.int64], vertices: NDArray[np.int
         _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         groups[candidates] = candidates[first[inverse.reshape(-1)]]
     return groups
+
+
+@kernel
+def _find_owners(corners: Ints, triangles: Ints, welds: Ints32, owner: Ints32) -> None:
+    """Note the vertex at which each normal is used; one that is used at several is in a group of its own."""
+    for f in range(len(corners)):
+        for k in range(3):
+            slot = corners[f, k]
+            if slot >= 0 and owner[slot] != welds[triangles[f, k]]:
+                owner[slot] = welds[triangles[f, k]] if owner[slot] == UNUSED else SHARED
+
+
+@kernel
+def _sum_around(
+    corners: Ints,
+    groups: Ints,
+    triangles: Ints,
+    moves: Bools,
+    before: Vectors,
+    after: Vectors,
+    old: Vectors,
+    new: Vectors,
+    moved: Bools,
+) -> None:
+    """Add the area vectors of the triangles that use each group, and tell whether one of them moves."""
+    for f in range(len(corners)):
+        moving = moves[triangles[f, 0]] or moves[triangles[f, 1]] or moves[triangles[f, 2]]
+        for k in range(3):
+            if corners[f, k] >= 0:
+                group = groups[corners[f, k]]
+                moved[group] |= moving
+                for axis in range(3):
+                    old[group, axis] += before[f, axis]
+                    new[group, axis] += after[f, axis]
