@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 
 HALVINGS = 8
 """Of the displacement of a vertex whose face would flip, before it returns to where it was."""
@@ -71,8 +71,17 @@ def foldovers(mesh: Mesh) -> NDArray[np.bool_]:
     """
     sums = np.concatenate([mesh.area_vectors, mesh.areas[:, None]], axis=1)
     for _ in range(2):
-        sums = mesh.sums_around(sums)[mesh.faces].sum(axis=1)
+        parallel_for(len(sums), _sum_of_corners_range, mesh.sums_around(sums), mesh.faces, sums)
     length, total = np.linalg.norm(sums[:, :3], axis=1), np.maximum(sums[:, 3], np.finfo(float).tiny)
     scatter = np.sqrt(np.maximum(1 - (length / total) ** 2, 0))
     along = np.einsum("ij,ij->i", sums[:, :3], mesh.face_normals)
     return np.asarray(along < np.minimum(scatter, STEEPEST) * length)
+
+
+@kernel
+def _sum_of_corners_range(start: int, stop: int, values: Floats, faces: Ints32, out: Floats) -> None:
+    """Add what the corners of each face have; numpy makes a copy for each corner, and takes ten times as long."""
+    for f in range(start, stop):
+        a, b, c = faces[f]
+        for column in range(values.shape[1]):
+            out[f, column] = values[a, column] + values[b, column] + values[c, column]
