@@ -8,7 +8,11 @@ import orjson
 from numpy.typing import NDArray
 
 from cascadenorm.io.text import blocks
+from cascadenorm.io.tokenizer import apart
 from cascadenorm.mesh import any_in_rows
+
+WIDTH = 32
+"""Letters that are enough for any number."""
 
 PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
 """From where to where numbers have no exponent; orjson writes those beyond in another way."""
@@ -16,7 +20,14 @@ PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
 
 def spelled(values: NDArray[Any]) -> NDArray[np.bytes_]:
     """Spell each number of an array, row after row."""
-    return np.array(rows_of(values.reshape(-1, 1)), "S32")
+    flat = _native(values.ravel())
+    out = np.zeros(len(flat), f"S{WIDTH}")
+    for block in blocks(len(flat)):
+        text = orjson.dumps(flat[block], option=orjson.OPT_SERIALIZE_NUMPY)[1:-1]  # between [ and ]
+        apart(np.frombuffer(text, np.uint8), out[block].view(np.uint8).reshape(-1, WIDTH))
+        beyond = block.start + np.flatnonzero(_beyond(flat[block]))
+        out[beyond] = [_word(value) for value in flat[beyond]]
+    return out
 
 
 def rows_of(values: NDArray[Any]) -> list[bytes]:
@@ -37,8 +48,7 @@ def lines_of(keyword: bytes, *tables: NDArray[Any]) -> bytes:
 
 def _spelled(values: NDArray[Any], between: bytes) -> bytes:
     """Spell the rows of a table that has some, with spaces between the numbers and a line break between the rows."""
-    native = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
-    text = orjson.dumps(native, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # between [[ and ]]
+    text = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # between [[ and ]]
     text = text.replace(b"],[", between).replace(b",", b" ")
     beyond = np.flatnonzero(any_in_rows(_beyond(values)))
     if len(beyond):
@@ -47,6 +57,11 @@ def _spelled(values: NDArray[Any], between: bytes) -> bytes:
             rows[row] = b" ".join(map(_word, values[row]))
         text = between.join(rows)
     return text
+
+
+def _native(values: NDArray[Any]) -> NDArray[Any]:
+    """Return values as orjson takes them."""
+    return np.ascontiguousarray(values, values.dtype.newbyteorder("="))
 
 
 def _beyond(values: NDArray[Any]) -> NDArray[np.bool_]:

@@ -125,6 +125,18 @@ def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, v
 
 
 @kernel
+def apart(text: Bytes, letters: Bytes) -> None:
+    """Put words with commas between them into a row each; split and converted by numpy they take five times as long."""
+    word = place = 0
+    for byte in text:
+        if byte == 44:
+            word, place = word + 1, 0
+        else:
+            letters[word, place] = byte
+            place += 1
+
+
+@kernel
 def splice(data: Bytes, starts: Places, ends: Places, letters: Bytes, lengths: Ints, out: Bytes) -> int:
     """Copy the data with words at these places replaced by the first letters of each row; the length of the copy."""
     at = last = 0
