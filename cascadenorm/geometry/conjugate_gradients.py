@@ -25,16 +25,16 @@ def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors
     """
     inverse, residual, image = np.empty(len(x)), np.empty_like(x), np.empty_like(x)
     direction, sums = np.zeros_like(x), np.empty((-(-len(x) // BLOCK), 2))
-    over_blocks = partial(parallel_for, len(sums), smallest=SMALLEST)
-    over_blocks(_begin, pattern, values, right, x, inverse, residual, sums)
+    blockwise = partial(parallel_for, len(sums), smallest=SMALLEST)
+    blockwise(_begin, pattern, values, right, x, inverse, residual, sums)
     before = np.inf
     for iteration in range(most):
         squared, energy = sums.sum(axis=0)
         if energy == 0.0 or (iteration > 0 and squared <= bound):
             return
-        over_blocks(_turn, inverse, residual, energy / before, direction)
-        over_blocks(_multiply, pattern, values, direction, image, sums)
-        over_blocks(_advance, inverse, direction, image, energy / sums[:, 0].sum(), x, residual, sums)
+        blockwise(_turn, inverse, residual, energy / before, direction)
+        blockwise(_multiply, pattern, values, direction, image, sums)
+        blockwise(_advance, inverse, direction, image, energy / sums[:, 0].sum(), x, residual, sums)
         before = energy
 
 
