@@ -46,7 +46,8 @@ def run(arguments: Sequence[str]) -> int:
     except USAGE_ERROR as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
         if message:  # none: the help was asked for, and has been printed
-            complain(f"{message} (see `cascadenorm --help`)")
+            context = getattr(error, "ctx", None)
+            complain(f"{message} (see `{context.command_path if context else 'cascadenorm'} --help`)")
         return USAGE
     except Exception as error:
         if os.environ.get("CASCADENORM_TRACEBACK"):
