@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cascadenorm.geometry.segmentation_steps import has_voxel_faces, is_segmentation
 from cascadenorm.geometry.voxel_lattice import Lattice, lattice_of_grey_values, lattice_of_mask
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import row, squared_distance
 
 Kind = Literal["none", "independent", "correlated", "segmentation", "volume", "depth image"]
 """Kinds of error.
@@ -117,15 +117,16 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     points : (n, 3), in mean edge lengths
     values : (n,), not all zero
     """
-    some = np.unique(np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64))
-    pairs = cKDTree(points[some]).sparse_distance_matrix(cKDTree(points), FARTHEST, output_type="coo_matrix")
-    apart = pairs.row != -1
-    first, second, distance = some[pairs.row[apart]], pairs.col[apart], pairs.data[apart]
-    other = first != second
-    bins = np.round(distance[other]).astype(np.int64)  # the first neighbours are in bin 1
-    products = values[first[other]] * values[second[other]]
-    counts = np.bincount(bins, minlength=2)
-    means = np.bincount(bins, products, minlength=2) / np.maximum(counts, 1)
+    # bins of each centre, in the order of the points along the axis of their largest extent
+    axis = int(np.argmax(np.ptp(points, axis=0)))
+    order = np.argsort(points[:, axis], kind="stable")
+    chosen = np.zeros(len(points), bool)
+    chosen[np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64)] = True
+    centers = np.flatnonzero(chosen[order])
+    binned = np.zeros((2, len(centers), int(FARTHEST) + 1))
+    parallel_for(len(centers), _bins_range, centers, points[order], axis, values[order], *binned, smallest=64)
+    counts, sums = binned.sum(axis=1)
+    means = sums / np.maximum(counts, 1)
     known = np.flatnonzero(counts[1:]) + 1
     correlation = np.concatenate([[1.0], means[known] / np.mean(values**2)])
     at = np.concatenate([[0.0], known.astype(np.float64)])
@@ -135,3 +136,31 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     i = int(below[0])
     share = (correlation[i - 1] - np.exp(-1)) / (correlation[i - 1] - correlation[i])
     return float(at[i - 1] + share * (at[i] - at[i - 1]))
+
+
+@kernel
+def _bins_range(
+    start: int,
+    stop: int,
+    centers: Ints,
+    points: Vectors,
+    axis: int,
+    values: Floats,
+    counts: Floats,
+    sums: Floats,
+) -> None:
+    """Count the points near each centre by their rounded distance, and add up products of their values and its own.
+
+    The points ascend along the axis, so those that are near lie side by side, before and after the centre.
+    """
+    for i in range(start, stop):
+        center = centers[i]
+        for step in (-1, 1):
+            k = center + step
+            while 0 <= k < len(points) and abs(points[k, axis] - points[center, axis]) <= FARTHEST:
+                squared = squared_distance(row(points, k), row(points, center))
+                if squared <= FARTHEST * FARTHEST:
+                    distance = int(np.rint(np.sqrt(squared)))  # the first neighbours are in bin 1
+                    counts[i, distance] += 1
+                    sums[i, distance] += values[center] * values[k]
+                k += step
