@@ -3,9 +3,8 @@
 from typing import Annotated, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import LinearOperator
 
 from cascadenorm.baselines.bilateral_normal import RangeSpread, SpatialSpread, spatial_weights
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
@@ -61,7 +60,7 @@ def global_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, fidelity: floa
         return (1 - fidelity) * (difference.T @ (areas * (difference @ values))) + fidelity * areas * values
 
     diagonal = (1 - fidelity) * (difference.multiply(difference).T @ areas) + fidelity * areas
-    system = LinearOperator((len(areas), len(areas)), apply, dtype=np.float64)
+    system = scipy.sparse.linalg.LinearOperator((len(areas), len(areas)), apply, dtype=np.float64)
     right = fidelity * areas[:, None] * mesh.face_normals
     solution = solve_preconditioned(system, right, lambda residual: residual / diagonal)
     return unit(solution, otherwise=mesh.face_normals)
@@ -77,8 +76,8 @@ def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
     count = len(mesh.faces)
     own = np.empty(count)
     parallel_for(count, _to_difference, mesh.face_normals, rings, 0.5 / sigma_r**2, weights, own)
-    means = sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
-    return sparse.csr_array(sparse.diags_array(own) + means)
+    means = scipy.sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
+    return scipy.sparse.csr_array(scipy.sparse.diags_array(own) + means)
 
 
 @kernel

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver, solver_of_rings
@@ -116,8 +116,8 @@ def diffuse(
     # (M + tP) d = -tPx for the displacement d, with P = M(-Δ)^p; rows and columns of values that stay are left out
     power = laplacian.power(order)
     inside = np.flatnonzero(free)
-    mass = sparse.diags_array(laplacian.mass[inside])
-    matrix = sparse.csr_array(mass + time * power[inside][:, inside])
+    mass = scipy.sparse.diags_array(laplacian.mass[inside])
+    matrix = scipy.sparse.csr_array(mass + time * power[inside][:, inside])
     if order == 1 and iterations == 1 and time * laplacian.largest < MILD:
         solve: Callable[[Vectors], Vectors] = partial(solve_once, matrix)
     elif order == 1:

@@ -9,8 +9,8 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
 from cascadenorm.geometry.conjugate_gradients import MOST_ITERATIONS, conjugate_gradients
@@ -105,7 +105,7 @@ def edge_system(quads: NDArray[np.int32], vertex_count: int) -> EdgeSystem:
     everyone = np.arange(vertex_count, dtype=np.int32)
     rows = np.concatenate([np.repeat(quads, 4, axis=1).ravel(), everyone])
     columns = np.concatenate([np.tile(quads, 4).ravel(), everyone])
-    matrix = sparse.csr_array((np.ones(len(rows), np.int8), (rows, columns)), (vertex_count, vertex_count))
+    matrix = scipy.sparse.csr_array((np.ones(len(rows), np.int8), (rows, columns)), (vertex_count, vertex_count))
     matrix.sort_indices()
     pattern = Csr.of(matrix)
     slots = np.empty(len(rows), np.int32)

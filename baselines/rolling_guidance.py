@@ -5,8 +5,8 @@ from functools import partial
 from typing import Annotated
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
@@ -105,8 +105,8 @@ def _averaged(
     first, second = pairs.T
     sums = scatter_add(first, weights, count) + scatter_add(second, weights, count)
     sides = (np.concatenate([first, second]), np.concatenate([second, first]))
-    graph = sparse.coo_array((np.tile(weights, 2), sides), shape=(count, count)).tocsr()
-    matrix = sparse.csr_array(sparse.diags_array(areas + time * sums) - time * graph)
+    graph = scipy.sparse.coo_array((np.tile(weights, 2), sides), shape=(count, count)).tocsr()
+    matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(areas + time * sums) - time * graph)
 
     # few iterations are needed where the steps are mild; else a solver that prepares the matrix pays
     mild = 2 * time * float((sums / areas).max(initial=0.0)) < MILD

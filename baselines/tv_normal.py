@@ -5,8 +5,8 @@ from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
@@ -103,9 +103,9 @@ class TotalVariation:
         self.direct: Callable[[Vectors], Vectors] | None = None
         if 2 * np.median(self.diagonal / self.pull) >= MILD:
             difference = difference_operator(self.pairs, count)
-            variation = difference.T @ sparse.diags_array(PENALTY * lengths) @ difference
+            variation = difference.T @ scipy.sparse.diags_array(PENALTY * lengths) @ difference
             positions = mesh.centroids[self.colors.indices]
-            self.direct = solver(sparse.csr_array(sparse.diags_array(self.pull) + variation), positions)
+            self.direct = solver(scipy.sparse.csr_array(scipy.sparse.diags_array(self.pull) + variation), positions)
 
     def least(self, given: Vectors, *, rounds: int) -> Minimum:
         """Minimise near the given normals n*; after 20 rounds the energy is within about 1 % of the least."""
@@ -162,7 +162,7 @@ def _sides(pairs: NDArray[np.int32], lengths: Floats, face_count: int) -> Sides:
 def difference_operator(pairs: NDArray[np.int32], face_count: int) -> Any:
     """Return D, (e, m) sparse: the value of the first face at an edge less that of the second."""
     signs = np.tile([1.0, -1.0], len(pairs))
-    return sparse.csr_array((signs, pairs.ravel(), np.arange(0, 2 * len(pairs) + 1, 2)), (len(pairs), face_count))
+    return scipy.sparse.csr_array((signs, pairs.ravel(), np.arange(0, 2 * len(pairs) + 1, 2)), (len(pairs), face_count))
 
 
 @kernel

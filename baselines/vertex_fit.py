@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from cascadenorm.baselines.vertex_update import Weighting, face_weights, recover_vertices
 from cascadenorm.geometry.sparse_solvers import DENSE_LIMIT, Factorisation, solve_once
@@ -73,11 +73,11 @@ def least_squares_vertices(mesh: Mesh, normals: Vectors, *, weights: Floats, att
     columns = np.concatenate([3 * first[:, None] + axes, 3 * second[:, None] + axes], axis=1)
     starts = np.arange(0, columns.size + 1, 6)
     entries = np.concatenate([along, -along], axis=1)
-    differences = sparse.csr_array((entries.ravel(), columns.ravel(), starts), (len(first), 3 * count))
-    stiffness = differences.T @ (sparse.diags_array(np.repeat(weights / 3, 3)) @ differences)
+    differences = scipy.sparse.csr_array((entries.ravel(), columns.ravel(), starts), (len(first), 3 * count))
+    stiffness = differences.T @ (scipy.sparse.diags_array(np.repeat(weights / 3, 3)) @ differences)
 
     pull = np.repeat(attachment * total, 3)
-    matrix = sparse.csr_array(stiffness + sparse.diags_array(pull))
+    matrix = scipy.sparse.csr_array(stiffness + scipy.sparse.diags_array(pull))
     right = pull * mesh.vertices.ravel()
     if matrix.nnz <= DENSE_LIMIT:
         solution = Factorisation(matrix, np.repeat(mesh.vertices, 3, axis=0)).solve(right)

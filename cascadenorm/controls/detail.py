@@ -6,7 +6,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from cascadenorm.controls.displacement import limited
 from cascadenorm.geometry.foldovers import without_flips
@@ -41,7 +41,7 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     inside = np.flatnonzero(laplacian.mass > 0)
     time = (1 + math.sqrt(2)) * (min(width, WIDEST * mesh.diagonal) / math.pi) ** 2
     stiffness = time * laplacian.stiffness[inside][:, inside]
-    matrix = sparse.csr_array(sparse.diags_array(laplacian.mass[inside]) + stiffness)
+    matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(laplacian.mass[inside]) + stiffness)
 
     # Few iterations are needed where the step is mild; else a solver that prepares the matrix pays
     mild = time * laplacian.largest < MILD

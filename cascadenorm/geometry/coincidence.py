@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.spatial import cKDTree
+import scipy
 
-from cascadenorm.mesh import Ints, Mesh
+from cascadenorm.mesh import Ints, Mesh, connected_components
 
 ROUNDING = 2.0**-20
 """Of the largest coordinate: single precision and six decimal digits come within it."""
@@ -44,13 +43,13 @@ def coincident(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     used = np.flatnonzero(np.concatenate([mesh.topology.used_vertices for mesh in meshes]))
     size = float(np.abs(positions[used]).max())
     tolerance = min(ROUNDING * size, NEAREST * min(mesh.mean_edge_length for mesh in meshes))
-    pairs = used[cKDTree(positions[used]).query_pairs(tolerance, output_type="ndarray")]
+    pairs = used[scipy.spatial.cKDTree(positions[used]).query_pairs(tolerance, output_type="ndarray")]
     pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
 
     # The first vertex of those that pairs connect, and the meshes that they connect
-    part = _components(pairs, len(positions))
+    part = connected_components(pairs, len(positions))
     _, first, which = np.unique(part, return_index=True, return_inverse=True)
-    return first[which.reshape(-1)].astype(np.int64), _components(owner[pairs], len(meshes))
+    return first[which.reshape(-1)].astype(np.int64), connected_components(owner[pairs], len(meshes)).astype(np.int64)
 
 
 def joined(meshes: Sequence[Mesh], first: Ints) -> Joined:
@@ -66,8 +65,3 @@ def joined(meshes: Sequence[Mesh], first: Ints) -> Joined:
     faces = [vertices[start + mesh.faces] for start, mesh in zip(starts, meshes, strict=False)]
     positions = np.concatenate([mesh.vertices for mesh in meshes])
     return Joined(Mesh(positions[kept], np.concatenate(faces)), vertices)
-
-
-def _components(pairs: Ints, count: int) -> Ints:
-    graph = sparse.coo_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), (count, count))
-    return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], np.int64)

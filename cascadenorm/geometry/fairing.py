@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver, solver_of_rings
@@ -81,7 +81,7 @@ def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: 
     fixed_boundary[inside] = False
     held = Laplacian(laplacian.stiffness, np.where(fixed_boundary, 0, laplacian.mass), laplacian.positions)
     energy = held.power(order)
-    matrix, positions = sparse.csr_array(energy[inside][:, inside]), mesh.vertices[inside]
+    matrix, positions = scipy.sparse.csr_array(energy[inside][:, inside]), mesh.vertices[inside]
     if order == 1:
         return energy, solver(matrix, positions)
     root = laplacian.stiffness[inside][:, inside]

@@ -1,9 +1,8 @@
 """Approximate manifold harmonics of large meshes, from a few thousand local functions (Nasikun et al. 2018)."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.linalg import eigh
 
 from cascadenorm.geometry.farthest_points import spread
 from cascadenorm.geometry.harmonics import Harmonics, check_count, manifold_harmonics
@@ -52,15 +51,15 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     diagonal = laplacian.stiffness.diagonal()
     weights = np.divide(RELAXATION, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
     for _ in range(RELAXATIONS):
-        basis = sparse.csr_array(basis - sparse.diags_array(weights) @ (laplacian.stiffness @ basis))
+        basis = scipy.sparse.csr_array(basis - scipy.sparse.diags_array(weights) @ (laplacian.stiffness @ basis))
     stiffness = (basis.T @ (laplacian.stiffness @ basis)).toarray()
-    mass = (basis.T @ (sparse.diags_array(laplacian.mass) @ basis)).toarray()
+    mass = (basis.T @ (scipy.sparse.diags_array(laplacian.mass) @ basis)).toarray()
     with one_blas_thread():
-        values, reduced = eigh(stiffness, mass, subset_by_index=(0, count - 1))
+        values, reduced = scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, count - 1))
     return Harmonics(np.maximum(values, 0.0), np.asarray(basis @ reduced), laplacian.mass)
 
 
-def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> sparse.csr_array:
+def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> "scipy.sparse.csr_array":
     """Return (n, d) the local function of each centre, rows divided by their sum."""
     neighbors, n = mesh.topology.vertex_neighbors, len(mesh.vertices)
     parts = parallel_for(len(centers), _local_range, neighbors, mesh.vertices, centers, reach, smallest=16)
@@ -68,9 +67,11 @@ def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> sp
     rows = np.concatenate([found for _, found, _ in parts])
     values = np.concatenate([weights for _, _, weights in parts])
     columns = np.repeat(np.arange(len(centers)), counts)
-    functions = sparse.csr_array(sparse.coo_array((values, (rows, columns)), (n, len(centers))))
+    functions = scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), (n, len(centers))))
     total = functions.sum(axis=1)
-    return sparse.csr_array(sparse.diags_array(np.divide(1, total, out=np.zeros(n), where=total > 0)) @ functions)
+    return scipy.sparse.csr_array(
+        scipy.sparse.diags_array(np.divide(1, total, out=np.zeros(n), where=total > 0)) @ functions
+    )
 
 
 @kernel

@@ -3,8 +3,8 @@
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from cascadenorm.geometry.geodesic_windows import ExactDistances
 from cascadenorm.geometry.laplacians import cotangent_laplacian_of, face_cotangents
@@ -109,7 +109,7 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
 
 
 def _heat(
-    stiffness: sparse.csr_array,
+    stiffness: "scipy.sparse.csr_array",
     mass: Floats,
     positions: Vectors,
     sources: Bools,
@@ -117,7 +117,7 @@ def _heat(
 ) -> Floats:
     """Return the heat of one implicit step, which flows for longer until some has come everywhere."""
     while True:
-        step = sparse.diags_array(mass) + time * stiffness
+        step = scipy.sparse.diags_array(mass) + time * stiffness
         heat = Factorisation(step, positions).solve(sources.astype(np.float64))
         if heat.min() > LEAST_HEAT * heat.max():
             return heat

@@ -3,10 +3,8 @@
 from typing import Literal, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.linalg import eigh
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from cascadenorm.geometry.laplacians import Laplacian, cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import Factorisation
@@ -88,7 +86,7 @@ def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pair
         return _in_bands(Laplacian(stiffness, mass, laplacian.positions[inside]), count)
     root = 1 / np.sqrt(mass)
     with one_blas_thread():
-        values, vectors = eigh(root[:, None] * stiffness.toarray() * root, subset_by_index=(0, count - 1))
+        values, vectors = scipy.linalg.eigh(root[:, None] * stiffness.toarray() * root, subset_by_index=(0, count - 1))
     return values, root[:, None] * vectors
 
 
@@ -150,7 +148,9 @@ def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
 
 def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.float64] | None = None) -> Pairs:
     """Return the eigenpairs nearest to a shift, ascending; those with the eigenvectors `known` are left out."""
-    factorisation = Factorisation(laplacian.stiffness - shift * sparse.diags_array(laplacian.mass), laplacian.positions)
+    factorisation = Factorisation(
+        laplacian.stiffness - shift * scipy.sparse.diags_array(laplacian.mass), laplacian.positions
+    )
     root, n = np.sqrt(laplacian.mass), len(laplacian.mass)
     others = np.empty((n, 0)) if known is None else root[:, None] * known
 
@@ -162,9 +162,9 @@ def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.floa
     start = np.cos((1 + others.shape[1]) * np.arange(n))
     try:
         with one_blas_thread():
-            operator = LinearOperator((n, n), apply, dtype=np.float64)
-            inverse, vectors = eigsh(operator, count, v0=start, maxiter=RESTARTS, tol=TOLERANCE)
-    except ArpackError as error:
+            operator = scipy.sparse.linalg.LinearOperator((n, n), apply, dtype=np.float64)
+            inverse, vectors = scipy.sparse.linalg.eigsh(operator, count, v0=start, maxiter=RESTARTS, tol=TOLERANCE)
+    except scipy.sparse.linalg.ArpackError as error:
         raise _too_alike() from error
     values = shift + 1 / inverse
     order = np.argsort(values)
@@ -183,7 +183,9 @@ def _completed(
 
 def _count_below(laplacian: Laplacian, value: float) -> int:
     """Return how many eigenvalues are smaller: the negative pivots of S - value M (Sylvester's law of inertia)."""
-    factorisation = Factorisation(laplacian.stiffness - value * sparse.diags_array(laplacian.mass), laplacian.positions)
+    factorisation = Factorisation(
+        laplacian.stiffness - value * scipy.sparse.diags_array(laplacian.mass), laplacian.positions
+    )
     return int((factorisation.factors.U.diagonal() < 0).sum())
 
 

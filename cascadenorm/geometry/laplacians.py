@@ -10,8 +10,8 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.mesh import Floats, Mesh, Vectors, kernel, parallel_for, scatter_add
 
@@ -54,7 +54,7 @@ class Laplacian:
         """Return M (-Δ)^order = S (M⁻¹S)^(order - 1), symmetric and positive semidefinite, sparse."""
         matrix = self.stiffness
         for _ in range(order - 1):
-            matrix = sparse.csr_array(self.stiffness @ (sparse.diags_array(self.inverse_mass) @ matrix))
+            matrix = scipy.sparse.csr_array(self.stiffness @ (scipy.sparse.diags_array(self.inverse_mass) @ matrix))
         return matrix
 
     @cached_property
@@ -124,7 +124,9 @@ def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]
     diagonal = scatter_add(i, w, n) + scatter_add(j, w, n)
     everyone = np.arange(n, dtype=np.int32)
     rows, columns = np.concatenate([i, j, everyone]), np.concatenate([j, i, everyone])
-    stiffness = sparse.csr_array(sparse.coo_array((np.concatenate([-w, -w, diagonal]), (rows, columns)), (n, n)))
+    stiffness = scipy.sparse.csr_array(
+        scipy.sparse.coo_array((np.concatenate([-w, -w, diagonal]), (rows, columns)), (n, n))
+    )
     return Laplacian(stiffness, mass, mesh.vertices)
 
 

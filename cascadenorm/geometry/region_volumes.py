@@ -1,7 +1,7 @@
 """Volumes of regions that share walls, brought back together after the vertices have moved."""
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from cascadenorm.geometry.shells import Shells
 from cascadenorm.geometry.volume import Parts, volumes
@@ -57,10 +57,10 @@ def _closed(shells: Mesh) -> Parts:
     return Parts(np.where(closed, np.cumsum(closed) - 1, -1)[component], int(closed.sum()))
 
 
-def _slopes(shells: Shells, now: Mesh, parts: Parts, count: int) -> sparse.csr_array:
+def _slopes(shells: Shells, now: Mesh, parts: Parts, count: int) -> "scipy.sparse.csr_array":
     """Change of the volume of each closed region by each coordinate of the walls' vertices, (parts, 3 count)."""
     inside = np.flatnonzero(parts.number >= 0)
     rows = np.repeat(parts.number[inside], 3)
     columns = (3 * shells.owners[inside, None] + np.arange(3)).ravel()
     values = now.vertex_area_vectors[inside].ravel() / 3
-    return sparse.csr_array(sparse.coo_array((values, (rows, columns)), (parts.total, 3 * count)))
+    return scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), (parts.total, 3 * count)))

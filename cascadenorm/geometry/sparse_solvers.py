@@ -9,9 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from cascadenorm.mesh import Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread
 
@@ -39,13 +38,13 @@ class Factorisation:
 
     def __init__(self, matrix: Any, positions: Vector) -> None:
         assert positions.shape == (matrix.shape[0], 3)
-        matrix = sparse.csr_array(matrix)
+        matrix = scipy.sparse.csr_array(matrix)
         self.order = np.empty(len(positions), np.int64)
         _nested_dissection(matrix.indptr, matrix.indices, np.ascontiguousarray(positions), LEAF, self.order)
-        ordered = sparse.csc_array(matrix[self.order][:, self.order])
+        ordered = scipy.sparse.csc_array(matrix[self.order][:, self.order])
         try:
             with one_blas_thread():
-                self.factors = splu(
+                self.factors = scipy.sparse.linalg.splu(
                     ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
                 )
         except RuntimeError as error:  # SuperLU: exactly singular
@@ -104,7 +103,9 @@ def solve_preconditioned(matrix: Any, right: Vector, precondition: Callable[[Vec
     if right.ndim == 2:
         return np.stack([solve_preconditioned(matrix, column, precondition) for column in right.T.copy()], axis=1)
     with one_blas_thread():
-        solution, unsolved = cg(matrix, right, rtol=TOLERANCE, M=LinearOperator(matrix.shape, precondition))
+        solution, unsolved = scipy.sparse.linalg.cg(
+            matrix, right, rtol=TOLERANCE, M=scipy.sparse.linalg.LinearOperator(matrix.shape, precondition)
+        )
         if unsolved:
             raise MeshError(
                 f"conjugate gradients did not converge in {unsolved} iterations: use a smaller step or weight"

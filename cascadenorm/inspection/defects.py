@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
-from cascadenorm.mesh import Mesh, Topology
+from cascadenorm.mesh import Mesh, Topology, connected_components
 
 Mask = NDArray[np.bool_]
 
@@ -32,7 +31,7 @@ def pinched_vertices(topology: Topology) -> Mask:
 def boundary_loop_count(topology: Topology) -> int:
     """Return the number of connected chains of edges that have a single face."""
     boundary = topology.edges[topology.edge_faces.counts == 1]
-    part = _parts(topology.vertex_count, boundary[:, 0], boundary[:, 1])
+    part = connected_components(boundary, topology.vertex_count)
     return len(np.unique(part[boundary]))
 
 
@@ -50,9 +49,3 @@ def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:
     first = np.empty(len(rows), np.int64)
     first[order] = order[new][np.cumsum(new) - 1]
     return np.asarray(first != np.arange(len(rows))), first
-
-
-def _parts(count: int, starts: NDArray[Any], ends: NDArray[Any]) -> NDArray[np.int32]:
-    """Return the number of the connected part of each of `count` nodes."""
-    links = sparse.csr_matrix((np.ones(len(starts), np.int8), (starts, ends)), (count, count))
-    return np.asarray(sparse.csgraph.connected_components(links, directed=False)[1], np.int32)

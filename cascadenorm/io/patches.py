@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.io.base import MeshFile
 from cascadenorm.io.content import Positions
@@ -50,10 +50,10 @@ class Patches:
         if not len(self.positions) or not np.isfinite(known).all():
             return self.nearest(values).astype(np.float64)
         count, (i, j) = len(self._filled.vertices), self._filled.topology.edges.T
-        graph = sparse.coo_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), (count, count)).tocsr()
+        graph = scipy.sparse.coo_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), (count, count)).tocsr()
         rows = graph[self._own :]
-        matrix = sparse.diags_array(rows.sum(axis=1)) - rows[:, self._own :]
-        return np.asarray(sparse.linalg.spsolve(matrix.tocsc(), rows[:, : self._own] @ known), np.float64)
+        matrix = scipy.sparse.diags_array(rows.sum(axis=1)) - rows[:, self._own :]
+        return np.asarray(scipy.sparse.linalg.spsolve(matrix.tocsc(), rows[:, : self._own] @ known), np.float64)
 
     def vertex_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         """Return (a, 3) unit normals of the further vertices, on the side on which those of the file, (k, 3), are."""

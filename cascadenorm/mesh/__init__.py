@@ -19,6 +19,7 @@ from cascadenorm.mesh.arrays import (
     scatter_add,
     unit,
 )
+from cascadenorm.mesh.connectivity import connected_components
 from cascadenorm.mesh.csr import Csr
 from cascadenorm.mesh.frame import Frame, frame_between, frame_of, in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
@@ -48,6 +49,7 @@ __all__ = [
     "any_in_rows",
     "bad_faces",
     "bad_vertices",
+    "connected_components",
     "doubled",
     "face_area_vectors",
     "first_places",

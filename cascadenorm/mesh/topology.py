@@ -4,9 +4,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.mesh.arrays import scatter_add
+from cascadenorm.mesh.connectivity import connected_components
 from cascadenorm.mesh.csr import Csr, grouped, joined
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology_kernels import (
@@ -114,9 +114,8 @@ class Topology:
         ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)  # of each side
         falling = self.faces.ravel()[ends[:, 0]] > self.faces.ravel()[ends[:, 1]]
         ends[falling] = ends[falling, ::-1]  # the corner of the smaller vertex first
-        one, other = ends[order[pairs]].ravel(), ends[order[pairs + 1]].ravel()
-        graph = sparse.coo_array((np.ones(len(one), np.int8), (one, other)), (self.faces.size, self.faces.size))
-        return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], np.int32)
+        links = np.stack([ends[order[pairs]].ravel(), ends[order[pairs + 1]].ravel()], axis=1)
+        return connected_components(links, self.faces.size)
 
     @cached_property
     def used_vertices(self) -> NDArray[np.bool_]:
@@ -155,12 +154,7 @@ class Topology:
     @cached_property
     def components(self) -> NDArray[np.int32]:
         """(n,) number of the connected component of each vertex; a vertex without a face is one of its own."""
-        neighbors = self.vertex_neighbors
-        graph = sparse.csr_matrix(
-            (np.ones(len(neighbors.indices), np.int8), neighbors.indices, neighbors.indptr),
-            (self.vertex_count, self.vertex_count),
-        )
-        return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], np.int32)
+        return connected_components(self.edges, self.vertex_count)
 
     @cached_property
     def face_components(self) -> NDArray[np.int32]:

@@ -5,12 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.errors import ReadError
 from cascadenorm.geometry.orientation import patches
 from cascadenorm.geometry.shells import share_walls
-from cascadenorm.mesh import Bools, Frame, Ints, Mesh
+from cascadenorm.mesh import Bools, Frame, Ints, Mesh, connected_components
 from cascadenorm.streaming.ply_rows import ELSEWHERE, PlyTables
 from cascadenorm.streaming.tiles import Buckets
 
@@ -149,8 +148,7 @@ def _to_flip(parts: NDArray[Any], links: NDArray[Any]) -> tuple[Bools, Ints, boo
     code = links["code"].astype(np.int64)
     pairs = np.flatnonzero(links["face"][1:] == links["face"][:-1])
     one, other = np.concatenate([code[pairs], code[pairs] ^ 1]), np.concatenate([code[pairs + 1], code[pairs + 1] ^ 1])
-    graph = sparse.coo_array((np.ones(len(one), np.int8), (one, other)), (2 * len(parts),) * 2)
-    labels = sparse.csgraph.connected_components(graph, directed=False)[1].reshape(-1, 2)
+    labels = connected_components(np.stack([one, other], axis=1), 2 * len(parts)).reshape(-1, 2)
     sign = np.where(labels[:, 0] <= labels[:, 1], 1, -1)
     _, patch = np.unique(labels.min(axis=1), return_inverse=True)
     count = int(patch.max()) + 1

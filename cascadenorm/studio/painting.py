@@ -1,8 +1,8 @@
 """Paint on a mesh: weights of the displacement, and pinned vertices; one byte per vertex."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import ParameterError
@@ -29,7 +29,7 @@ def over_painted(codes: bytes, mesh: Mesh, shown: Display) -> NDArray[np.uint8]:
         raise ParameterError("the paint has a code other than 0 to 101 and 255: open the mesh again")
     if len(given) == len(mesh.vertices):
         return given.copy()
-    nearest = cKDTree(mesh.vertices[shown.kept_vertices]).query(mesh.vertices)[1]
+    nearest = scipy.spatial.cKDTree(mesh.vertices[shown.kept_vertices]).query(mesh.vertices)[1]
     return np.asarray(given[nearest], np.uint8)
 
 

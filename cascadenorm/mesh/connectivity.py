@@ -1,0 +1,44 @@
+"""Connected components of a graph of numbered nodes."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh.arrays import Ints32
+from cascadenorm.mesh.kernels import kernel
+
+
+def connected_components(links: NDArray[Any], count: int) -> Ints32:
+    """Return (count,) the number of the connected component of each node, in the order of their first nodes.
+
+    Parameters
+    ----------
+    links : (k, 2) nodes that are joined, each below `count`
+    """
+    labels = np.empty(count, np.int32)
+    _label(np.ascontiguousarray(links, np.int32), labels)
+    return labels
+
+
+@kernel
+def _label(links: Ints32, labels: Ints32) -> None:
+    """Find components by union-find: until the last loop, the label of a node is a node before it, or itself."""
+    for i in range(len(labels)):
+        labels[i] = i
+    for k in range(len(links)):
+        a, b = links[k, 0], links[k, 1]
+        while labels[a] != a:
+            labels[a] = labels[labels[a]]
+            a = labels[a]
+        while labels[b] != b:
+            labels[b] = labels[labels[b]]
+            b = labels[b]
+        labels[max(a, b)] = min(a, b)
+    count = 0
+    for i in range(len(labels)):
+        if labels[i] == i:
+            labels[i] = count
+            count += 1
+        else:
+            labels[i] = labels[labels[i]]
