@@ -75,8 +75,9 @@ class Cascade:
 
     def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:
         """Return the vertices of the mesh after the last stage, (n, 3)."""
-        *_, last = self.steps(mesh, sweeps=sweeps)
-        return last.vertices
+        for last in self.steps(mesh, sweeps=sweeps):  # none is kept once the next one is there
+            mesh = last
+        return mesh.vertices
 
     def to_bytes(self) -> bytes:
         """Return the content of a weights file: the same bytes for the same cascade."""
