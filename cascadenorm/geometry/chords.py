@@ -144,10 +144,14 @@ def error_shares(surface: Surface, sums: Found, measured: Chords | None = None) 
     return share
 
 
-def rises(mesh: Mesh, first: Ints32, second: Ints32) -> Floats:
-    """Return how far the centroids of two faces rise over each other's planes, together; negative where convex."""
-    across = mesh.centroids[second] - mesh.centroids[first]
-    return np.asarray(np.einsum("ij,ij->i", across, mesh.face_normals[first] - mesh.face_normals[second]))
+def rises(mesh: Mesh, pairs: Ints32) -> Floats:
+    """Return (k,) how far the centroids of the two faces of each pair rise over each other's planes, together.
+
+    It is negative where they meet in a convex edge.
+    """
+    out = np.empty(len(pairs))
+    parallel_for(len(out), _rise_range, mesh.centroids, mesh.face_normals, pairs, out)
+    return out
 
 
 def _bends(mesh: Mesh, own: Bools) -> tuple[Floats, Bools]:
@@ -155,8 +159,9 @@ def _bends(mesh: Mesh, own: Bools) -> tuple[Floats, Bools]:
 
     Where two do not bend, rounding may put the centroid of one off the plane of the other.
     """
-    first, second = mesh.topology.face_pairs[own].T
-    rise = rises(mesh, first, second)
+    pairs = mesh.topology.face_pairs[own]
+    first, second = pairs.T
+    rise = rises(mesh, pairs)
     return rise, (np.abs(rise) > rounding(mesh)) & (mesh.areas[first] > 0) & (mesh.areas[second] > 0)
 
 
@@ -186,6 +191,14 @@ def _medians(parts: Iterable[tuple[Ints, Found]], name: str, sizes: Ints) -> Flo
         ends = np.cumsum(sizes[mine])
         out[mine] = ordered[ends - sizes[mine] + sizes[mine] // 2]
     return out
+
+
+@kernel
+def _rise_range(start: int, stop: int, centroids: Vectors, normals: Vectors, pairs: Ints32, out: Floats) -> None:
+    for i in range(start, stop):
+        f, g = pairs[i]
+        across, turn = subtract(row(centroids, g), row(centroids, f)), subtract(row(normals, f), row(normals, g))
+        out[i] = dot(across, turn)
 
 
 @kernel

@@ -11,6 +11,7 @@ from cascadenorm.geometry.parts import Found, InMemory, Part, Surface, by_compon
 from cascadenorm.geometry.rounding import rounding
 from cascadenorm.geometry.segmentation_steps import is_segmentation
 from cascadenorm.mesh import Bools, Floats, Index, Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.vectors import length, row, subtract
 
 FACES, AREA = 0.2, 0.5
 """Shares of the triangles, and of the area, of a component that have a coplanar neighbour, from which it is exact."""
@@ -98,8 +99,8 @@ def _shape_sums(part: Part, measured: Chords) -> dict[str, NDArray[Any]]:
     """Sums over the faces, and over the edges with two faces, of each component of a part, (c,)."""
     mesh, own, count = part.mesh, part.faces, len(part.components)
     label, areas, clean = mesh.topology.face_components[own], mesh.areas[own], coplanar_neighbors(mesh)[own] > 0
-    corners = mesh.vertices[mesh.faces[own]]
-    lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    sides = np.empty((len(mesh.faces), 2))
+    parallel_for(len(sides), _sides_range, mesh.vertices, mesh.faces, sides)
     inner = part.interior_edges
     of_edges = mesh.topology.face_components[mesh.topology.face_pairs[inner, 0]]
     return {
@@ -107,7 +108,7 @@ def _shape_sums(part: Part, measured: Chords) -> dict[str, NDArray[Any]]:
         "area": scatter_add(label, areas, count),
         "coplanar": np.bincount(label[clean], minlength=count),
         "coplanar area": scatter_add(label[clean], areas[clean], count),
-        "lengths": scatter_add(label, np.stack([lengths.sum(axis=1), np.square(lengths).sum(axis=1)], axis=1), count),
+        "lengths": scatter_add(label, sides[own], count),
         "edges": np.bincount(of_edges, minlength=count),
         "rough": np.bincount(of_edges[~measured.smooth[inner]], minlength=count),
     }
@@ -117,6 +118,17 @@ def _unevenness(sums: Found) -> Floats:
     """Coefficient of variation of the edge lengths of each component, (count,)."""
     mean, square = (sums["lengths"] / np.maximum(3 * sums["faces"], 1)[:, None]).T
     return np.asarray(np.sqrt(np.maximum(square - mean**2, 0)) / np.maximum(mean, np.finfo(float).tiny))
+
+
+@kernel
+def _sides_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Floats) -> None:
+    """Sum of the lengths of the sides of each face, and that of their squares."""
+    for f in range(start, stop):
+        out[f, 0] = out[f, 1] = 0.0
+        for k in range(3):
+            side = length(subtract(row(vertices, faces[f, k]), row(vertices, faces[f, k - 1])))
+            out[f, 0] += side
+            out[f, 1] += side * side
 
 
 @kernel

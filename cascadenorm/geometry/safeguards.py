@@ -9,7 +9,7 @@ from cascadenorm.geometry.exact_surfaces import computed_components
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.parts import InMemory, Surface
 from cascadenorm.geometry.segmentation_steps import has_voxel_faces
-from cascadenorm.mesh import Bools, Floats, Mesh, Vectors
+from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
 
 NOISES = 30.0
 """Times the estimated noise around it that a vertex may move. Of independent noise 4 times are enough; of an error that
@@ -41,7 +41,7 @@ def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
 def within_bounds(mesh: Mesh, vertices: Vectors, bounded: "Bounded | None" = None) -> Vectors:
     """Return vertices, (n, 3), of which none has moved farther than `displacement_bounds`."""
     displacement = vertices - mesh.vertices
-    length = np.linalg.norm(displacement, axis=1)
+    length = row_lengths(displacement)
     bounds = displacement_bounds(mesh, bounded)
     far = length > bounds
     moved = vertices.copy()

@@ -43,10 +43,9 @@ def has_voxel_faces(mesh: Mesh | Surface) -> bool:
     axes = np.stack([first, second, np.cross(first, second)])
 
     def along_axes(part: Part) -> Found:
-        own = part.faces
-        areas = part.mesh.areas[own]
-        along = np.abs(part.mesh.face_normals[own] @ axes.T).max(axis=1) > 1 - 1e-4
-        return {"area": areas.sum(), "along": areas[along].sum()}
+        own, areas = part.faces, part.mesh.areas
+        along = np.abs(axes @ part.mesh.face_normals.T).max(axis=0) > 1 - 1e-4
+        return {"area": areas[own].sum(), "along": areas[own & along].sum()}
 
     sums = added(surface.each("along axes", 1, along_axes))
     return bool(sums["along"] >= ALONG_AXES * sums["area"]) and is_segmentation(surface)
@@ -93,7 +92,7 @@ def _steps(part: Part) -> Found:
     """
     mesh, topology = part.mesh, part.mesh.topology
     first, second = topology.face_pairs.T
-    rise = rises(mesh, first, second)
+    rise = rises(mesh, topology.face_pairs)
     ends = topology.edges[topology.interior_edges]
     length = np.linalg.norm(mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]], axis=1)
     bend = (

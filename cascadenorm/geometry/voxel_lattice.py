@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.parts import AT_ONCE, Found, Part, Surface, in_parts
-from cascadenorm.mesh import Mesh, Vectors, scatter_add
+from cascadenorm.mesh import Ints, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 Lattice = NDArray[np.float64]
 """(3, 3), its rows the edges of a voxel."""
@@ -97,9 +97,22 @@ def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
 
 def _directions(vectors: Vectors, size: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Round vectors to multiples of a size, (n, 3), and give opposite ones the same sign, (n, 1)."""
-    cells = np.round(vectors / size).astype(np.int64)
-    sign = np.sign(np.take_along_axis(cells, (cells != 0).argmax(axis=1)[:, None], axis=1))
-    return cells * sign, sign
+    cells, sign = np.empty(vectors.shape, np.int64), np.empty((len(vectors), 1), np.int64)
+    parallel_for(len(vectors), _directions_range, np.ascontiguousarray(vectors), size, cells, sign)
+    return cells, sign
+
+
+@kernel
+def _directions_range(start: int, stop: int, vectors: Vectors, size: float, cells: Ints, sign: Ints) -> None:
+    """The sign is that of the first coordinate that is not zero."""
+    for i in range(start, stop):
+        sign[i, 0] = 0
+        for d in range(3):
+            cells[i, d] = np.int64(np.rint(vectors[i, d] / size))
+            if sign[i, 0] == 0:
+                sign[i, 0] = np.sign(cells[i, d])
+        for d in range(3):
+            cells[i, d] *= sign[i, 0]
 
 
 def _different(vectors: Vectors, edge: float) -> Vectors:

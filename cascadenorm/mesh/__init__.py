@@ -16,6 +16,7 @@ from cascadenorm.mesh.arrays import (
     doubled,
     first_places,
     row_distances,
+    row_lengths,
     scatter_add,
     unit,
 )
@@ -65,6 +66,7 @@ __all__ = [
     "parallel_for",
     "repeats_vertex",
     "row_distances",
+    "row_lengths",
     "scale_between",
     "scaled_alike",
     "scatter_add",

@@ -65,10 +65,10 @@ def row_distances(points: Vectors, pairs: Ints32) -> Floats:
 
 def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
     """Angles in radians between unit rows that belong together, less those where one is zero; accurate at any angle."""
-    proper = ours.any(axis=1) & theirs.any(axis=1)
-    ours, theirs = ours[proper], theirs[proper]
-    chord, total = np.linalg.norm(ours - theirs, axis=1), np.linalg.norm(ours + theirs, axis=1)
-    return np.asarray(2 * np.arctan2(chord, total))
+    proper = any_in_rows(ours != 0) & any_in_rows(theirs != 0)
+    if not proper.all():
+        ours, theirs = ours[proper], theirs[proper]
+    return np.asarray(2 * np.arctan2(row_lengths(ours - theirs), row_lengths(ours + theirs)))
 
 
 def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: int) -> Floats:
