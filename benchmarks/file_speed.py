@@ -159,7 +159,7 @@ class Library:
 
     def turn(self, verbs: Sequence[str], source: Path) -> dict[str, float | None]:
         """Read a file, and do with it what is asked for besides."""
-        target = self._folder / f"{self.name}{source.suffix}"
+        target = self._folder / f"{self.name}-{source.name}"
         found: dict[str, float | None] = {"read": self.seconds("read", source)}
         for verb in verbs[1:]:
             found[verb] = None if found["read"] is None else self.seconds(verb, None if verb == "smooth" else target)
@@ -190,12 +190,13 @@ def page(rows: dict[str, list[float | None]], faces: int) -> str:
     lines = [
         "# Files and Taubin smoothing beside other libraries",
         "",
-        f"Processor time in milliseconds, user and system together, the least of several turns; {faces:,} faces; "
+        f"Processor time of all threads in milliseconds, the least of several turns; {faces:,} faces; "
         f"{PAIRS} pairs of steps of Taubin smoothing; {machine}. `python benchmarks/file_speed.py` writes this page.",
         "",
         "Here reading includes all checks and the merging of equal corners. The others merge the corners of STL, "
         "all but meshio, and check less. *Moved* is a file written with other positions, everything else in it as it "
-        "was; the others write their mesh as they read it. Text is written here with all digits, elsewhere with fewer.",
+        "was, but for normals, which are computed anew; the others write their mesh as they read it. Text is written "
+        "here with all digits, elsewhere with fewer.",
         "",
         f"| | {OURS} | {' | '.join(PEERS)} | {OURS} / fastest other |",
         f"| --- |{' ---: |' * (len(LIBRARIES) + 1)}",

@@ -2,8 +2,8 @@
 
 PAIRS of steps are smoothed. Serves requests, one a line: `read PATH`, `write PATH`, `replace PATH`, `smooth`. All but
 the first are about the mesh read last, which `write` writes anew and `replace` with other positions, else as it was
-read. Each is answered by the seconds of processor time that it took, or by what went wrong. Nothing of this project is
-imported here unless it is the library.
+read; STL is text where its name ends in text.stl. Each is answered by the seconds of processor time that it took, or by
+what went wrong. Nothing of this project is imported here unless it is the library.
 """
 
 import os
@@ -39,7 +39,7 @@ def trimesh(pairs):
 
     return (
         lambda path: trimesh.load_mesh(path, process=path.endswith("stl")),
-        lambda mesh, path: mesh.export(path),
+        lambda mesh, path: mesh.export(path, file_type="stl_ascii" if path.endswith("text.stl") else None),
         lambda mesh: trimesh.smoothing.filter_taubin(mesh.copy(), iterations=2 * pairs),
     )
 
@@ -49,7 +49,7 @@ def meshio(_):
     import meshio
 
     def write(mesh, path):
-        mesh.write(path, **({"binary": True} if path.endswith("stl") else {}))
+        mesh.write(path, **({"binary": not path.endswith("text.stl")} if path.endswith("stl") else {}))
 
     return meshio.read, write, None
 
@@ -58,7 +58,11 @@ def pyvista(pairs):
     """STL is read without seams by default."""
     import pyvista
 
-    return pyvista.read, lambda mesh, path: mesh.save(path), lambda mesh: mesh.smooth_taubin(n_iter=2 * pairs)
+    return (
+        pyvista.read,
+        lambda mesh, path: mesh.save(path, binary=not path.endswith("text.stl")),
+        lambda mesh: mesh.smooth_taubin(n_iter=2 * pairs),
+    )
 
 
 def open3d(pairs):
@@ -72,7 +76,7 @@ def open3d(pairs):
     def write(mesh, path):
         if path.endswith("stl"):
             mesh.compute_triangle_normals()
-        if not write_triangle_mesh(path, mesh):
+        if path.endswith("text.stl") or not write_triangle_mesh(path, mesh):  # STL is never text
             raise ValueError("nothing was written")
 
     return read, write, lambda mesh: mesh.filter_smooth_taubin(pairs)
@@ -89,7 +93,7 @@ def pymeshlab(pairs):
 
     return (
         read,
-        lambda meshes, path: meshes.save_current_mesh(path),
+        lambda meshes, path: meshes.save_current_mesh(path, **({"binary": False} if path.endswith("text.stl") else {})),
         lambda meshes: meshes.apply_coord_taubin_smoothing(stepsmoothnum=pairs),
     )
 

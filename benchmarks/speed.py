@@ -76,8 +76,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             denoised(mesh, name, result)  # kernels are compiled once, and kept
         for size, steps in SIZES.items():
             torus = wavy_torus(*steps)
-            save_mesh(mesh, torus)
-            save_mesh(poor, shuffled(torus))
+            save_mesh(mesh, torus, force=True)
+            save_mesh(poor, shuffled(torus), force=True)
             for name in methods:
                 if name in MAIN or size != LARGEST:
                     runs[f"{name}, {size}"] = denoised(mesh, name, result)
