@@ -106,7 +106,9 @@ class GltfContainer(MeshFile):
             triangles.append(rows[primitive.triangles])
             named = np.searchsorted(self._stored_normals.at, primitive.normals.at)
             normals.append(named[primitive.triangles] if len(named) else np.full(primitive.triangles.shape, -1))
-        if len(np.unique(self.parts * len(STORED) + self._stored.kinds)) > len(np.unique(self.parts)):
+        kinds = self._stored.kinds
+        mixed = bool((kinds[1:] != kinds[:-1]).any())
+        if mixed and len(np.unique(self.parts * len(STORED) + kinds)) > len(np.unique(self.parts)):
             raise ReadError(
                 "a mesh of this glTF file stores positions in several component types, so seams would open: "
                 "export it with one"
