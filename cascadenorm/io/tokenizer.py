@@ -1,5 +1,6 @@
 """Compiled passes over the bytes of a text: find words, read decimals, replace words."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,9 @@ from cascadenorm.mesh import Bools, Bytes, Floats, Ints, kernel
 
 Places = NDArray[np.signedinteger[Any]]
 
+MOST = 9 * 10**17
+"""Whole number from which on a decimal is left to Python; ten times as much, and a digit, still fit into 64 bits."""
+SPLIT = 2.0**27 + 1  # by a product with it a number is split into halves of 26 bits
 POWERS = np.array([10.0**e for e in range(23)])  # all exact, so one division or product by them rounds correctly
 
 
@@ -79,7 +83,7 @@ def begins_with(
 
 @kernel
 def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, values: Floats, simple: Bools) -> None:
-    """Read plain decimals whose digits and power of ten are exact in double precision; leave the others."""
+    """Read plain decimals of at most 18 digits whose power of ten is exact in double precision; leave the others."""
     for k in range(start, stop):
         i, end = starts[k], ends[k]
         simple[k] = False
@@ -96,10 +100,10 @@ def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, v
                 mantissa = 10 * mantissa + int(data[i]) - 48
                 digits += 1
                 exponent -= seen_point
-                if mantissa >= 1 << 53:
+                if mantissa >= MOST:
                     break
             i += 1
-        if digits == 0 or mantissa >= 1 << 53:
+        if digits == 0 or mantissa >= MOST:
             continue
 
         # the exponent, if there is one
@@ -119,9 +123,37 @@ def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, v
         # one exact number times or over another rounds once, as a correct reader does
         if i < end or exponent < -22 or exponent > 22:
             continue
-        value = mantissa / POWERS[-exponent] if exponent < 0 else mantissa * POWERS[exponent]
+        if mantissa < 1 << 53:
+            value = mantissa / POWERS[-exponent] if exponent < 0 else mantissa * POWERS[exponent]
+        elif exponent <= 0:
+            value = _quotient(mantissa, POWERS[-exponent])
+        else:
+            continue
         values[k] = -value if negative else value
-        simple[k] = True
+        simple[k] = value == value
+
+
+@kernel
+def _quotient(whole: int, power: float) -> float:
+    """Divide a whole number below MOST by an exact power of ten and round once; nan where that is not certain.
+
+    By double-double arithmetic (Dekker 1971), in a tenth of the time that Python takes for the number.
+    """
+    high = float(whole)
+    low = float(whole - int(high))
+    first = high / power
+
+    # what the first quotient leaves: first · power is exact as the products of halves of 26 bits
+    product = first * power
+    a, b = SPLIT * first, SPLIT * power
+    first_high, power_high = a - (a - first), b - (b - power)
+    first_low, power_low = first - first_high, power - power_high
+    error = first_high * power_high - product + first_high * power_low + first_low * power_high + first_low * power_low
+    second = (high - product - error + low) / power
+
+    # rounded alike with the second quotient a little smaller and a little larger, the sum is right
+    least, most = first + second * (1 - 2.0**-50), first + second * (1 + 2.0**-50)
+    return least if least == most else math.nan
 
 
 @kernel

@@ -1,0 +1,39 @@
+"""Numbers in text are those that Python reads, to the last bit."""
+
+import numpy as np
+import pytest
+
+from cascadenorm.io.text import Text
+
+
+def shortest(random: np.random.Generator) -> str:
+    return repr(float(random.normal() * 10.0 ** random.integers(-4, 5)))
+
+
+def fixed(random: np.random.Generator) -> str:
+    return f"{random.normal():.{random.integers(10, 20)}f}"
+
+
+def scientific(random: np.random.Generator) -> str:
+    return f"{random.normal():.16e}"
+
+
+def any_point(random: np.random.Generator) -> str:
+    digits = str(random.integers(10**18))
+    place = random.integers(len(digits) + 1)
+    return f"{digits[:place]}.{digits[place:]}"
+
+
+def halfway(random: np.random.Generator) -> str:
+    """Half of an odd number of 54 bits, and the like: as near to one double as to the next."""
+    power = int(random.integers(1, 10))
+    digits = str((int(random.integers(2**53, 2**54)) | 1) * 5**power).zfill(power + 1)
+    return f"{digits[:-power]}.{digits[-power:]}"
+
+
+@pytest.mark.parametrize("spell", [shortest, fixed, scientific, any_point, halfway])
+def test_decimals_are_rounded_as_python_rounds_them(spell):
+    random = np.random.default_rng(0)
+    words = [spell(random) for _ in range(4000)]
+    found = Text(" ".join(words).encode()).numbers(np.arange(len(words)))
+    assert found.tolist() == [float(word) for word in words]
