@@ -15,6 +15,9 @@ STORES = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss")
 BROUGHT = ("fsspec", "s3fs", "aiobotocore", "aiohttp", "requests")
 """Packages that the extra `cluster` installs."""
 
+SILENCE = 60.0
+"""Seconds for which a web server may send nothing; the whole of a file may take any time."""
+
 MAGIC = re.compile(r"[*\[]")
 """What makes a URL a pattern; a question mark begins a query."""
 
@@ -154,13 +157,22 @@ def _opened(url: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
 
-        system, path = url_to_fs(url)
+        system, path = url_to_fs(url, **_options(url))
     except ImportError as error:
         package = error.name or getattr(error.__cause__, "name", None) or "fsspec"
         extra = "cluster" if package in BROUGHT else ""
         raise MissingDependencyError(f"{urlsplit(url).scheme}://", package=package, extra=extra) from None
     system.invalidate_cache()
     return system, path
+
+
+def _options(url: str) -> dict[str, Any]:
+    """Options of the file system of a URL; aiohttp would end every download after five minutes."""
+    if urlsplit(url).scheme.lower() not in ("http", "https"):
+        return {}
+    import aiohttp
+
+    return {"client_kwargs": {"timeout": aiohttp.ClientTimeout(total=None, sock_connect=SILENCE, sock_read=SILENCE)}}
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
+from time import sleep
 
 import pytest
 from shapes import icosphere, noisy
@@ -142,6 +143,7 @@ class Overwritten(SimpleHTTPRequestHandler):
             Path(self.translate_path(self.path)).write_bytes(self.new)
         source.seek(len(whole) // 2)
         outputfile.write(source.read()[: len(whole) - len(whole) // 2])
+        self.close_connection = True  # fewer bytes than were promised
 
     def log_message(self, *_):
         pass
@@ -164,6 +166,33 @@ def test_a_file_that_is_replaced_while_it_is_read_is_tried_again(tmp_path, monke
     assert line["attempts"] == 2 and line["input_sha256"] == hashlib.sha256(new).hexdigest()
     cn.denoise_file(tmp_path / "new" / "a" / "0.ply", "alone.ply", method="laplacian")
     assert (tmp_path / "out" / "scan.ply").read_bytes() == (tmp_path / "alone.ply").read_bytes()
+
+
+def test_a_server_that_falls_silent_within_a_file_is_asked_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(remote_files, "SILENCE", 0.5)
+    scans(tmp_path / "scans", 1)
+    silent = [True]
+
+    class Handler(SimpleHTTPRequestHandler):
+        def copyfile(self, source, outputfile):
+            whole = source.read()
+            outputfile.write(whole[:-10])
+            if silent:
+                silent.pop()
+                sleep(2)
+            outputfile.write(whole[-10:])
+
+        def log_message(self, *_):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=str(tmp_path / "scans" / "a"))) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{server.server_port}/0.ply"
+        with pytest.raises(ReadError, match=r"0\.ply cannot be read"):
+            remote_files.fetched(url, tmp_path / "first")
+        assert remote_files.fetched(url, tmp_path / "second").read_bytes() == (tmp_path / "scans/a/0.ply").read_bytes()
+        server.shutdown()
 
 
 def test_a_watch_goes_on_when_its_server_does_not_answer_for_a_while(tmp_path, monkeypatch):
