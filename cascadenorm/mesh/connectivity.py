@@ -22,18 +22,21 @@ def connected_components(links: NDArray[Any], count: int) -> Ints32:
 
 
 @kernel
+def root_of(labels: Ints32, node: np.int32) -> np.int32:
+    """Return the least node that is known of a component, and shorten the way to it; labels lead to nodes before."""
+    while labels[node] != node:
+        labels[node] = labels[labels[node]]
+        node = labels[node]
+    return node
+
+
+@kernel
 def _label(links: Ints32, labels: Ints32) -> None:
     """Find components by union-find: until the last loop, the label of a node is a node before it, or itself."""
     for i in range(len(labels)):
         labels[i] = i
     for k in range(len(links)):
-        a, b = links[k, 0], links[k, 1]
-        while labels[a] != a:
-            labels[a] = labels[labels[a]]
-            a = labels[a]
-        while labels[b] != b:
-            labels[b] = labels[labels[b]]
-            b = labels[b]
+        a, b = root_of(labels, links[k, 0]), root_of(labels, links[k, 1])
         labels[max(a, b)] = min(a, b)
     count = 0
     for i in range(len(labels)):

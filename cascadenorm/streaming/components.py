@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Ints32, kernel
+from cascadenorm.mesh.connectivity import root_of
 from cascadenorm.streaming.layers import Layer
 from cascadenorm.streaming.store import Store
 
@@ -31,21 +32,12 @@ def write_components(store: Store, layer: Layer) -> int:
 def _unite(faces: Ints32, leads: Ints32) -> None:
     """Let the vertices of each face lead to one, the least of their component, over others."""
     for f in range(len(faces)):
-        a = _first(leads, faces[f, 0])
+        a = root_of(leads, faces[f, 0])
         for corner in range(1, 3):
-            b = _first(leads, faces[f, corner])
+            b = root_of(leads, faces[f, corner])
             low, high = min(a, b), max(a, b)
             leads[high] = low
             a = low
-
-
-@kernel
-def _first(leads: Ints32, vertex: np.int32) -> np.int32:
-    """Return the least vertex that is known of a component, and shorten the way to it."""
-    while leads[vertex] != vertex:
-        leads[vertex] = leads[leads[vertex]]
-        vertex = leads[vertex]
-    return vertex
 
 
 @kernel
