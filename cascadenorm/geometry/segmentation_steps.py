@@ -7,7 +7,7 @@ from cascadenorm.geometry.chords import rises
 from cascadenorm.geometry.parts import Found, Part, Surface, added, in_parts
 from cascadenorm.geometry.rounding import rounding
 from cascadenorm.geometry.voxel_lattice import lattice_share
-from cascadenorm.mesh import Mesh, Vectors, angles_between, scatter_add
+from cascadenorm.mesh import Mesh, Vectors, angles_between, row_distances, scatter_add
 
 LATTICE = 0.5
 """Share of the edges that the most frequent vectors hold (see `lattice_share`), from which a mesh lies on a lattice.
@@ -94,7 +94,7 @@ def _steps(part: Part) -> Found:
     first, second = topology.face_pairs.T
     rise = rises(mesh, topology.face_pairs)
     ends = topology.edges[topology.interior_edges]
-    length = np.linalg.norm(mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]], axis=1)
+    length = row_distances(mesh.vertices, ends)
     bend = (
         length * angles_between(mesh.face_normals[first], mesh.face_normals[second]) * (np.abs(rise) > rounding(mesh))
     )
