@@ -168,7 +168,7 @@ def test_a_file_that_is_replaced_while_it_is_read_is_tried_again(tmp_path, monke
     assert (tmp_path / "out" / "scan.ply").read_bytes() == (tmp_path / "alone.ply").read_bytes()
 
 
-def test_a_server_that_falls_silent_within_a_file_is_asked_again(tmp_path, monkeypatch):
+def test_a_server_that_falls_silent_within_a_file_is_an_error_and_may_be_asked_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(remote_files, "SILENCE", 0.5)
     scans(tmp_path / "scans", 1)
