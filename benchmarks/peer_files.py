@@ -14,6 +14,11 @@ MISSING = 3
 """Exit status where the library is not installed."""
 
 
+def is_text(path):
+    """Whether a file to be written is STL as text."""
+    return path.endswith("text.stl")
+
+
 def cascadenorm(pairs):
     """Read with all checks, seams closed."""
     import cascadenorm as cn
@@ -39,7 +44,7 @@ def trimesh(pairs):
 
     return (
         lambda path: trimesh.load_mesh(path, process=path.endswith("stl")),
-        lambda mesh, path: mesh.export(path, file_type="stl_ascii" if path.endswith("text.stl") else None),
+        lambda mesh, path: mesh.export(path, file_type="stl_ascii" if is_text(path) else None),
         lambda mesh: trimesh.smoothing.filter_taubin(mesh.copy(), iterations=2 * pairs),
     )
 
@@ -49,7 +54,7 @@ def meshio(_):
     import meshio
 
     def write(mesh, path):
-        mesh.write(path, **({"binary": not path.endswith("text.stl")} if path.endswith("stl") else {}))
+        mesh.write(path, **({"binary": not is_text(path)} if path.endswith("stl") else {}))
 
     return meshio.read, write, None
 
@@ -60,7 +65,7 @@ def pyvista(pairs):
 
     return (
         pyvista.read,
-        lambda mesh, path: mesh.save(path, binary=not path.endswith("text.stl")),
+        lambda mesh, path: mesh.save(path, binary=not is_text(path)),
         lambda mesh: mesh.smooth_taubin(n_iter=2 * pairs),
     )
 
@@ -76,7 +81,7 @@ def open3d(pairs):
     def write(mesh, path):
         if path.endswith("stl"):
             mesh.compute_triangle_normals()
-        if path.endswith("text.stl") or not write_triangle_mesh(path, mesh):  # STL is never text
+        if is_text(path) or not write_triangle_mesh(path, mesh):  # STL is never text
             raise ValueError("nothing was written")
 
     return read, write, lambda mesh: mesh.filter_smooth_taubin(pairs)
@@ -93,7 +98,7 @@ def pymeshlab(pairs):
 
     return (
         read,
-        lambda meshes, path: meshes.save_current_mesh(path, **({"binary": False} if path.endswith("text.stl") else {})),
+        lambda meshes, path: meshes.save_current_mesh(path, **({"binary": False} if is_text(path) else {})),
         lambda meshes: meshes.apply_coord_taubin_smoothing(stepsmoothnum=pairs),
     )
 
