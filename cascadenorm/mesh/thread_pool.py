@@ -40,6 +40,8 @@ def on_threads(threads: int, count: int, task: Callable[[int], Result]) -> list[
     ------
     what a call raised, the one with the smallest number where several did
     """
+    if min(threads, count) <= 1:
+        return [task(number) for number in range(count)]
     waiting, results, errors = deque(range(count)), dict[int, Result](), dict[int, BaseException]()
 
     def work() -> None:

@@ -105,7 +105,8 @@ def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest:
     what the calls returned, in the order of the ranges
     """
     threads = thread_count()
-    chunk = max(smallest, -(-count // (threads * CHUNKS_PER_THREAD)))
+    chunks = threads * CHUNKS_PER_THREAD if threads > 1 else 1
+    chunk = max(smallest, -(-count // chunks))
     starts = range(0, count, chunk)
     return on_threads(threads, len(starts), lambda i: run(starts[i], min(starts[i] + chunk, count), *arguments))
 
