@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
@@ -241,7 +242,16 @@ class _Run:
         while (following := self._schedule.next(self._processes.places)) is not None:
             place, job, threads = following
             self._attempts[job] += 1
-            self._begin(place, Task(job, self._manifest.last.get(self._name(job))), threads)
+            task = Task(job, self._manifest.last.get(self._name(job)))
+            if task.line is None and not is_url(job.output) and not os.path.lexists(job.output):
+                self._start(place, task, threads)  # nothing to check
+            else:
+                self._begin(place, task, threads)
+
+    def _start(self, place: Place, task: Task, threads: int, digest: str | None = None) -> None:
+        """Begin to denoise a file; the digest is that of a check."""
+        self._manifest.add(self._line("started", task, Outcome(status="new", input_digest=digest)))
+        self._begin(place, task._replace(checked=True, digest=digest), threads)
 
     def _begin(self, place: Place, task: Task, threads: int) -> None:
         end = math.inf if self._timeout is None else time.monotonic() + self._timeout
@@ -270,9 +280,7 @@ class _Run:
             _remove_unfinished([job])
             outcome = Outcome(status="failed", input_digest=task.digest, error=outcome, then="again")
         if outcome.status == "new":
-            task = task._replace(checked=True, digest=outcome.input_digest)
-            self._manifest.add(self._line("started", task, outcome))
-            self._begin(begun.place, task, begun.threads)
+            self._start(begun.place, task, begun.threads, outcome.input_digest)
             return
         self._schedule.end(job)
         if outcome.then == "again" and self._attempts[job] <= self._retries:

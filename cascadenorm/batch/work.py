@@ -45,7 +45,7 @@ class Task(NamedTuple):
     Parameters
     ----------
     line : its last line in the manifest before
-    checked : whether it has been checked; then it is to be denoised
+    checked : whether it has been checked, or there is nothing to check; then it is to be denoised
     digest : of the file, where the check has read it
     scratch : folder for temporary files; None is that of the system
     """
@@ -96,11 +96,19 @@ def work(settings: Settings, task: Task) -> Outcome:
 
 
 def mesh_digest(path: Path) -> str:
-    """Return the digest of a mesh file, and of the buffers that a glTF file keeps in other files."""
-    if path.suffix.lower() != ".gltf":
-        return file_digest(path)
-    parts = [path.parent / name for name, needed in io.read(path).refers_to().items() if needed]
-    return hashlib.sha256("".join(map(file_digest, [path, *parts])).encode()).hexdigest()
+    """Return the digest of a mesh file, and of the buffers that a glTF file keeps in other files.
+
+    Raises
+    ------
+    ReadError : one of them cannot be read
+    """
+    try:
+        if path.suffix.lower() != ".gltf":
+            return file_digest(path)
+        parts = [path.parent / name for name, needed in io.read(path).refers_to().items() if needed]
+        return hashlib.sha256("".join(map(file_digest, [path, *parts])).encode()).hexdigest()
+    except OSError as error:
+        raise ReadError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
 def _checked(settings: Settings, task: Task) -> Outcome:
@@ -172,10 +180,7 @@ def _digest(name: str, task: Task) -> str:
     if is_url(name):
         with TemporaryDirectory(prefix="cascadenorm-", dir=task.scratch) as scratch:
             return mesh_digest(_fetched(name, Path(scratch)))
-    try:
-        return mesh_digest(Path(name))
-    except OSError as error:
-        raise ReadError(f"{name} cannot be read: {error.strerror or error}") from error
+    return mesh_digest(Path(name))
 
 
 def _exists(name: str) -> bool:
