@@ -23,7 +23,7 @@ from cascadenorm.batch.manifest import Manifest
 from cascadenorm.batch.processes import LocalProcesses
 from cascadenorm.batch.scheduling import Place, Schedule, needed
 from cascadenorm.batch.settings import settings_of
-from cascadenorm.batch.watching import Settled
+from cascadenorm.batch.watching import SCAN, SCANNING, Settled, Watched
 from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ParameterError, ReadError, WorkerError
@@ -208,8 +208,7 @@ def watching(*words: str) -> Iterator[subprocess.Popen]:
 def test_a_watched_folder_gives_each_file_when_it_is_complete(place):
     scans(place / "other", 2)
     (place / "in").mkdir()
-    words = [*COMMAND, "in", *FAST, "-o", "in/out", "--watch", "2"]
-    with subprocess.Popen(words, start_new_session=True) as process:
+    with watching("in", "-o", "in/out", "--watch", "2") as process:
         whole = (place / "other" / "a" / "0.ply").read_bytes()
         with (place / "in" / "scan.ply").open("wb") as slow:
             for start in range(0, len(whole), -(-len(whole) // 8)):
@@ -427,6 +426,24 @@ def test_a_file_settles_when_it_has_stopped_changing():
     assert settled.take([job(3)]) == []  # it had gone
     now[0] = 14.0
     assert settled.take([job(3)]) == [job(3)]
+
+
+def test_scans_are_as_far_apart_as_they_take_but_one_that_was_slow_once_delays_none(monkeypatch):
+    now, scans = [0.0], []
+
+    def find():
+        scans.append(now[0])
+        now[0] += {1: 5.0, 3: 0.1, 4: 0.1}.get(len(scans), 0.0)
+        return []
+
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    watched = Watched(find, 0.0, pytest.fail)
+    while len(scans) < 6:
+        watched.take(())
+        now[0] += 0.125
+    apart = np.diff(scans)
+    np.testing.assert_allclose(apart[:2], [5.0 + SCAN, SCAN], atol=0.13)
+    np.testing.assert_allclose(apart[2:4], [0.1 + SCAN, 0.1 + SCANNING * 0.1], atol=0.13)
 
 
 def test_half_a_line_does_not_count_and_the_next_is_whole(tmp_path):

@@ -10,7 +10,8 @@ SCAN = 0.5
 """Least number of seconds between two scans of the sources."""
 
 SCANNING = 20
-"""The next scan waits this many times as long as the last one took, so that scans take at most 5 % of the time."""
+"""The next scan waits this many times as long as the shorter of the last two took, so that scans take about 5 % of the
+time; what one of them did once, such as to load a library, does not count."""
 
 
 class Watched:
@@ -28,7 +29,7 @@ class Watched:
 
     def __init__(self, find: Callable[[], list[Job]], seconds: float, complain: Callable[[Exception], object]) -> None:
         self._find, self._settled, self._complain = find, Settled(seconds), complain
-        self._next = 0.0
+        self._next = self._took = 0.0
         self._in_order = True
         self._owners: dict[str, Job] = {}  # of the outputs
         self._refused: set[str] = set()
@@ -40,7 +41,8 @@ class Watched:
             return []
         found, wrong = self._scan()
         end = time.monotonic()
-        self._next = end + max(SCAN, SCANNING * (end - begin))
+        took, self._took = self._took, end - begin
+        self._next = end + max(SCAN, SCANNING * min(took, self._took))
         if wrong is not None and self._in_order:
             self._complain(wrong)
         self._in_order = wrong is None
