@@ -2,8 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,7 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
-from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver, solver_of_rings
+from cascadenorm.geometry.sparse_solvers import solver_of_rings, solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
@@ -89,7 +88,7 @@ def diffuse(
     Parameters
     ----------
     laplacian : of n vertices; it stays as it is during the flow
-    values : (n, c), the vertices or other columns
+    values : (n, c), the vertices or at most 3 other columns
     time : t, length of one step, in the laplacian's own unit to the power `order`
     iterations : steps
     scheme : an explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`. A longer one is cut
@@ -118,10 +117,8 @@ def diffuse(
     inside = np.flatnonzero(free)
     mass = scipy.sparse.diags_array(laplacian.mass[inside])
     matrix = scipy.sparse.csr_array(mass + time * power[inside][:, inside])
-    if order == 1 and iterations == 1 and time * laplacian.largest < MILD:
-        solve: Callable[[Vectors], Vectors] = partial(solve_once, matrix)
-    elif order == 1:
-        solve = solver(matrix, laplacian.positions[inside])
+    if order == 1:
+        solve = solver_of_steps(matrix, laplacian.positions[inside])
     else:
         root = mass + time ** (1 / order) * laplacian.stiffness[inside][:, inside]  # (1 + sk)^p is near 1 + tk^p
         solve = solver_of_rings(matrix, root, laplacian.mass[inside], laplacian.positions[inside], order=order)

@@ -1,7 +1,6 @@
 """Rolling guidance of face normals: features narrower than a width go, wider ones and their edges stay."""
 
 import math
-from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
-from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver
+from cascadenorm.geometry.sparse_solvers import solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
@@ -107,8 +106,5 @@ def _averaged(
     sides = (np.concatenate([first, second]), np.concatenate([second, first]))
     graph = scipy.sparse.coo_array((np.tile(weights, 2), sides), shape=(count, count)).tocsr()
     matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(areas + time * sums) - time * graph)
-
-    # few iterations are needed where the steps are mild; else a solver that prepares the matrix pays
-    mild = 2 * time * float((sums / areas).max(initial=0.0)) < MILD
-    solve = partial(solve_once, matrix) if mild else solver(matrix, mesh.centroids)
+    solve = solver_of_steps(matrix, mesh.centroids)
     return unit(solve(areas[:, None] * solve(areas[:, None] * mesh.face_normals)), otherwise=mesh.face_normals)

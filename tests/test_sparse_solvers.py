@@ -5,7 +5,7 @@ from shapes import icosphere, noisy
 
 from cascadenorm.geometry import sparse_solvers
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.geometry.sparse_solvers import Factorisation, solve_once, solve_preconditioned, solver
+from cascadenorm.geometry.sparse_solvers import Factorisation, solve_once, solve_preconditioned, solver, solver_of_steps
 from cascadenorm.mesh import MeshError
 
 MESH = noisy(icosphere(3), 0.2)
@@ -43,6 +43,27 @@ def test_conjugate_gradients_agree_and_take_over_when_the_matrix_is_huge(monkeyp
     monkeypatch.setattr(sparse_solvers, "DIRECT_LIMIT", 10)
     monkeypatch.setattr(sparse_solvers, "Factorisation", None)
     np.testing.assert_allclose(solver(MATRIX, MESH.vertices)(RIGHT), expected, rtol=1e-7, atol=1e-8)
+
+
+def test_a_step_of_few_iterations_is_iterated_and_another_factorised_once(monkeypatch):
+    made = []
+
+    class Counted(Factorisation):
+        def __init__(self, matrix, positions):
+            made.append(matrix)
+            super().__init__(matrix, positions)
+
+    expected = Factorisation(MATRIX, MESH.vertices).solve(RIGHT)
+    monkeypatch.setattr(sparse_solvers, "Factorisation", Counted)
+    solve = solver_of_steps(MATRIX, MESH.vertices)
+    np.testing.assert_allclose(solve(RIGHT), expected, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(solve(RIGHT[:, :1]), expected[:, :1], rtol=1e-7, atol=1e-8)
+    assert not made
+    monkeypatch.setattr(sparse_solvers, "FEW", 3)
+    solve = solver_of_steps(MATRIX, MESH.vertices)
+    for factor in (1, 2):
+        np.testing.assert_allclose(solve(factor * RIGHT), factor * expected, rtol=1e-7, atol=1e-8)
+    assert len(made) == 1
 
 
 def test_a_singular_matrix_is_refused_in_words():

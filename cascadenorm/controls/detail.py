@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ import scipy
 from cascadenorm.controls.displacement import limited
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.geometry.sparse_solvers import MILD, solve_once, solver
+from cascadenorm.geometry.sparse_solvers import solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import find
 
@@ -42,10 +41,7 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     time = (1 + math.sqrt(2)) * (min(width, WIDEST * mesh.diagonal) / math.pi) ** 2
     stiffness = time * laplacian.stiffness[inside][:, inside]
     matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(laplacian.mass[inside]) + stiffness)
-
-    # Few iterations are needed where the step is mild; else a solver that prepares the matrix pays
-    mild = time * laplacian.largest < MILD
-    solve = partial(solve_once, matrix) if mild else solver(matrix, mesh.vertices[inside])
+    solve = solver_of_steps(matrix, mesh.vertices[inside])
 
     def finer(displacement: Vectors) -> Vectors:
         fine = np.zeros_like(displacement)

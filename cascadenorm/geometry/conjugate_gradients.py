@@ -1,7 +1,7 @@
-"""Conjugate gradients for a sequence of symmetric positive definite systems, each started from the solution before it.
+"""Conjugate gradients for symmetric positive definite systems of three columns, on all threads, from any start.
 
-For methods that solve again and again while the solution moves little: a few iterations do for each system.
-`sparse_solvers` is for solutions that no guess comes near.
+Methods that solve again and again while the solution moves little start from the solution before: a few iterations do
+for each system. `sparse_solvers` starts from zero.
 """
 
 from functools import partial
@@ -17,11 +17,15 @@ SMALLEST = 8
 """Blocks for which a thread is worth its start."""
 
 
-def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors, bound: float, most: int) -> None:
+def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors, bound: float, most: int) -> bool:
     """Improve x, (n, 3), until the sum of the squared residuals is at most `bound`, or for `most` iterations.
 
     Preconditioned by the diagonal, which the pattern includes. The three columns are one system with common steps: so
     they turn with the mesh. One iteration is made in any case: a sequence with small steps goes on to converge.
+
+    Returns
+    -------
+    whether the bound was reached
     """
     inverse, residual, image = np.empty(len(x)), np.empty_like(x), np.empty_like(x)
     direction, sums = np.zeros_like(x), np.empty((-(-len(x) // BLOCK), 2))
@@ -31,11 +35,12 @@ def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors
     for iteration in range(most):
         squared, energy = sums.sum(axis=0)
         if energy == 0.0 or (iteration > 0 and squared <= bound):
-            return
+            return True
         blockwise(_turn, inverse, residual, energy / before, direction)
         blockwise(_multiply, pattern, values, direction, image, sums)
         blockwise(_advance, inverse, direction, image, energy / sums[:, 0].sum(), x, residual, sums)
         before = energy
+    return bool(sums[:, 0].sum() <= bound)
 
 
 @kernel

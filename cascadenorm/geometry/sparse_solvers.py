@@ -1,4 +1,4 @@
-"""Sparse symmetric positive definite systems of meshes: one factorisation, many right-hand sides.
+"""Sparse symmetric positive definite systems of meshes: one factorisation and many right-hand sides, or few iterations.
 
 The unknowns belong to points in space (vertices or faces). Nested dissection by these positions orders them: for a
 surface it leaves less fill than minimum degree and takes a fraction of its time. BLAS runs on one thread here, so
@@ -12,12 +12,13 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread
+from cascadenorm.geometry.conjugate_gradients import conjugate_gradients
+from cascadenorm.mesh import Csr, Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread
 
 DIRECT_LIMIT = 1_000_000  # unknowns of a matrix with about 7 entries a row: some 2 GB of factors
 DENSE_LIMIT = 10_000_000  # entries of a matrix of two or three rings that is still factorised: some 3 GB of factors
 LEAF = 8  # unknowns that are not split further
-MILD = 1e4  # condition up to which one solution by conjugate gradients is cheaper than a factorisation
+FEW = 300  # iterations of conjugate gradients, which take about as long as a factorisation
 TOLERANCE = 1e-11  # relative residual of the iterative solutions
 
 Vector = NDArray[np.float64]
@@ -68,6 +69,27 @@ def solver(matrix: Any, positions: Vector) -> Callable[[Vector], Vector]:
     return lambda right: solve_once(matrix, right)
 
 
+def solver_of_steps(matrix: Any, positions: Vector) -> Callable[[Vector], Vector]:
+    """Return a function that solves with the matrix of an implicit step, for (n, c) with at most 3 columns.
+
+    By conjugate gradients, which take few iterations where the step is short, on all threads. Where they take more
+    than FEW, the matrix is factorised as by `solver`, for all further right-hand sides too.
+    """
+    pattern, prepared = Csr.of(matrix), list[Callable[[Vector], Vector]]()
+
+    def solve(right: Vector) -> Vector:
+        if not prepared:
+            columns, solution = np.zeros((2, len(right), 3))
+            columns[:, : right.shape[1]] = right
+            bound = TOLERANCE**2 * np.square(right).sum()
+            if conjugate_gradients(pattern, matrix.data, columns, solution, bound, FEW):
+                return solution[:, : right.shape[1]]
+            prepared.append(solver(matrix, positions))
+        return prepared[0](right)
+
+    return solve
+
+
 def solver_of_rings(
     matrix: Any, root: Any, mass: Vector, positions: Vector, *, order: int
 ) -> Callable[[Vector], Vector]:
@@ -90,7 +112,7 @@ def solver_of_rings(
 
 
 def solve_once(matrix: Any, right: Vector) -> Vector:
-    """Solve with a well-conditioned matrix that is needed only once: cheaper than factorising it."""
+    """Solve with a matrix that is needed only once, and whose factors would be large."""
     inverse_diagonal = 1.0 / matrix.diagonal()
     return solve_preconditioned(matrix, right, lambda residual: inverse_diagonal * residual)
 
@@ -98,7 +120,7 @@ def solve_once(matrix: Any, right: Vector) -> Vector:
 def solve_preconditioned(matrix: Any, right: Vector, precondition: Callable[[Vector], Vector]) -> Vector:
     """Solve for each column of `right` by preconditioned conjugate gradients, to a relative residual of 1e-11.
 
-    By scipy, from zero. For a sequence of systems with solutions near each other see `conjugate_gradients`.
+    By scipy, from zero, with any matrix and preconditioner.
     """
     if right.ndim == 2:
         return np.stack([solve_preconditioned(matrix, column, precondition) for column in right.T.copy()], axis=1)
