@@ -62,7 +62,6 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
             "descriptors": auto.descriptors,
             "neighborhood": auto.neighborhood,
         },
-        "+ the noisy normal in later stages": {"sees_noisy": auto.sees_noisy},
         "+ context features": {"context": auto.context},
         "+ last fit by angles, foldovers avoided": {
             "last_weighting": auto.last_weighting,

@@ -91,9 +91,8 @@ def test_features_to_learn_from_are_those_at_run_time():
         mean=mean, scale=scale, projection=rng.normal(size=(45, 2)).astype(np.float32),
         context_mean=context_mean, context_scale=context_scale,
     )  # fmt: skip
-    context = scaler.context(stack, mesh)
-    together = torch.from_numpy(np.concatenate(context, axis=1))
-    learned = TorchFeatures(scaler, torch.device("cpu"))(torch.from_numpy(stack), together)
+    context = scaler.context(stack, mesh).of()
+    learned = TorchFeatures(scaler, torch.device("cpu"))(torch.from_numpy(stack), torch.from_numpy(context))
     np.testing.assert_allclose(learned, scaler.features(stack, context), rtol=0, atol=1e-5)
 
 
@@ -280,7 +279,7 @@ def test_the_settings_of_cascade_are_those_of_the_paper():
     assert [stage.descriptor for stage in config.stages] == ["B+G", "B", "B"]
     for stage in config.stages:
         assert (stage.neighborhood, stage.weighting, stage.foldovers) == ("distance", "heights", "ignore")
-        assert not stage.sees_noisy and stage.activation == "tanh"
+        assert stage.activation == "tanh"
     assert (config.clusters, config.context, len(config.fit.hidden)) == (4, 0, 1)
 
 
@@ -311,7 +310,6 @@ def test_settings_are_read_from_toml(tmp_path):
         ('neighborhood = "all"', "neighborhood is 'all'; it must be one of distance, rings"),
         ('last_weighting = "areas"', "last_weighting is 'areas'"),
         ('foldovers = "mend"', "foldovers is 'mend'; it must be one of avoid, ignore"),
-        ("sees_noisy = 1", "sees_noisy is 1; it must be of type bool"),
         ("[fit]\nepochs = 0", "epochs is 0"),
         ("[fit]\nhidden = []", r"fit\.hidden is \[\]"),
         ('[fit]\nactivation = "relu"', "fit.activation is 'relu'"),

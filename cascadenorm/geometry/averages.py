@@ -32,25 +32,57 @@ def averaged(values: Values, neighbors: Csr, passes: int, *, spare: Values | Non
     return values
 
 
+def averaged_around(values: Values, around: Csr) -> Values:
+    """Return the mean of the rows that stand in each row of a pattern, zero where it is empty.
+
+    Parameters
+    ----------
+    values : (m, p)
+    around : n rows of indices below m
+
+    Returns
+    -------
+    (n, p), of the type of the values
+    """
+    out = np.empty((len(around.indptr) - 1, values.shape[1]), values.dtype)
+    parallel_for(len(out), _mean_around_range, values, around, out)
+    return out
+
+
 @kernel
 def _mean_range(start: int, stop: int, values: Values, neighbors: Csr, out: Values) -> None:
-    """One pass; iteration i alone writes out[i]."""
-    total = np.empty(values.shape[1], values.dtype)
+    """One pass; iteration i alone writes out[i]; views of the rows of neighbours would take as long as the sums."""
     for i in range(start, stop):
-        first, last = neighbors.indptr[i], neighbors.indptr[i + 1]
+        first, last, total = neighbors.indptr[i], neighbors.indptr[i + 1], out[i]
         for p in range(len(total)):
             total[p] = values[i, p]
 
         # two neighbours at a time, which takes three quarters of the time of one by one
         for k in range(first, last - 1, 2):
-            one, other = values[neighbors.indices[k]], values[neighbors.indices[k + 1]]
+            one, other = neighbors.indices[k], neighbors.indices[k + 1]
             for p in range(len(total)):
-                total[p] = total[p] + one[p] + other[p]
+                total[p] = total[p] + values[one, p] + values[other, p]
         if (last - first) % 2:
-            one = values[neighbors.indices[last - 1]]
+            one = neighbors.indices[last - 1]
             for p in range(len(total)):
-                total[p] += one[p]
+                total[p] += values[one, p]
 
         count = values.dtype.type(1 + last - first)
         for p in range(len(total)):
-            out[i, p] = total[p] / count
+            total[p] /= count
+
+
+@kernel
+def _mean_around_range(start: int, stop: int, values: Values, around: Csr, out: Values) -> None:
+    """Iteration i alone writes out[i]."""
+    for i in range(start, stop):
+        first, last, total = around.indptr[i], around.indptr[i + 1], out[i]
+        for p in range(len(total)):
+            total[p] = 0
+        for k in range(first, last):
+            one = around.indices[k]
+            for p in range(len(total)):
+                total[p] += values[one, p]
+        count = values.dtype.type(max(last - first, 1))
+        for p in range(len(total)):
+            total[p] /= count

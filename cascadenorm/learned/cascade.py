@@ -35,7 +35,7 @@ from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
 
-FORMAT = "cascadenorm/5"
+FORMAT = "cascadenorm/6"
 CONSTANTS = {
     "sigma_s": SIGMA_S,
     "sigma_r": SIGMA_R,

@@ -84,7 +84,6 @@ class TrainConfig:
     clusters : networks in each stage
     descriptors : what each stage reads, names in DESCRIPTORS; as many stages as entries
     neighborhood : which faces the filters B and G add, "rings" or "distance" as published
-    sees_noisy : whether the stages after the first read the noisy normals as well
     context : principal directions of the features that are averaged around a face; 0 leaves context features out
     last_weighting : of the vertex update after the last stage, "angles" or "heights" as published, which the other
         stages have
@@ -98,7 +97,6 @@ class TrainConfig:
     clusters: int = 4
     descriptors: tuple[str, ...] = ("n+B+G", "n+B", "n+B")
     neighborhood: Neighborhood = "rings"
-    sees_noisy: bool = True
     context: int = 24
     last_weighting: Weighting = "angles"
     foldovers: Foldovers = "avoid"
@@ -124,7 +122,6 @@ class TrainConfig:
             StageSettings(
                 descriptor=descriptor,
                 neighborhood=self.neighborhood,
-                sees_noisy=self.sees_noisy and number > 0,
                 activation=self.fit.activation,
                 weighting=self.last_weighting if number == last else "heights",
                 foldovers=self.foldovers,

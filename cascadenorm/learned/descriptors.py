@@ -27,9 +27,9 @@ LATER_ITERATED_PASSES = ITERATED_PASSES[:-1]
 """In the later ones."""
 SMOOTHING_DIRECTION = 1 + len(ITERATED_SIGMA_R) * ITERATED_PASSES.index(4) + ITERATED_SIGMA_R.index(np.inf)
 """Number among the iterated normals of those along which vertices are smoothed: plain means, after 4 passes."""
-SMOOTH_PASSES = (1, 2, 4, 8, 16, 64)
+SMOOTH_PASSES = (1, 4, 16, 64)
 """Of smoothing of the vertices in the first stage."""
-LATER_SMOOTH_PASSES = SMOOTH_PASSES[:-2]
+LATER_SMOOTH_PASSES = (1, 2, 8)
 """In the later ones."""
 SMOOTH_SIGMA_R = 0.35
 """Where the noisy mesh is smoothed along better normals, it stops at edges of that chord."""

@@ -44,7 +44,7 @@ def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor
 
     def kernel(stack: Tensor, context: Tensor) -> Tensor:
         with limit_threads(1):
-            return torch.from_numpy(scaler.features(stack.numpy(), [context.numpy()]))
+            return torch.from_numpy(scaler.features(stack.numpy(), context.numpy()))
 
     return kernel
 

@@ -71,7 +71,7 @@ class Regression:
 
             def totals(start: int, stop: int) -> Array:
                 rows = slice(start, stop)
-                return self._sums(stack[rows], self.scaler.features(stack[rows], [part[rows] for part in context]))
+                return self._sums(stack[rows], self.scaler.features(stack[rows], context.of(rows)))
 
             total = in_blocks(len(stack), totals)
         return unit(total, otherwise=stack[:, 0])
@@ -99,12 +99,10 @@ class Regression:
 
 
 def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh) -> Stack:
-    """Filter the normals of a mesh for a stage; the noisy normals, if it sees them, are last in the stack."""
+    """Filter the normals of a mesh for a stage."""
     descriptor = DESCRIPTORS[settings.descriptor]
-    stack = np.empty((len(mesh.faces), descriptor.size + settings.sees_noisy, 3), np.float32)
-    descriptor.fill(stack[:, : descriptor.size], mesh, noisy, settings.neighborhood)
-    if settings.sees_noisy:
-        stack[:, -1] = noisy.face_normals
+    stack = np.empty((len(mesh.faces), descriptor.size, 3), np.float32)
+    descriptor.fill(stack, mesh, noisy, settings.neighborhood)
     return stack
 
 

@@ -50,8 +50,7 @@ class Sample:
         """Return the filtered normals of the faces drawn, and their context, (rows, c)."""
         mesh, noisy = self.meshes()
         stack = stage_stack(settings, mesh, noisy)
-        context = [part[self.rows] for part in scaler.context(stack, mesh)]
-        return stack[self.rows], np.concatenate(context, axis=1)
+        return stack[self.rows], scaler.context(stack, mesh).of(self.rows)
 
     def apply_stage(self, stage: Regression) -> Vectors:
         """Return where a stage moves the vertices."""

@@ -44,14 +44,12 @@ class StageSettings:
     ----------
     descriptor : which filtered normals it reads, a name in DESCRIPTORS
     neighborhood : which faces the filters B and G add, "distance" or "rings"; the others add one ring
-    sees_noisy : whether it reads the normals of the mesh before the first stage as well, behind the filtered ones
     activation : between the layers of its networks, a name in ACTIVATIONS
     weighting, foldovers : of the vertex update, as `recover_vertices` takes them
     """
 
     descriptor: str
     neighborhood: Neighborhood
-    sees_noisy: bool
     activation: str
     weighting: Weighting
     foldovers: Foldovers

@@ -113,7 +113,7 @@ def _train_stage(
     stack, context = faces.stack.numpy(), faces.context.numpy()
 
     def features(rows: NDArray[np.intp] | slice) -> Array:
-        return scaler.features(stack[rows], [context[rows]])
+        return scaler.features(stack[rows], context[rows])
 
     some = rng.choice(len(stack), min(KMEANS_FACES // distributed.world_size(), len(stack)), replace=False)
     drawn = distributed.all_gather(features(some))

@@ -99,7 +99,7 @@ def _stacks(
     """Write the filtered normals of all faces; return them, and what their context takes of connected components."""
     settings = stage.settings
     descriptor = DESCRIPTORS[settings.descriptor]
-    kind = np.dtype(("f4", (descriptor.size + settings.sees_noisy, 3)))
+    kind = np.dtype(("f4", (descriptor.size, 3)))
     stack = passes.store.face_layer(f"{name}_stack".replace(" ", "_"), kind)
     by_distance = descriptor.filters > 0 and settings.neighborhood == "distance"
 
