@@ -31,11 +31,12 @@ def junctions(found, partition):
     edges, along = edges[along.sum(axis=1) == 3], along[along.sum(axis=1) == 3]
     middle = mesh.vertices[edges].mean(axis=1)
     feet = partition.nearest(middle, along)
-    tangents = np.linalg.svd(partition.gradients(feet, along))[2][:, 2]
+    _, values, axes = np.linalg.svd(partition.gradients(feet, along))
     directions = unit(mesh.vertices[edges[:, 1]] - mesh.vertices[edges[:, 0]])
-    angles = np.degrees(np.arccos(np.minimum(np.abs((tangents * directions).sum(axis=1)), 1)))
+    angles = np.degrees(np.arccos(np.minimum(np.abs((axes[:, 2] * directions).sum(axis=1)), 1)))
     away = np.linalg.norm(feet - middle, axis=1) / mesh.mean_edge_length
-    return np.sqrt(np.mean(away**2)), angles.mean()
+    crossing = values[:, 1] > 0.5  # where two cubes share a side, both gradients may be its normal: no tangent is known
+    return np.sqrt(np.mean(away**2)), angles[crossing].mean()
 
 
 def volumes(found):
@@ -48,7 +49,7 @@ def test_auto_straightens_walls_and_junction_curves(name):
     denoised = moved(found, cn.denoise(found.mesh.vertices, found.mesh.faces))
     assert wall_angle(denoised, partition) < 0.3 * wall_angle(found, partition)
     (away, angle), (away_before, angle_before) = junctions(denoised, partition), junctions(found, partition)
-    assert away < 0.6 * away_before and angle < 0.4 * angle_before
+    assert away < 0.6 * away_before and angle < 0.3 * angle_before
     off, off_before = (np.abs(volumes(each) / VOLUMES[name] - 1) for each in (denoised, found))
     assert (off < off_before + (0.015 if name == "cube in cube" else 0.001)).all()  # nets cut corners off
 
