@@ -175,6 +175,8 @@ def test_a_process_that_works_too_long_is_stopped_and_its_file_is_denoised_later
     assert said.count(": it took longer than 0.001 seconds, and was stopped\n") == 2
     assert {line["attempts"] for line in lines(place / "out", "failed")} == {2}
     assert not results(place / "out")
+    (place / "out" / "a").mkdir(exist_ok=True)
+    (place / "out" / "a" / "0.ply").write_bytes(b"written just before the process was stopped")
     assert run(words) == 0
     assert len(results(place / "out")) == 2
 

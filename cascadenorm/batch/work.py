@@ -15,7 +15,7 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
 from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.digests import file_digest
-from cascadenorm.errors import CascadenormError, OutputError, ReadError
+from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerError
 from cascadenorm.io.atomic import check_output
 from cascadenorm.remote_files import ChangedError, exists, fetched, file_name, is_url, put
 
@@ -205,11 +205,15 @@ def _make_folder(folder: Path) -> None:
 
 
 def _is_ours(task: Task) -> bool:
-    """Whether a file that is there is a result of the batch, which a further one may replace."""
+    """Whether a file that is there is a result of the batch, which a further one may replace.
+
+    A process that was stopped may have written it at the last moment.
+    """
     line, output = task.line, task.job.output
     if line is None or not _exists(output):
         return False
-    return bool(line["status"] == "started") or _digest(output, task) == line["output_sha256"]
+    stopped = line["status"] == "failed" and line["error"]["type"] == WorkerError.__name__
+    return stopped or bool(line["status"] == "started") or _digest(output, task) == line["output_sha256"]
 
 
 def _after(error: Exception, job: Job) -> Literal["go on", "again", "stop"]:
