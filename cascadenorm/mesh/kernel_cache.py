@@ -10,6 +10,7 @@ from pickle import UnpicklingError
 from typing import Any
 
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.runtime import rtsys
 
 from cascadenorm.mesh.shipped_kernels import shipped_file
 
@@ -50,11 +51,15 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             source_stamp=self._impl.locator.get_source_stamp(),
         )
 
-    def load_overload(self, *arguments: Any) -> Any:
-        """Return the compiled form for a signature, or None."""
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return the compiled form for a signature, or None.
+
+        It needs the memory management of numba, but not what numba compiles from, which takes 0.25 s to load.
+        """
         with suppress(Exception):
-            shipped = self._shipped(*arguments)
-            return super().load_overload(*arguments) if shipped is None else shipped
+            rtsys.initialize(context)
+            shipped = self._shipped(signature, context)
+            return self._load_overload(signature, context) if shipped is None else shipped
 
     def save_overload(self, *arguments: Any) -> None:
         """Keep the compiled form for a signature."""
@@ -62,7 +67,6 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             super().save_overload(*arguments)
 
     def _shipped(self, signature: Any, context: Any) -> Any:
-        context.refresh()  # what is read below refers to it
         path = shipped_file(self._py_func, signature, context.codegen().magic_tuple())
         with suppress(Exception):  # of a file that is absent, or that a disk has damaged
             return path and self._impl.rebuild(context, pickle.loads(path.read_bytes()))
