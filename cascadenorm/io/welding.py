@@ -36,41 +36,40 @@ def weld(
 
 
 def _same_place(positions: NDArray[Any]) -> NDArray[np.int64] | None:
-    """Return for each position the number of some position with the same coordinates; None where all differ."""
-    axes = range(positions.shape[1])
+    """Return for each position the first with the same coordinates; None where all differ."""
     keys = np.zeros(len(positions), np.uint64)
-    for axis in axes:  # multiply and fold, so that every bit of every coordinate counts
+    for axis in range(positions.shape[1]):  # multiply and fold, so that every bit of every coordinate counts
         keys ^= _bits(positions[:, axis])
         keys *= np.uint64(0x9E3779B97F4A7C15)
         keys ^= keys >> np.uint64(29)
-    order = np.argsort(keys)
     same = np.empty(len(positions), np.int64)
-    groups, two_share_a_key = _group(order, keys, positions, same)
-    if two_share_a_key:
-        rows = np.stack([_bits(positions[:, axis]) for axis in axes], axis=1)
-        _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-        same = first[inverse.reshape(-1)]
-    return None if groups == len(same) else same
+    bits = len(positions).bit_length() + 1
+    places = np.full(1 << bits, -1, np.int32)
+    return same if _first_there(keys >> np.uint64(64 - bits), positions, places, same) else None
 
 
 @kernel
-def _group(order: Ints, keys: NDArray[np.uint64], positions: NDArray[Any], same: Ints) -> tuple[int, bool]:
-    """Number each position by the first in the order that has its key.
+def _first_there(slots: NDArray[np.uint64], positions: NDArray[Any], places: Ints32, same: Ints) -> bool:
+    """Find positions again in a hash table with linear probing, from these slots on; it is half full at most.
 
-    Returns how many keys there are, and whether different positions share one.
+    Returns whether any has the coordinates of one before; NaN equals NaN.
     """
-    groups, differs = 0, False
-    first = 0
-    for k in range(len(order)):
-        i = order[k]
-        if k == 0 or keys[i] != keys[first]:
-            first = i
-            groups += 1
-        same[i] = first
-        for axis in range(positions.shape[1]):
-            one, other = positions[i, axis], positions[first, axis]
-            differs |= one != other and not (np.isnan(one) and np.isnan(other))
-    return groups, differs
+    any_again = False
+    for i in range(len(positions)):
+        slot = np.int64(slots[i])
+        same[i] = i
+        while places[slot] >= 0:
+            differs, before = False, places[slot]
+            for axis in range(positions.shape[1]):
+                one, other = positions[i, axis], positions[before, axis]
+                differs |= one != other and not (np.isnan(one) and np.isnan(other))
+            if not differs:
+                same[i], any_again = before, True
+                break
+            slot = (slot + 1) & (len(places) - 1)
+        if same[i] == i:
+            places[slot] = i
+    return any_again
 
 
 @kernel
