@@ -444,7 +444,7 @@ def quantized(kind: str = "<u2", *, normalized: bool = False) -> bytes:
         ],
         "buffers": [{"byteLength": starts[-1]}],
     }
-    return GlbFile._made(described, b"".join(parts))
+    return b"".join(GlbFile._made(described, b"".join(parts)))
 
 
 @pytest.mark.parametrize("kind", ["<u2", "<i2", "<u1", "<i1"])
@@ -507,7 +507,7 @@ def with_attribute(name: str, values: np.ndarray, **described_too: object) -> by
     described["accessors"].append({"bufferView": 3, "componentType": kind, "count": len(values), **described_too})
     described["bufferViews"].append({"buffer": 0, "byteOffset": size, "byteLength": values.nbytes})
     described["buffers"][0]["byteLength"] += values.nbytes
-    return GlbFile._made(described, data[-size:] + values.tobytes())
+    return b"".join(GlbFile._made(described, data[-size:] + values.tobytes()))
 
 
 def test_texture_coordinates_in_whole_numbers_that_stand_for_parts_of_one_go_along(tmp_path, capsys):
@@ -539,7 +539,7 @@ def test_several_types_of_positions_in_a_mesh_are_refused():
     chunk = quantized()[-size:]
     described["buffers"][0]["byteLength"] = 2 * size
     with pytest.raises(cn.ReadError, match="in several component types"):
-        read(GlbFile._made(described, chunk + chunk))
+        read(b"".join(GlbFile._made(described, chunk + chunk)))
 
 
 def changed(change) -> io.MeshFile:

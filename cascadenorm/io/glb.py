@@ -18,27 +18,32 @@ class GlbFile(GltfContainer):
 
     format = "glb"
 
-    def _unpacked(self) -> tuple[bytes, bytes | None]:
+    def _unpacked(self) -> tuple[bytes, Piece | None]:
         chunks = dict(reversed(list(_chunks(self.data))))  # of equal ones the first counts
         if JSON not in chunks:
             raise ReadError("this GLB file has no JSON chunk: it is damaged; get a complete copy")
-        return chunks[JSON], chunks.get(BIN)
+        return bytes(chunks[JSON]), chunks.get(BIN)
 
-    def _packed(self, text: bytes, chunk: bytes | None) -> Iterable[Piece]:
-        replaced = {JSON: text + b" " * (-len(text) % 4)}
+    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
+        replaced: dict[bytes, Piece] = {JSON: text + b" " * (-len(text) % 4)}
         return _joined(self.data, replaced if chunk is None else {**replaced, BIN: chunk})
 
     @classmethod
-    def _made(cls, document: dict[str, Any], chunk: bytes | None) -> bytes:
+    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
         text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")
-        chunks = [(JSON, text + b" " * (-len(text) % 4))]
+        text += b" " * (-len(text) % 4)
+        body: list[Piece] = [struct.pack("<I4s", len(text), JSON), text]
         if chunk is not None:
-            chunks.append((BIN, chunk + bytes(-len(chunk) % 4)))
-        body = b"".join(struct.pack("<I4s", len(part), name) + part for name, part in chunks)
-        return MAGIC + struct.pack("<II", 2, 12 + len(body)) + body
+            padding = bytes(-len(chunk) % 4)
+            body += [struct.pack("<I4s", len(chunk) + len(padding), BIN), chunk, padding]
+        return [_header(body), *body]
 
 
-def _chunks(data: bytes) -> Iterable[tuple[bytes, bytes]]:
+def _header(body: list[Piece]) -> bytes:
+    return MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body)))
+
+
+def _chunks(data: bytes) -> Iterable[tuple[bytes, memoryview]]:
     """Return the chunks of a GLB file by their names; raises ReadError where it is cut or of another version."""
     if data[:4] != MAGIC or len(data) < 20:
         raise ReadError("this is not a GLB file: it does not begin with 'glTF', or ends within its header")
@@ -52,15 +57,15 @@ def _chunks(data: bytes) -> Iterable[tuple[bytes, bytes]]:
         size, name = struct.unpack_from("<I4s", data, at)
         if at + 8 + size > length:
             raise ReadError(f"the chunk at byte {at} declares {size} bytes and runs past the end: the file is damaged")
-        yield name, data[at + 8 : at + 8 + size]
+        yield name, memoryview(data)[at + 8 : at + 8 + size]
         at += 8 + size
 
 
-def _joined(data: bytes, replaced: dict[bytes, bytes]) -> list[Piece]:
+def _joined(data: bytes, replaced: dict[bytes, Piece]) -> list[Piece]:
     """Return the file with the first chunks of these names replaced, in pieces."""
     body: list[Piece] = []
     for name, chunk in _chunks(data):
         new = replaced.pop(name, chunk)
         body += [struct.pack("<I4s", len(new), name), new]
     (length,) = struct.unpack_from("<I", data, 8)
-    return [MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body))), *body, data[length:]]
+    return [_header(body), *body, data[length:]]

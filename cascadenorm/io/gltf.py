@@ -27,7 +27,7 @@ from cascadenorm.io.json_text import JsonText
 from cascadenorm.io.json_text import Path as JsonPath
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, strips
-from cascadenorm.mesh import all_in_rows, any_in_rows, repeats_vertex
+from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -58,17 +58,17 @@ class GltfContainer(MeshFile):
     """A glTF document of any number of meshes, in one of its containers; positions are float32."""
 
     @abstractmethod
-    def _unpacked(self) -> tuple[bytes, bytes | None]:
+    def _unpacked(self) -> tuple[bytes, Piece | None]:
         """Return the JSON, and the buffer that the container carries, if it does; raises ReadError."""
 
     @abstractmethod
-    def _packed(self, text: bytes, chunk: bytes | None) -> Iterable[Piece]:
+    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
         """Return the container with other JSON, and another buffer, in pieces."""
 
     @classmethod
     @abstractmethod
-    def _made(cls, document: dict[str, Any], chunk: bytes | None) -> bytes:
-        """Return a container for a document, and for its first buffer where that has no content of its own."""
+    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
+        """Return a container, in pieces, for a document and its first buffer where that has no content of its own."""
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         text, chunk = self._unpacked()
@@ -76,7 +76,7 @@ class GltfContainer(MeshFile):
             self._json = JsonText(text)
             return self._parse_document(self._json.document, chunk)
 
-    def _parse_document(self, document: Any, chunk: bytes | None) -> tuple[NDArray[np.float32], Polygons]:
+    def _parse_document(self, document: Any, chunk: Piece | None) -> tuple[NDArray[np.float32], Polygons]:
         extensions = [*document.get("extensionsRequired", []), *document.get("extensionsUsed", [])]
         used = [name for name in COMPRESSED if name in extensions]
         if used:
@@ -92,30 +92,39 @@ class GltfContainer(MeshFile):
         self._stored = Vectors.joined([p.positions for p in self._primitives])
         self._stored_normals = Vectors.joined([p.normals for p in self._primitives])
         places = np.concatenate([self._stored.at, self._stored_normals.at])
-        order = np.argsort(places)
+        order = np.argsort(places, kind="stable")  # merges the two, each of which ascends
         self._moving_files = self._buffers.files_with(places[order])
         if (places[order][1:] < np.concatenate([self._stored.ends, self._stored_normals.ends])[order][:-1]).any():
             raise ReadError("positions and normals of this glTF file overlap in their buffer: export it again")
         if (self._stored.kinds != 0).any():  # whole numbers
             self.moving_loses = ("precision beyond that of the integers that store the positions",)
-        self.parts = np.zeros(len(self._stored.at), np.int64)
-        triangles, normals = [np.zeros((0, 3), np.int64)], [np.zeros((0, 3), np.int64)]
-        for primitive in reversed(self._primitives):  # positions that meshes share belong to the first
-            rows = self._rows(primitive)
-            self.parts[rows] = primitive.mesh
-            triangles.append(rows[primitive.triangles])
-            named = np.searchsorted(self._stored_normals.at, primitive.normals.at)
-            normals.append(named[primitive.triangles] if len(named) else np.full(primitive.triangles.shape, -1))
-        kinds = self._stored.kinds
+        self.parts, kinds = self._meshes_of_positions(), self._stored.kinds
         mixed = bool((kinds[1:] != kinds[:-1]).any())
-        if mixed and len(np.unique(self.parts * len(STORED) + kinds)) > len(np.unique(self.parts)):
+        parts = np.zeros(1, np.int64) if self.parts is None else self.parts
+        if mixed and len(np.unique(parts * len(STORED) + kinds)) > len(np.unique(parts)):
             raise ReadError(
                 "a mesh of this glTF file stores positions in several component types, so seams would open: "
                 "export it with one"
             )
-        self._corner_normals = np.concatenate(normals[::-1])
-        positions = self._stored.read(self._buffers.data)
-        return positions, Polygons.from_rows(np.concatenate(triangles[::-1]))
+        self._corner_normals = _stacked(
+            [
+                self._stored_normals.rows_of(p.normals, p.triangles)
+                if len(p.normals.at)
+                else np.broadcast_to(np.int64(-1), p.triangles.shape)
+                for p in self._primitives
+            ]
+        )
+        triangles = _stacked([self._stored.rows_of(p.positions, p.triangles) for p in self._primitives])
+        return self._stored.read(self._buffers.data), Polygons.from_rows(triangles)
+
+    def _meshes_of_positions(self) -> NDArray[np.int64] | None:
+        """Return (k,) the mesh that each position belongs to, of those that share it the first; None for one mesh."""
+        if len({primitive.mesh for primitive in self._primitives}) < 2:
+            return None
+        meshes = np.zeros(len(self._stored.at), np.int64)
+        for primitive in reversed(self._primitives):
+            meshes[self._rows(primitive)] = primitive.mesh
+        return meshes
 
     def _primitive(self, mesh: int, primitive: dict[str, Any]) -> Primitive:
         attributes = primitive["attributes"]
@@ -156,7 +165,7 @@ class GltfContainer(MeshFile):
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
 
     def _rows(self, primitive: Primitive) -> NDArray[np.int64]:
-        return np.searchsorted(self._stored.at, primitive.positions.at)
+        return self._stored.rows_of(primitive.positions, np.arange(len(primitive.positions.at)))
 
     def _storable(self, positions: Positions) -> Positions:
         """Return positions rounded to the whole numbers in which the file stores them, if it does."""
@@ -170,7 +179,7 @@ class GltfContainer(MeshFile):
     def _moved_pieces(self) -> Iterable[Piece]:
         return self._replaced({})[0]
 
-    def _replaced(self, names: dict[int, str]) -> tuple[Iterable[Piece], dict[int, bytes]]:
+    def _replaced(self, names: dict[int, str]) -> tuple[Iterable[Piece], dict[int, Piece]]:
         """Return the container, in pieces, and the changed buffers that are files, which get these names.
 
         Buffers that are files and get no name are put into the JSON.
@@ -181,7 +190,7 @@ class GltfContainer(MeshFile):
         if len(stored):
             normals, renewed = self._renewed(Normals(stored, self._corner_normals))
             self._stored_normals.put(data, normals, renewed)
-        values, chunk, files = self._new_bounds(data), None, {}
+        values, chunk, files = self._new_bounds(data), None, dict[int, Piece]()
         for number, content in self._buffers.changed(data).items():
             uri = self._buffers.declared[number].get("uri")
             if uri is None:
@@ -199,12 +208,13 @@ class GltfContainer(MeshFile):
         for primitive in self._primitives:
             for name, places in ("POSITION", primitive.positions), ("NORMAL", primitive.normals):
                 vectors, before = places.raw(data), places.raw(self._buffers.data)
-                finite = vectors[all_in_rows(np.isfinite(vectors))]
-                finite = finite.astype(float) if finite.dtype.kind == "f" else finite
-                if ((vectors != before) & ~np.isnan(before)).any() and len(finite):
+                if not ((vectors != before) & ~np.isnan(before)).any():
+                    continue
+                finite = all_in_rows(np.isfinite(vectors))
+                if finite.any():
+                    lower, upper = box_of(vectors if finite.all() else vectors[finite])
                     path = "accessors", primitive.attributes[name]
-                    values[(*path, "min")] = finite.min(axis=0).tolist()
-                    values[(*path, "max")] = finite.max(axis=0).tolist()
+                    values |= {(*path, "min"): lower.tolist(), (*path, "max"): upper.tolist()}
         return values
 
     def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
@@ -254,7 +264,7 @@ class GltfContainer(MeshFile):
             begin, end = here._buffers.place(0)
             chunk = here._buffers.data[begin:end]
             document["buffers"][0].pop("uri", None)
-        return kind(kind._made(document, chunk), self.folder)
+        return kind(b"".join(kind._made(document, chunk)), self.folder)
 
     def _read_content(self) -> Content:
         with _explained():
@@ -265,7 +275,12 @@ class GltfContainer(MeshFile):
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content with the colours and texture coordinates of vertices."""
         document, buffer, lost = document_of(content)
-        return [cls._made(document, buffer)], lost
+        return cls._made(document, buffer), lost
+
+
+def _stacked(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Put parts, (m, 3) each, one behind the other; a single one is returned as it is."""
+    return parts[0] if len(parts) == 1 else np.concatenate([np.zeros((0, 3), np.int64), *parts])
 
 
 @contextmanager
@@ -286,14 +301,14 @@ class GltfFile(GltfContainer):
 
     format = "gltf"
 
-    def _unpacked(self) -> tuple[bytes, bytes | None]:
+    def _unpacked(self) -> tuple[bytes, Piece | None]:
         return self.data, None
 
-    def _packed(self, text: bytes, chunk: bytes | None) -> Iterable[Piece]:
+    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
         return [text]
 
     @classmethod
-    def _made(cls, document: dict[str, Any], chunk: bytes | None) -> bytes:
+    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
         if chunk is not None:
             document["buffers"][0]["uri"] = embedded(chunk)
-        return json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")
+        return [json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")]

@@ -16,6 +16,11 @@ STORED = [(np.dtype("<f4"), 1), *((kind, 1) for kind in WHOLE), *((kind, int(np.
 """How vectors of three may be stored: the type, and the number of it that stands for 1."""
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
+Data = bytes | bytearray | memoryview
+
+Places = range | NDArray[np.int64]
+"""Bytes at which vectors begin; a range where the steps are equal."""
+
 
 class Vectors(NamedTuple):
     """Vectors of three numbers: where they lie in the buffers, and how each is stored.
@@ -27,28 +32,33 @@ class Vectors(NamedTuple):
     """
 
     at: NDArray[np.int64]
-    kinds: NDArray[np.int64]
+    kinds: NDArray[np.int8]
 
     @classmethod
     def joined(cls, parts: list["Vectors"]) -> "Vectors":
         """Return all vectors once; raises ReadError where some overlap."""
         if len(parts) == 1 and (parts[0].at[1:] > parts[0].at[:-1]).all():  # most files, read in a fifth less time
             return parts[0]
-        none = np.zeros(0, np.int64)
-        kinds = np.concatenate([none, *(part.kinds for part in parts)])
+        kinds = np.concatenate([np.zeros(0, np.int8), *(part.kinds for part in parts)])
         at, first, inverse = np.unique(
-            np.concatenate([none, *(part.at for part in parts)]), return_index=True, return_inverse=True
+            np.concatenate([np.zeros(0, np.int64), *(part.at for part in parts)]),
+            return_index=True,
+            return_inverse=True,
         )
         if (kinds[first][inverse] != kinds).any():
             raise ReadError("vectors of this glTF file overlap in their buffer: export it again")
         return cls(at, kinds[first])
+
+    def rows_of(self, part: "Vectors", corners: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return corners that are rows of a part of these vectors as rows of all of them."""
+        return corners if part is self else np.searchsorted(self.at, part.at)[corners]
 
     @property
     def ends(self) -> NDArray[np.int64]:
         """(k,) the byte after each."""
         return np.asarray(self.at + 3 * np.array([kind.itemsize for kind, _ in STORED])[self.kinds], np.int64)
 
-    def read(self, data: bytes | bytearray) -> NDArray[np.float32]:
+    def read(self, data: Data) -> NDArray[np.float32]:
         """Return the vectors, (k, 3)."""
         vectors = np.zeros((len(self.at), 3), np.float32)
         for rows, kind, largest in self._alike():
@@ -70,16 +80,19 @@ class Vectors(NamedTuple):
             cells = np.ascontiguousarray(stored, kind).view(np.uint8)
             np.frombuffer(data, np.uint8)[self.at[rows, None] + np.arange(cells.shape[1])] = cells
 
-    def raw(self, data: bytes | bytearray) -> NDArray[Any]:
+    def raw(self, data: Data) -> NDArray[Any]:
         """Return the numbers as they are stored, (k, 3); all vectors are stored alike."""
         return gathered(data, self.at, STORED[int(self.kinds[0])][0] if len(self.kinds) else STORED[0][0], 3)
 
-    def _alike(self, chosen: NDArray[np.bool_] | None = None) -> Iterator[tuple[NDArray[np.int64], np.dtype[Any], int]]:
+    def _alike(
+        self, chosen: NDArray[np.bool_] | None = None
+    ) -> Iterator[tuple[NDArray[np.int64] | slice, np.dtype[Any], int]]:
         """Return the chosen rows that are stored alike, their type, and the number that stands for 1."""
-        for number, (kind, largest) in enumerate(STORED):
-            rows = np.flatnonzero((self.kinds == number) & (True if chosen is None else chosen))
-            if len(rows):
-                yield rows, kind, largest
+        for number in np.flatnonzero(np.bincount(self.kinds)).tolist():
+            alike = self.kinds == number
+            if chosen is not None:
+                alike &= chosen
+            yield slice(None) if alike.all() else np.flatnonzero(alike), *STORED[number]
 
 
 class Accessors:
@@ -94,30 +107,29 @@ class Accessors:
     def __init__(self, document: dict[str, Any], buffers: Buffers) -> None:
         self._document, self._buffers = document, buffers
 
-    def places(self, number: int) -> NDArray[np.int64]:
+    def places(self, number: int) -> Places:
         """Return the byte of the buffers at which each vector begins; raises ReadError where one lies nowhere."""
         accessor = self._document["accessors"][number]
         size, count = self._type(accessor).itemsize * WIDTHS[accessor["type"]], accessor["count"]
         sparse = accessor.get("sparse")
         if "bufferView" in accessor:
-            found = self._range(accessor, count, size)
+            if sparse is None:
+                return self._range(accessor, count, size)
+            found = each(self._range(accessor, count, size))
         elif sparse is not None and sparse["count"] == count:
-            found = np.full(self._range(sparse["values"], count, size).shape, -1)
+            found = np.full(len(self._range(sparse["values"], count, size)), -1)
         else:
             raise ReadError(f"accessor {number} of the glTF document has no data: export the file again")
-        if sparse is not None:
-            where = self._range(sparse["indices"], sparse["count"], self._type(sparse["indices"]).itemsize)
-            rows = gathered(self._buffers.data, where, self._type(sparse["indices"]))[:, 0].astype(np.int64)
-            if (rows >= len(found)).any():
-                raise ReadError(
-                    f"sparse accessor {number} replaces element {rows.max()} of {len(found)}, counted from 0: "
-                    "export the file again"
-                )
-            found[rows] = self._range(sparse["values"], sparse["count"], size)
-            if (found < 0).any():
-                raise ReadError(
-                    f"accessor {number} of the glTF document leaves elements undefined: export the file again"
-                )
+        where = self._range(sparse["indices"], sparse["count"], self._type(sparse["indices"]).itemsize)
+        rows = gathered(self._buffers.data, where, self._type(sparse["indices"]))[:, 0].astype(np.int64)
+        if (rows >= len(found)).any():
+            raise ReadError(
+                f"sparse accessor {number} replaces element {rows.max()} of {len(found)}, counted from 0: "
+                "export the file again"
+            )
+        found[rows] = each(self._range(sparse["values"], sparse["count"], size))
+        if (found < 0).any():
+            raise ReadError(f"accessor {number} of the glTF document leaves elements undefined: export the file again")
         return found
 
     def vectors(self, number: int) -> Vectors:
@@ -128,8 +140,8 @@ class Accessors:
             raise ReadError(
                 f"accessor {number} of the glTF document is not VEC3 of a supported type: export the file again"
             )
-        places = self.places(number)
-        return Vectors(places, np.full(len(places), STORED.index((kind, largest))))
+        places = each(self.places(number))
+        return Vectors(places, np.full(len(places), STORED.index((kind, largest)), np.int8))
 
     def values(self, number: int) -> NDArray[Any]:
         """Return the numbers of an accessor, one vector a row."""
@@ -154,7 +166,7 @@ class Accessors:
     def _type(accessor: dict[str, Any]) -> np.dtype[Any]:
         return np.dtype(KINDS[accessor["componentType"]])
 
-    def _range(self, part: dict[str, Any], count: int, size: int) -> NDArray[np.int64]:
+    def _range(self, part: dict[str, Any], count: int, size: int) -> range:
         """Return the bytes at which vectors of a size begin that a buffer view holds one after another."""
         view = self._document["bufferViews"][part["bufferView"]]
         begin, end = self._buffers.place(view["buffer"])
@@ -168,24 +180,28 @@ class Accessors:
                 f"an accessor runs past the {end - begin} bytes of buffer {view['buffer']}: the glTF file is damaged, "
                 "or not the one that its buffers belong to; get a complete copy"
             )
-        return np.asarray(begin + start * bool(count) + step * np.arange(count))
+        return range(begin + start, begin + start + step * count, step) if count else range(0)
 
 
-def gathered(data: bytes | bytearray, places: NDArray[np.int64], kind: np.dtype[Any], width: int = 1) -> NDArray[Any]:
-    """Return the vectors that begin at these bytes, one a row."""
+def each(places: Places) -> NDArray[np.int64]:
+    """Return places one by one."""
+    return np.arange(places.start, places.stop, places.step) if isinstance(places, range) else places
+
+
+def gathered(data: Data, places: Places, kind: np.dtype[Any], width: int = 1) -> NDArray[Any]:
+    """Return the vectors that begin at these bytes, one a row; they may be a view of the data."""
     vectors = _strided(data, places, kind, width)
     if vectors is None:
-        vectors = np.frombuffer(data, np.uint8)[places[:, None] + np.arange(width * kind.itemsize)].view(kind)
-    return np.asarray(vectors.astype(kind.newbyteorder("=")))
+        vectors = np.frombuffer(data, np.uint8)[each(places)[:, None] + np.arange(width * kind.itemsize)].view(kind)
+    return np.asarray(vectors.astype(kind.newbyteorder("="), copy=False))
 
 
-def _strided(
-    data: bytes | bytearray, places: NDArray[np.int64], kind: np.dtype[Any], width: int
-) -> NDArray[Any] | None:
+def _strided(data: Data, places: Places, kind: np.dtype[Any], width: int) -> NDArray[Any] | None:
     """View vectors that lie one after another at equal steps, in a tenth of the time of an index; else None."""
     if len(places) < 2:
         return None
     step = int(places[1] - places[0])
-    if step < width * kind.itemsize or (np.diff(places) != step).any():
+    uneven = not isinstance(places, range) and (np.diff(places) != step).any()
+    if step < width * kind.itemsize or uneven:
         return None
     return np.ndarray((len(places), width), kind, data, int(places[0]), (step, kind.itemsize))

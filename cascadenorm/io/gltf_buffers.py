@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
+from cascadenorm.io.base import Piece
+from cascadenorm.io.text import blocks
 
 EMBEDDED = "data:application/octet-stream;base64,"
 
@@ -29,9 +31,9 @@ class Buffers:
     data : the buffers, end to end
     """
 
-    def __init__(self, declared: list[dict[str, Any]], chunk: bytes | None, folder: Path | None) -> None:
+    def __init__(self, declared: list[dict[str, Any]], chunk: Piece | None, folder: Path | None) -> None:
         self.declared, self._chunk, self._folder = declared, chunk, folder
-        self.data = b""
+        self.data: Piece = b""
         self._places: dict[int, tuple[int, int]] = {}
 
     def place(self, number: int) -> tuple[int, int]:
@@ -39,13 +41,13 @@ class Buffers:
         if number not in self._places:
             found = self._load(number)
             self._places[number] = len(self.data), len(self.data) + len(found)
-            self.data = self.data + found if self.data else found
+            self.data = b"".join([self.data, found]) if self.data else found
         return self._places[number]
 
-    def changed(self, data: bytes | bytearray) -> dict[int, bytes]:
-        """Return by number the buffers that differ in other data."""
-        pairs = {n: (self.data[begin:end], bytes(data[begin:end])) for n, (begin, end) in self._places.items()}
-        return {number: new for number, (old, new) in pairs.items() if old != new}
+    def changed(self, data: bytearray) -> dict[int, Piece]:
+        """Return by number the buffers that differ in other data, as views of it."""
+        before, after, places = memoryview(self.data), memoryview(data), self._places.items()
+        return {n: after[begin:end] for n, (begin, end) in places if _differ(before[begin:end], after[begin:end])}
 
     def files_with(self, places: NDArray[np.int64]) -> list[int]:
         """Return the numbers of those that are files of their own and hold one of these bytes; places ascending."""
@@ -56,7 +58,7 @@ class Buffers:
             and np.searchsorted(places, begin) < np.searchsorted(places, end)
         )
 
-    def _load(self, number: int) -> bytes:
+    def _load(self, number: int) -> Piece:
         uri = self.declared[number].get("uri") if number >= 0 else None
         if uri is None:
             if number == 0 and self._chunk is not None:
@@ -95,7 +97,12 @@ def relative_name(uri: str | None) -> str | None:
     return None if absolute else name
 
 
-def embedded(data: bytes, like: str = "") -> str:
+def _differ(one: memoryview, other: memoryview) -> bool:
+    """Whether equally long views differ; a block at a time, as most that do differ in the first."""
+    return any(bytes(one[block]) != bytes(other[block]) for block in blocks(len(one)))
+
+
+def embedded(data: Piece, like: str = "") -> str:
     """Return the URI that holds data as text, of the same kind as another one."""
     head = like.partition(",")[0] + "," if like.startswith("data:") else EMBEDDED
     return head + base64.b64encode(data).decode()

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.io.content import Content
 from cascadenorm.io.polygons import triangulate
+from cascadenorm.mesh import box_of
 
 TEXTURE = ("s", "t")
 KINDS = {"u1": 5121, "u4": 5125, "f4": 5126}
@@ -17,7 +18,7 @@ TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
     """Return a document of one mesh with colours and texture coordinates of vertices, its buffer, and what is lost."""
     triangles, _ = triangulate(content.positions, content.polygons)
-    positions = content.single_positions().astype("<f4")
+    positions = content.single_positions().astype("<f4", copy=False)
     arrays = {"POSITION": positions}
     colors = channels(content.vertex_values)
     if colors:
@@ -47,7 +48,8 @@ def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[
     ]
     position = next(iter(arrays.values()))
     if len(position):
-        accessors[0] |= {"min": position.min(axis=0).tolist(), "max": position.max(axis=0).tolist()}
+        lower, upper = box_of(position)
+        accessors[0] |= {"min": lower.tolist(), "max": upper.tolist()}
     if "COLOR_0" in arrays:
         accessors[list(arrays).index("COLOR_0")]["normalized"] = True
     primitive = {"attributes": {name: i for i, name in enumerate(arrays)}, "indices": len(arrays)}
@@ -62,4 +64,4 @@ def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[
         "bufferViews": views,
         "buffers": [{"byteLength": starts[-1]}],
     }
-    return document, b"".join(part.tobytes() for part in parts)
+    return document, b"".join(np.ascontiguousarray(part).view(np.uint8).data for part in parts)
