@@ -121,6 +121,14 @@ def test_equal_normals_at_a_seam_stay_equal_and_creases_stay():
     assert len(np.unique(np.column_stack([moved.welds, found]), axis=0)) == len(smooth.mesh.vertices)
 
 
+def test_normals_that_are_not_a_number_at_a_seam_are_renewed_each_from_its_own_faces():
+    soup = cube(2).corners.reshape(-1, 3)
+    file = ply_of(soup, np.arange(len(soup)).reshape(-1, 3), np.full(soup.shape, np.nan))
+    again = file.with_vertices(file.mesh.vertices * (1, 1, 2)).content().vertex_values
+    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
+    assert np.allclose(found, np.repeat(cube(2).face_normals, 3, axis=0))
+
+
 @pytest.mark.parametrize("scale", [1e300, 1.0, 1e-250])
 def test_normals_of_any_size_are_right(scale):
     sphere = icosphere(2)

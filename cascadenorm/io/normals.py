@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.polygons import area_vectors
+from cascadenorm.io.welding import first_equal
 from cascadenorm.mesh import Bools, Ints, Ints32, Vectors, any_in_rows, kernel, unit
 
 NORMALS = ("Normals", "normals")
@@ -71,10 +72,10 @@ def _groups(normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.in
     _find_owners(normals.corners, triangles, welds, owner)
     candidates = np.flatnonzero(owner >= 0)
     candidates = candidates[np.bincount(owner[candidates], minlength=1)[owner[candidates]] > 1]
-    if len(candidates):
-        rows = np.column_stack([owner[candidates], normals.values[candidates]])
-        _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-        groups[candidates] = candidates[first[inverse.reshape(-1)]]
+    candidates = candidates[~any_in_rows(np.isnan(normals.values[candidates]))]  # NaN is not equal to NaN here
+    found = first_equal(np.column_stack([owner[candidates], normals.values[candidates]]))
+    if found is not None:
+        groups[candidates] = candidates[found[0]]
     return groups
 
 

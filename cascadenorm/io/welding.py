@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Bools, Ints, Ints32, kernel
+from cascadenorm.mesh import Bools, Ints, Ints32, any_in_rows, kernel
 
 
 def weld(
@@ -25,51 +25,55 @@ def weld(
     -------
     (k,) welded vertex of each position, and (n,) the first position of each welded vertex, ascending
     """
-    same = _same_place(positions if parts is None else np.column_stack([positions, parts]))
-    if same is None:
+    found = first_equal(positions if parts is None else np.column_stack([positions, parts]))
+    if found is None:
         return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
-    copied = np.bincount(same, minlength=len(same))[same] > 1
+    same, copied = found
     uses = np.bincount(triangles.ravel(), minlength=len(same))
     joins = _on_boundary_edges(triangles, copied & (uses > 1)) | (copied & (uses == 1))
     number, first = np.empty(len(same), np.int32), np.empty(len(same), np.int64)
     return number, first[: _number(same, joins, number, first)].copy()
 
 
-def _same_place(positions: NDArray[Any]) -> NDArray[np.int64] | None:
-    """Return for each position the first with the same coordinates; None where all differ."""
-    keys = np.zeros(len(positions), np.uint64)
-    for axis in range(positions.shape[1]):  # multiply and fold, so that every bit of every coordinate counts
-        keys ^= _bits(positions[:, axis])
-        keys *= np.uint64(0x9E3779B97F4A7C15)
-        keys ^= keys >> np.uint64(29)
-    same = np.empty(len(positions), np.int64)
-    bits = len(positions).bit_length() + 1
-    places = np.full(1 << bits, -1, np.int32)
-    return same if _first_there(keys >> np.uint64(64 - bits), positions, places, same) else None
+def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
+    """Return for each row of floating-point numbers the first that is equal to it, and which equal another one.
+
+    None where all differ; NaN equals NaN of the same bits.
+    """
+    same, repeated = np.empty(len(rows), np.int64), np.zeros(len(rows), bool)
+    places = np.full(2 << len(rows).bit_length(), -1, np.int32)
+    return (same, repeated) if _find_equal(rows, places, same, repeated) else None
 
 
 @kernel
-def _first_there(slots: NDArray[np.uint64], positions: NDArray[Any], places: Ints32, same: Ints) -> bool:
-    """Find positions again in a hash table with linear probing, from these slots on; it is half full at most.
+def _find_equal(rows: NDArray[Any], places: Ints32, same: Ints, repeated: Bools) -> bool:
+    """Find rows again in a hash table with linear probing, which is half full at most; whether any equals another."""
+    any_repeated, number = False, np.empty(1)
+    halves = number.view(np.uint32)
+    for i in range(len(rows)):
+        # hash: multiply and fold the numbers, within 64 bits, so that every bit counts
+        slot = np.int64(0)
+        for column in range(rows.shape[1]):
+            number[0] = rows[i, column] + 0.0  # which makes -0 equal to 0
+            product = (slot ^ np.int64(halves[0] ^ halves[1])) * 0x7FEB352D
+            slot = (product ^ (product >> 32)) & 0xFFFFFFFF
 
-    Returns whether any has the coordinates of one before; NaN equals NaN.
-    """
-    any_again = False
-    for i in range(len(positions)):
-        slot = np.int64(slots[i])
+        # probe from there until the row is found, or a free place
+        slot &= len(places) - 1
         same[i] = i
         while places[slot] >= 0:
             differs, before = False, places[slot]
-            for axis in range(positions.shape[1]):
-                one, other = positions[i, axis], positions[before, axis]
+            for column in range(rows.shape[1]):
+                one, other = rows[i, column], rows[before, column]
                 differs |= one != other and not (np.isnan(one) and np.isnan(other))
             if not differs:
-                same[i], any_again = before, True
+                same[i] = before
+                repeated[i] = repeated[before] = any_repeated = True
                 break
             slot = (slot + 1) & (len(places) - 1)
         if same[i] == i:
             places[slot] = i
-    return any_again
+    return any_repeated
 
 
 @kernel
@@ -88,13 +92,11 @@ def _number(same: Ints, joins: Bools, number: Ints32, first: Ints) -> int:
     return count
 
 
-def _bits(coordinates: NDArray[Any]) -> NDArray[np.uint64]:
-    return (coordinates.astype(np.float64) + 0.0).view(np.uint64)  # adding 0 makes -0 equal to 0
-
-
 def _on_boundary_edges(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which of the candidates lie on an edge with a single triangle."""
-    near = triangles[candidates[triangles].any(axis=1)]
+    if not candidates.any():
+        return candidates
+    near = triangles[any_in_rows(candidates[triangles])]
     sides = np.sort(np.stack([near, np.roll(near, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     keys = sides[:, 0] * len(candidates) + sides[:, 1]
     _, first, counts = np.unique(keys, return_index=True, return_counts=True)
