@@ -257,5 +257,6 @@ class MeshFile(ABC):
 
     def _renewed(self, normals: Normals) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the normals of the present positions, and which of them belong to faces that moved."""
-        normals = normals._replace(corners=np.where(self.left_out[:, None], -1, normals.corners))
+        if self._isolates:
+            normals = normals._replace(corners=np.where(self.left_out[:, None], -1, normals.corners))
         return renewed_normals(normals, self.triangles, self.welds, self._read_positions, self.positions)

@@ -5,9 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.polygons import area_vectors
+from cascadenorm.io.polygons import area_vector, near_one
 from cascadenorm.io.welding import first_equal
 from cascadenorm.mesh import Bools, Ints, Ints32, Vectors, any_in_rows, kernel, unit
+from cascadenorm.mesh.vectors import dot, row
 
 NORMALS = ("Normals", "normals")
 """What normals are called in VTK."""
@@ -55,15 +56,12 @@ def renewed_normals(
     with np.errstate(invalid="ignore"):  # a NaN may be a signalling one
         normals = normals._replace(values=normals.values.astype(np.float64))
     groups = _groups(normals, triangles, welds)
-    areas_before, areas_after = area_vectors(before, triangles), area_vectors(after, triangles)
     old, new, moved = np.zeros((len(groups), 3)), np.zeros((len(groups), 3)), np.zeros(len(groups), bool)
     moves = any_in_rows(before != after)
-    _sum_around(normals.corners, groups, triangles, moves, areas_before, areas_after, old, new, moved)
-    new = unit(new)[groups]
-    if np.nansum(np.sign(np.einsum("ij,ij->i", old[groups], normals.values))) < 0:
-        new = -new
-    renewed = moved[groups] & any_in_rows(new != 0)
-    return np.where(renewed[:, None], new, normals.values), renewed
+    _sum_around(normals.corners, groups, triangles, moves, near_one(before), near_one(after), old, new, moved)
+    renewed = np.zeros(len(groups), bool)
+    _replace(normals.values, groups, old, unit(new), moved, renewed)
+    return normals.values, renewed
 
 
 def _groups(normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -103,11 +101,28 @@ def _sum_around(
 ) -> None:
     """Add the area vectors of the triangles that use each group, and tell whether one of them moves."""
     for f in range(len(corners)):
-        moving = moves[triangles[f, 0]] or moves[triangles[f, 1]] or moves[triangles[f, 2]]
+        a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+        moving = moves[a] or moves[b] or moves[c]
+        area_before = area_vector(row(before, a), row(before, b), row(before, c))
+        area_after = area_vector(row(after, a), row(after, b), row(after, c))
         for k in range(3):
             if corners[f, k] >= 0:
                 group = groups[corners[f, k]]
                 moved[group] |= moving
                 for axis in range(3):
-                    old[group, axis] += before[f, axis]
-                    new[group, axis] += after[f, axis]
+                    old[group, axis] += area_before[axis]
+                    new[group, axis] += area_after[axis]
+
+
+@kernel
+def _replace(values: Vectors, groups: Ints, old: Vectors, new: Vectors, moved: Bools, renewed: Bools) -> None:
+    """Replace the values of groups that moved, and tell which; turned over where most were opposite to the old sums."""
+    balance = 0
+    for i in range(len(values)):
+        along = dot(row(old, groups[i]), row(values, i))
+        balance += int(along > 0) - int(along < 0)
+    for i in range(len(values)):
+        x, y, z = row(new, groups[i])
+        if moved[groups[i]] and (x != 0 or y != 0 or z != 0):
+            renewed[i] = True
+            values[i, 0], values[i, 1], values[i, 2] = (x, y, z) if balance >= 0 else (-x, -y, -z)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Floats32, Ints, face_area_vectors, kernel, parallel_for, repeats_vertex, scatter_add
-from cascadenorm.mesh.vectors import cross, divided, length, row, scaled, subtract
+from cascadenorm.mesh.vectors import Vector, cross, divided, length, row, scaled, subtract
 
 MOST_APEXES = 64  # corners tried for a fan without folds
 MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stays
@@ -162,9 +162,13 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
 
 def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the normal of each triangle times its area, over the square of the largest coordinate."""
+    return face_area_vectors(near_one(positions), triangles.astype(np.int32))
+
+
+def near_one(positions: NDArray[Any]) -> NDArray[np.float64]:
+    """Return positions over the largest coordinate."""
     with np.errstate(invalid="ignore"):  # triangles with corners that are not finite come out the same way
-        near_one = np.divide(positions, largest_coordinate(positions), dtype=np.float64)
-    return face_area_vectors(near_one, triangles.astype(np.int32))
+        return np.asarray(np.divide(positions, largest_coordinate(positions), dtype=np.float64))
 
 
 def largest_coordinate(positions: NDArray[Any]) -> float:
@@ -190,6 +194,12 @@ def unit_normals(positions: NDArray[Any], triangles: NDArray[np.int64], largest:
 
 
 @kernel
+def area_vector(a: Vector, b: Vector, c: Vector) -> Vector:
+    """Return the normal of a triangle times its area."""
+    return scaled(0.5, cross(subtract(b, a), subtract(c, a)))
+
+
+@kernel
 def _unit_normal_range(
     start: int, stop: int, positions: NDArray[Any], triangles: Ints, largest: float, out: Floats32
 ) -> None:
@@ -197,6 +207,6 @@ def _unit_normal_range(
         a = divided(row(positions, triangles[f, 0]), largest)
         b = divided(row(positions, triangles[f, 1]), largest)
         c = divided(row(positions, triangles[f, 2]), largest)
-        normal = scaled(0.5, cross(subtract(b, a), subtract(c, a)))
+        normal = area_vector(a, b, c)
         size = length(normal)
         out[f, 0], out[f, 1], out[f, 2] = divided(normal, size) if size > 0 else (0.0, 0.0, 0.0)
