@@ -10,12 +10,15 @@ from cascadenorm.mesh.connectivity import connected_components
 from cascadenorm.mesh.csr import Csr, grouped, joined
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology_kernels import (
+    across_range,
     color_vertices,
+    count_groups,
     count_neighbors,
     edges_up_range,
     face_ring_range,
     fill_groups,
     fill_neighbors,
+    pair_range,
     sides_up_range,
 )
 
@@ -83,15 +86,16 @@ class Topology:
     @cached_property
     def face_pairs(self) -> NDArray[np.int32]:
         """(i, 2) the two faces of each interior edge, the smaller number first."""
-        return np.asarray(self.edge_faces.indices[self.edge_faces.indptr[self.interior_edges, None] + np.arange(2)])
+        out = np.empty((len(self.interior_edges), 2), np.int32)
+        parallel_for(len(out), pair_range, self.interior_edges, self.edge_faces, out)
+        return out
 
     @cached_property
     def faces_across(self) -> NDArray[np.int32]:
         """(m, 3) the face on the other side of each face side, -1 where there is none or there are several."""
-        total = np.full(len(self.edges), -1, np.int64)
-        total[self.interior_edges] = self.face_pairs.sum(axis=1, dtype=np.int64)
-        around = total[self.face_edges]
-        return np.where(around >= 0, around - np.arange(len(self.faces))[:, None], -1).astype(np.int32)
+        out = np.empty(self.face_edges.shape, np.int32)
+        parallel_for(len(out), across_range, self.face_edges, self.edge_faces, out)
+        return out
 
     @cached_property
     def balance(self) -> NDArray[np.float64]:
@@ -134,12 +138,12 @@ class Topology:
     @cached_property
     def vertex_neighbors(self) -> Csr:
         """Vertices joined to each vertex by an edge, ascending."""
-        indptr = np.zeros(self.vertex_count + 1, np.int64)
-        count_neighbors(self.edges, indptr[1:])
+        indptr = np.zeros(self.vertex_count + 2, np.int64)
+        count_neighbors(self.edges, indptr[2:])
         np.cumsum(indptr, out=indptr)
         indices = np.empty(indptr[-1], np.int32)
-        fill_neighbors(self.edges, indptr[:-1].copy(), indices)
-        return Csr(indptr, indices)
+        fill_neighbors(self.edges, indptr[1:], indices)
+        return Csr(indptr[:-1], indices)
 
     @cached_property
     def vertex_colors(self) -> Csr:
@@ -164,8 +168,9 @@ class Topology:
 
 def _rows_with(numbers: NDArray[np.int32], count: int) -> Csr:
     """Rows of an array, (k, w), in which each of 0 … count - 1 stands, ascending, as often as it stands there."""
-    indptr = np.zeros(count + 1, np.int64)
-    np.cumsum(np.bincount(numbers.ravel(), minlength=count), out=indptr[1:])
+    indptr = np.zeros(count + 2, np.int64)
+    count_groups(numbers, indptr[2:])
+    np.cumsum(indptr, out=indptr)
     indices = np.empty(numbers.size, np.int32)
-    fill_groups(numbers, indptr[:-1].copy(), indices)
-    return Csr(indptr, indices)
+    fill_groups(numbers, indptr[1:], indices)
+    return Csr(indptr[:-1], indices)

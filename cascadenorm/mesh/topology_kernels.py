@@ -8,8 +8,16 @@ from cascadenorm.mesh.kernels import kernel
 
 
 @kernel
+def count_groups(numbers: Ints32, counts: Ints) -> None:
+    """Add to the count of each number how often it stands in an array."""
+    for row in range(len(numbers)):
+        for column in range(numbers.shape[1]):
+            counts[numbers[row, column]] += 1
+
+
+@kernel
 def fill_groups(numbers: Ints32, free: Ints, indices: Ints32) -> None:
-    """Put each row of an array where its numbers have their next free place."""
+    """Put each row of an array where its numbers have their next free place, which moves on."""
     for row in range(len(numbers)):
         for column in range(numbers.shape[1]):
             number = numbers[row, column]
@@ -92,6 +100,27 @@ def sides_up_range(
                         else:
                             high = middle
                     of_sides[f, side] = low
+
+
+@kernel
+def pair_range(start: int, stop: int, edges: Ints32, around: Csr, out: Ints32) -> None:
+    """The two faces of some edges."""
+    for i in range(start, stop):
+        first = around.indptr[edges[i]]
+        out[i, 0], out[i, 1] = around.indices[first], around.indices[first + 1]
+
+
+@kernel
+def across_range(start: int, stop: int, face_edges: Ints32, around: Csr, out: Ints32) -> None:
+    """The other one of two faces at the edge of each side, else -1."""
+    for f in range(start, stop):
+        for side in range(3):
+            edge = face_edges[f, side]
+            first = around.indptr[edge]
+            out[f, side] = -1
+            if around.indptr[edge + 1] - first == 2:
+                one, other = around.indices[first], around.indices[first + 1]
+                out[f, side] = other if one == f else one
 
 
 @kernel
