@@ -26,5 +26,5 @@ def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = PASSES) -> Vec
     """
     normals = mesh.moved(vertices).vertex_normals
     drift = np.einsum("ij,ij->i", vertices - mesh.vertices, normals)
-    drift = averaged(drift[:, None], mesh.topology.vertex_neighbors, passes)
-    return np.asarray(vertices - drift * normals)
+    drift = averaged(drift, mesh.topology.vertex_neighbors, passes)
+    return np.asarray(vertices - drift[:, None] * normals)
