@@ -5,7 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import dot, length, row
 
 HALVINGS = 8
 """Of the displacement of a vertex whose face would flip, before it returns to where it was."""
@@ -72,10 +73,9 @@ def foldovers(mesh: Mesh) -> NDArray[np.bool_]:
     sums = np.concatenate([mesh.area_vectors, mesh.areas[:, None]], axis=1)
     for _ in range(2):
         parallel_for(len(sums), _sum_of_corners_range, mesh.sums_around(sums), mesh.faces, sums)
-    length, total = np.linalg.norm(sums[:, :3], axis=1), np.maximum(sums[:, 3], np.finfo(float).tiny)
-    scatter = np.sqrt(np.maximum(1 - (length / total) ** 2, 0))
-    along = np.einsum("ij,ij->i", sums[:, :3], mesh.face_normals)
-    return np.asarray(along < np.minimum(scatter, STEEPEST) * length)
+    out = np.empty(len(sums), bool)
+    parallel_for(len(sums), _folded_range, sums, mesh.face_normals, out)
+    return out
 
 
 @kernel
@@ -85,3 +85,15 @@ def _sum_of_corners_range(start: int, stop: int, values: Floats, faces: Ints32, 
         a, b, c = faces[f]
         for column in range(values.shape[1]):
             out[f, column] = values[a, column] + values[b, column] + values[c, column]
+
+
+@kernel
+def _folded_range(start: int, stop: int, sums: Floats, normals: Vectors, out: Bools) -> None:
+    """Compare each normal with the sum of those around it, whose last column is their area."""
+    tiny = np.finfo(np.float64).tiny
+    for f in range(start, stop):
+        around = row(sums, f)
+        size = length(around)
+        share = size / max(sums[f, 3], tiny)
+        scatter = np.sqrt(max(1 - share * share, 0.0))
+        out[f] = dot(around, row(normals, f)) < min(scatter, STEEPEST) * size
