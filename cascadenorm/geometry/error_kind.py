@@ -149,18 +149,17 @@ def _bins_range(
     counts: Floats,
     sums: Floats,
 ) -> None:
-    """Count the points near each centre by their rounded distance, and add up products of their values and its own.
+    """Count the points behind each centre by their rounded distance, and add up products of their values and its own.
 
-    The points ascend along the axis, so those that are near lie side by side, before and after the centre.
+    The points ascend along the axis, so those that are near lie side by side; a pair counts for the one before.
     """
     for i in range(start, stop):
         center = centers[i]
-        for step in (-1, 1):
-            k = center + step
-            while 0 <= k < len(points) and abs(points[k, axis] - points[center, axis]) <= FARTHEST:
-                squared = squared_distance(row(points, k), row(points, center))
-                if squared <= FARTHEST * FARTHEST:
-                    distance = int(np.rint(np.sqrt(squared)))  # the first neighbours are in bin 1
-                    counts[i, distance] += 1
-                    sums[i, distance] += values[center] * values[k]
-                k += step
+        k = center + 1
+        while k < len(points) and points[k, axis] - points[center, axis] <= FARTHEST:
+            squared = squared_distance(row(points, k), row(points, center))
+            if squared <= FARTHEST * FARTHEST:
+                distance = int(np.rint(np.sqrt(squared)))  # the first neighbours are in bin 1
+                counts[i, distance] += 1
+                sums[i, distance] += values[center] * values[k]
+            k += 1
