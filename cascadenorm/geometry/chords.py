@@ -25,10 +25,9 @@ from cascadenorm.mesh import (
     Ints32,
     Mesh,
     Vectors,
-    angles_between,
     kernel,
     parallel_for,
-    scatter_add,
+    sums_in_blocks,
 )
 from cascadenorm.mesh.vectors import Vector, add, cross, dot, length, row, subtract
 
@@ -57,14 +56,16 @@ def chords(mesh: Mesh) -> Chords:
     """
     topology, n = mesh.topology, len(mesh.vertices)
     around = topology.vertex_faces
-    cosines = np.empty(n)
-    parallel_for(n, _cosine_range, mesh.vertices, mesh.faces, mesh.face_normals, around, cosines)
+    whole, cosines = np.empty((n, 3)), np.empty(n)
+    parallel_for(n, _vertex_range, mesh.vertices, mesh.faces, mesh.face_normals, around, whole, cosines)
     cosines[topology.edges[topology.edge_faces.counts != 2]] = -1.0
-    edges, pairs = (np.ascontiguousarray(x) for x in (topology.edges[topology.interior_edges], topology.face_pairs))
-    out = np.empty((len(edges), 2))
-    parallel_for(len(edges), _chord_range, mesh.vertices, mesh.faces, mesh.face_normals, edges, pairs, around, out)
-    residuals, sagittas = np.ascontiguousarray(out.T)
-    return Chords(residuals, sagittas, np.asarray((cosines[edges] >= SMOOTH).all(axis=1)))
+    interior = topology.interior_edges
+    out = Chords(np.empty(len(interior)), np.empty(len(interior)), np.empty(len(interior), bool))
+    parallel_for(
+        len(interior), _chord_range, mesh.vertices, mesh.faces, mesh.face_normals, topology.edges, interior,
+        topology.face_pairs, around, whole, cosines, *out,
+    )  # fmt: skip
+    return out
 
 
 def local_noise(mesh: Mesh, residuals: Floats) -> Floats:
@@ -75,9 +76,8 @@ def local_noise(mesh: Mesh, residuals: Floats) -> Floats:
     (n,) in the unit of the mesh; 0 for a vertex without an edge
     """
     topology, n = mesh.topology, len(mesh.vertices)
-    ends = topology.edges[topology.interior_edges].ravel()
-    each = np.repeat(residuals**2, 2)
-    sums = scatter_add(ends, np.stack([each, np.ones_like(each)], axis=1), n)
+    sums = np.zeros((n, 2))
+    _add_squares(residuals, topology.edges, topology.interior_edges, sums)
     sums = averaged(sums, topology.vertex_neighbors, PASSES)
     return np.sqrt(np.divide(sums[:, 0], sums[:, 1], out=np.zeros(n), where=sums[:, 1] > 0))
 
@@ -89,21 +89,17 @@ def error_sums(part: Part, measured: Chords) -> dict[str, NDArray[Any]]:
     ----------
     measured : the chords of its mesh
     """
-    mesh, own, count = part.mesh, part.interior_edges, len(part.components)
-    rise, bent = _bends(mesh, own)
-    first, second = mesh.topology.face_pairs[own].T
-    label = mesh.topology.face_components[first]
-    angle = angles_between(mesh.face_normals[first[bent]], mesh.face_normals[second[bent]])
-    smooth = measured.smooth[own]
-    squares = [scatter_add(label[smooth], values[own][smooth] ** 2, count) for values in measured[:2]]
-    return {
-        "bent": np.bincount(label[bent], minlength=count),
-        "signed": scatter_add(label[bent], np.copysign(angle, rise[bent]), count),
-        "angle": scatter_add(label[bent], angle, count),
-        "smooth": np.bincount(label[smooth], minlength=count),
-        "residuals": squares[0],
-        "sagittas": squares[1],
-    }
+    mesh, topology, own = part.mesh, part.mesh.topology, part.interior_edges
+    pairs, component, limit = topology.face_pairs, topology.face_components, rounding(mesh)
+
+    def add(start: int, stop: int, sums: Floats) -> None:
+        _error_range(
+            start, stop, own, pairs, component, mesh.centroids, mesh.face_normals, mesh.areas, limit, *measured, sums
+        )
+
+    names = "edges", "bent", "smooth", "signed", "angle", "residuals", "sagittas"
+    sums = dict(zip(names, sums_in_blocks(len(own), (len(part.components), len(names)), add).T, strict=True))
+    return {**sums, **{name: sums[name].astype(np.int64) for name in names[:3]}}
 
 
 def error_shares(surface: Surface, sums: Found, measured: Chords | None = None) -> Floats:
@@ -194,26 +190,93 @@ def _medians(parts: Iterable[tuple[Ints, Found]], name: str, sizes: Ints) -> Flo
 
 
 @kernel
-def _rise_range(start: int, stop: int, centroids: Vectors, normals: Vectors, pairs: Ints32, out: Floats) -> None:
-    for i in range(start, stop):
-        f, g = pairs[i]
-        across, turn = subtract(row(centroids, g), row(centroids, f)), subtract(row(normals, f), row(normals, g))
-        out[i] = dot(across, turn)
+def _rise(centroids: Vectors, normals: Vectors, f: Index, g: Index) -> float:
+    """See `rises`."""
+    across, turn = subtract(row(centroids, g), row(centroids, f)), subtract(row(normals, f), row(normals, g))
+    rise: float = dot(across, turn)
+    return rise
 
 
 @kernel
-def _cosine_range(
-    start: int, stop: int, vertices: Vectors, faces: Ints32, normals: Vectors, around: Csr, out: Floats
+def _rise_range(start: int, stop: int, centroids: Vectors, normals: Vectors, pairs: Ints32, out: Floats) -> None:
+    for i in range(start, stop):
+        out[i] = _rise(centroids, normals, pairs[i, 0], pairs[i, 1])
+
+
+@kernel
+def _error_range(
+    start: int,
+    stop: int,
+    own: Bools,
+    pairs: Ints32,
+    component: Ints32,
+    centroids: Vectors,
+    normals: Vectors,
+    areas: Floats,
+    limit: float,
+    residuals: Floats,
+    sagittas: Floats,
+    smooth: Bools,
+    sums: Floats,
 ) -> None:
-    """Least cosine of the angle between the normal of a vertex and those of its faces; -1 where there is none."""
+    """Add to the sums of each component what `error_sums` names, over its own edges."""
+    for e in range(start, stop):
+        if not own[e]:
+            continue
+        f, g = pairs[e]
+        c = component[f]
+        sums[c, 0] += 1
+
+        # faces that bend, by an angle that is negative where they are convex
+        rise = _rise(centroids, normals, f, g)
+        if abs(rise) > limit and areas[f] > 0 and areas[g] > 0:
+            one, other = row(normals, f), row(normals, g)
+            angle = 2 * np.arctan2(length(subtract(one, other)), length(add(one, other)))
+            sums[c, 1] += 1
+            sums[c, 3] += np.copysign(angle, rise)
+            sums[c, 4] += angle
+
+        # chords between smooth vertices
+        if smooth[e]:
+            sums[c, 2] += 1
+            sums[c, 5] += residuals[e] * residuals[e]
+            sums[c, 6] += sagittas[e] * sagittas[e]
+
+
+@kernel
+def _add_squares(residuals: Floats, edges: Ints32, interior: Ints32, sums: Floats) -> None:
+    """Add to both ends of each edge with two faces the square of its residual, and 1."""
+    for e in range(len(interior)):
+        for end in range(2):
+            v = edges[interior[e], end]
+            sums[v, 0] += residuals[e] * residuals[e]
+            sums[v, 1] += 1
+
+
+@kernel
+def _vertex_range(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    faces: Ints32,
+    normals: Vectors,
+    around: Csr,
+    whole: Vectors,
+    cosines: Floats,
+) -> None:
+    """Sum of the weighted normals of all faces around a vertex, and the least cosine of an angle between it and theirs.
+
+    The cosine is -1 where the sum vanishes.
+    """
     for i in range(start, stop):
         mine = around.indices[around.indptr[i] : around.indptr[i + 1]]
         normal = _normal(vertices, faces, normals, mine, i, (0.0, 0.0, 0.0), 0.0)
+        whole[i, 0], whole[i, 1], whole[i, 2] = normal
         size = length(normal)
-        out[i] = 1.0 if size > 0 else -1.0
+        cosines[i] = 1.0 if size > 0 else -1.0
         for f in mine:
             if size > 0:
-                out[i] = min(out[i], dot(normal, row(normals, f)) / size)
+                cosines[i] = min(cosines[i], dot(normal, row(normals, f)) / size)
 
 
 @kernel
@@ -224,23 +287,37 @@ def _chord_range(
     faces: Ints32,
     normals: Vectors,
     edges: Ints32,
+    interior: Ints32,
     pairs: Ints32,
     around: Csr,
-    out: Floats,
+    whole: Vectors,
+    cosines: Floats,
+    residuals: Floats,
+    sagittas: Floats,
+    smooth: Bools,
 ) -> None:
     rises = np.empty(2)
-    for e in range(start, stop):
-        mean = add(row(normals, pairs[e, 0]), row(normals, pairs[e, 1]))
+    for i in range(start, stop):
+        mean = add(row(normals, pairs[i, 0]), row(normals, pairs[i, 1]))
         least = SAME_SIDE * length(mean)
-        step = subtract(row(vertices, edges[e, 1]), row(vertices, edges[e, 0]))
+        ends = edges[interior[i]]
+        step = subtract(row(vertices, ends[1]), row(vertices, ends[0]))
+
+        # the normal at either end, of all faces around it but those beyond a crease
         for end in range(2):
-            v = np.int64(edges[e, end])  # as in `_cosine_range`: a kernel is compiled for each type
-            mine = around.indices[around.indptr[v] : around.indptr[v + 1]]
-            normal = _normal(vertices, faces, normals, mine, v, mean, least)
+            v = np.int64(ends[end])  # as in `_vertex_range`: a kernel is compiled for each type
+            first, last, beyond = around.indptr[v], around.indptr[v + 1], 0
+            for k in range(first, last):
+                beyond += dot(row(normals, around.indices[k]), mean) < least
+            normal = row(whole, v)
+            if beyond > 0:
+                normal = _normal(vertices, faces, normals, around.indices[first:last], v, mean, least)
             size = length(normal)
             rises[end] = dot(step, normal) / size if size > 0 else 0.0
-        out[e, 0] = 0.5 * abs(rises[0] + rises[1])
-        out[e, 1] = 0.5 * abs(rises[1] - rises[0])
+
+        residuals[i] = 0.5 * abs(rises[0] + rises[1])
+        sagittas[i] = 0.5 * abs(rises[1] - rises[0])
+        smooth[i] = cosines[ends[0]] >= SMOOTH and cosines[ends[1]] >= SMOOTH
 
 
 @kernel

@@ -10,7 +10,7 @@ from cascadenorm.geometry.chords import RINGS, Chords, chords, error_shares, err
 from cascadenorm.geometry.parts import Found, InMemory, Part, Surface, by_component
 from cascadenorm.geometry.rounding import rounding
 from cascadenorm.geometry.segmentation_steps import is_segmentation
-from cascadenorm.mesh import Bools, Floats, Index, Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Bools, Floats, Index, Ints, Ints32, Mesh, Vectors, kernel, parallel_for, sums_in_blocks
 from cascadenorm.mesh.vectors import length, row, subtract
 
 FACES, AREA = 0.2, 0.5
@@ -70,7 +70,7 @@ def computed_components(surface: Surface, measured: Chords | None = None) -> Com
 
     def measure(part: Part) -> Found:
         known = measured or chords(part.mesh)
-        return {**_shape_sums(part, known), **error_sums(part, known)}
+        return {**_shape_sums(part), **error_sums(part, known)}
 
     sums = by_component(surface.each("components", RINGS, measure), surface.components)
     faces = sums["coplanar"] / np.maximum(sums["faces"], 1)
@@ -78,7 +78,7 @@ def computed_components(surface: Surface, measured: Chords | None = None) -> Com
     unevenness = _unevenness(sums)
     flat = (faces >= FACES) & (covered >= AREA) & ((unevenness > UNEVEN) | (covered >= EVEN_AREA))
     error = error_shares(surface, sums, measured)
-    creased = sums["rough"] / np.maximum(sums["edges"], 1)  # edges that do not join smooth vertices
+    creased = (sums["edges"] - sums["smooth"]) / np.maximum(sums["edges"], 1)
     smooth = (error <= ERROR) & ((unevenness > UNEVEN_CURVED) | (creased >= CREASED))
     computed = flat | smooth | ((error <= ERROR_FLAT) & (faces >= SOME))
     if computed.any() and is_segmentation(surface):
@@ -95,23 +95,17 @@ def coplanar_neighbors(mesh: Mesh) -> NDArray[np.int8]:
     return out
 
 
-def _shape_sums(part: Part, measured: Chords) -> dict[str, NDArray[Any]]:
-    """Sums over the faces, and over the edges with two faces, of each component of a part, (c,)."""
-    mesh, own, count = part.mesh, part.faces, len(part.components)
-    label, areas, clean = mesh.topology.face_components[own], mesh.areas[own], coplanar_neighbors(mesh)[own] > 0
-    sides = np.empty((len(mesh.faces), 2))
-    parallel_for(len(sides), _sides_range, mesh.vertices, mesh.faces, sides)
-    inner = part.interior_edges
-    of_edges = mesh.topology.face_components[mesh.topology.face_pairs[inner, 0]]
-    return {
-        "faces": np.bincount(label, minlength=count),
-        "area": scatter_add(label, areas, count),
-        "coplanar": np.bincount(label[clean], minlength=count),
-        "coplanar area": scatter_add(label[clean], areas[clean], count),
-        "lengths": scatter_add(label, sides[own], count),
-        "edges": np.bincount(of_edges, minlength=count),
-        "rough": np.bincount(of_edges[~measured.smooth[inner]], minlength=count),
-    }
+def _shape_sums(part: Part) -> dict[str, NDArray[Any]]:
+    """Sums over the faces of each component of a part, (c,), and over their sides, (c, 2)."""
+    mesh, own = part.mesh, part.faces
+    component, coplanar = mesh.topology.face_components, coplanar_neighbors(mesh)
+
+    def add(start: int, stop: int, sums: Floats) -> None:
+        _shape_range(start, stop, own, component, mesh.vertices, mesh.faces, mesh.areas, coplanar, sums)
+
+    sums = sums_in_blocks(len(own), (len(part.components), 6), add)
+    names = "faces", "coplanar", "area", "coplanar area"
+    return {**dict(zip(names, sums.T, strict=False)), "lengths": sums[:, 4:]}
 
 
 def _unevenness(sums: Found) -> Floats:
@@ -121,14 +115,34 @@ def _unevenness(sums: Found) -> Floats:
 
 
 @kernel
-def _sides_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Floats) -> None:
-    """Sum of the lengths of the sides of each face, and that of their squares."""
+def _shape_range(
+    start: int,
+    stop: int,
+    own: Bools,
+    component: Ints32,
+    vertices: Vectors,
+    faces: Ints32,
+    areas: Floats,
+    coplanar: NDArray[np.int8],
+    sums: Floats,
+) -> None:
+    """Add to the sums of each component how many of the faces are its own and their area.
+
+    Then the same of those with coplanar neighbours, the lengths of sides, and their squares.
+    """
     for f in range(start, stop):
-        out[f, 0] = out[f, 1] = 0.0
+        if not own[f]:
+            continue
+        c = component[f]
+        sums[c, 0] += 1
+        sums[c, 2] += areas[f]
+        if coplanar[f] > 0:
+            sums[c, 1] += 1
+            sums[c, 3] += areas[f]
         for k in range(3):
             side = length(subtract(row(vertices, faces[f, k]), row(vertices, faces[f, k - 1])))
-            out[f, 0] += side
-            out[f, 1] += side * side
+            sums[c, 4] += side
+            sums[c, 5] += side * side
 
 
 @kernel

@@ -7,7 +7,18 @@ from cascadenorm.geometry.chords import rises
 from cascadenorm.geometry.parts import Found, Part, Surface, added, in_parts
 from cascadenorm.geometry.rounding import rounding
 from cascadenorm.geometry.voxel_lattice import lattice_share
-from cascadenorm.mesh import Mesh, Vectors, angles_between, row_distances, scatter_add
+from cascadenorm.mesh import (
+    Bools,
+    Floats,
+    Mesh,
+    Vectors,
+    angles_between,
+    kernel,
+    row_distances,
+    scatter_add,
+    sums_in_blocks,
+)
+from cascadenorm.mesh.vectors import dot, row
 
 LATTICE = 0.5
 """Share of the edges that the most frequent vectors hold (see `lattice_share`), from which a mesh lies on a lattice.
@@ -36,16 +47,19 @@ def is_segmentation(mesh: Mesh | Surface) -> bool:
 def has_voxel_faces(mesh: Mesh | Surface) -> bool:
     """Whether a mesh consists of the faces of the voxels of a segmentation (cuberille; Herman, Liu 1979)."""
     surface = in_parts(mesh)
-    first = _normal_of_largest(surface, "first axis", None)
+    first = _normal_of_largest(surface, "first axis", np.zeros(3))
     second = None if first is None else _normal_of_largest(surface, "second axis", first)
     if first is None or second is None:
         return False
     axes = np.stack([first, second, np.cross(first, second)])
 
     def along_axes(part: Part) -> Found:
-        own, areas = part.faces, part.mesh.areas
-        along = np.abs(axes @ part.mesh.face_normals.T).max(axis=0) > 1 - 1e-4
-        return {"area": areas[own].sum(), "along": areas[own & along].sum()}
+        own, areas, normals = part.faces, part.mesh.areas, part.mesh.face_normals
+
+        def add(start: int, stop: int, sums: Floats) -> None:
+            _along_range(start, stop, own, areas, normals, axes, sums)
+
+        return dict(zip(("area", "along"), sums_in_blocks(len(own), (2,), add), strict=True))
 
     sums = added(surface.each("along axes", 1, along_axes))
     return bool(sums["along"] >= ALONG_AXES * sums["area"]) and is_segmentation(surface)
@@ -67,15 +81,13 @@ def mean_centroids(mesh: Mesh) -> Vectors:
     return np.where(used, sums / np.maximum(around.counts, 1)[:, None], mesh.vertices)
 
 
-def _normal_of_largest(surface: Surface, name: str, across: Vectors | None) -> Vectors | None:
-    """Return the normal of the largest face, of those across a direction if one is given; None where none has area."""
+def _normal_of_largest(surface: Surface, name: str, across: Vectors) -> Vectors | None:
+    """Return the normal of the largest of the faces that are perpendicular to a vector; None where none has area."""
 
     def largest(part: Part) -> Found:
-        areas, normals = np.where(part.faces, part.mesh.areas, 0.0), part.mesh.face_normals
-        if across is not None:
-            areas = areas * (np.abs(normals @ across) < 1e-3)
-        one = areas.argmax()
-        return {"area": areas[one], "normal": normals[one]}
+        areas, normals = part.mesh.areas, part.mesh.face_normals
+        one = _largest(part.faces, areas, normals, across)
+        return {"area": areas[one] if one >= 0 else np.array(0.0), "normal": normals[one]}
 
     found = max((found for _, found in surface.each(name, 1, largest)), key=lambda found: float(found["area"]))
     return found["normal"] if found["area"] > 0 else None
@@ -112,3 +124,27 @@ def _steps(part: Part) -> Found:
         "vertices": np.count_nonzero(used),
         "in planes": np.count_nonzero(least[used] > 1 - 1e-7),
     }
+
+
+@kernel
+def _largest(own: Bools, areas: Floats, normals: Vectors, across: Vectors) -> int:
+    """Number of the largest of a part's own faces whose normal is perpendicular to a vector; -1 where none has area."""
+    found, most = -1, 0.0
+    for f in range(len(own)):
+        if own[f] and areas[f] > most and abs(dot(row(normals, f), across)) < 1e-3:
+            found, most = f, areas[f]
+    return found
+
+
+@kernel
+def _along_range(
+    start: int, stop: int, own: Bools, areas: Floats, normals: Vectors, axes: Vectors, sums: Floats
+) -> None:
+    """Add to the sums the area of a part's own faces, and that of those whose normals lie along an axis."""
+    for f in range(start, stop):
+        if own[f]:
+            sums[0] += areas[f]
+            for axis in range(3):
+                if abs(dot(row(normals, f), axes[axis])) > 1 - 1e-4:
+                    sums[1] += areas[f]
+                    break

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.parts import AT_ONCE, Found, Part, Surface, in_parts
-from cascadenorm.mesh import Ints, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.vectors import Vector, row, subtract
 
 Lattice = NDArray[np.float64]
 """(3, 3), its rows the edges of a voxel."""
@@ -39,12 +40,19 @@ def lattice_share(mesh: Mesh | Surface) -> float:
         return 0.0
     groups, most = -(-kinds // AT_ONCE), np.empty(0, np.int64)
     for group in range(groups):  # each kind of vector is in one
-        chosen = [(found["keys"], found["counts"], found["keys"] % groups == group) for _, found in parts]
-        keys = np.concatenate([keys[mine] for keys, _, mine in chosen])
-        _, kind = np.unique(keys, return_inverse=True)
-        counts = np.bincount(kind.ravel(), np.concatenate([counts[mine] for _, counts, mine in chosen]))
-        most = np.sort(np.concatenate([most, counts.astype(np.int64)]))[-FREQUENT:]
+        chosen = [_of_group(found, group, groups) for _, found in parts]
+        counts = chosen[0][1]
+        if len(chosen) > 1:
+            _, kind = np.unique(np.concatenate([keys for keys, _ in chosen]), return_inverse=True)
+            counts = np.bincount(kind.ravel(), np.concatenate([counts for _, counts in chosen])).astype(np.int64)
+        most = np.sort(np.concatenate([most, counts]))[-FREQUENT:]
     return float(most.sum() / edges)
+
+
+def _of_group(found: Found, group: int, groups: int) -> tuple[Ints, Ints]:
+    """Return the keys of some kinds of vectors, and how many edges have each."""
+    mine = slice(None) if groups == 1 else found["keys"] % groups == group
+    return found["keys"][mine], found["counts"][mine]
 
 
 def _vectors(part: Part) -> Found:
@@ -54,9 +62,9 @@ def _vectors(part: Part) -> Found:
     size = RESOLUTION * mesh.median_edge_length
     if size == 0:
         return {"edges": np.array(0), "kinds": np.array(0), "keys": np.empty(0, int), "counts": np.empty(0, int)}
-    vectors = mesh.vertices[edges[:, 1]] - mesh.vertices[edges[:, 0]]
-    cells, _ = _directions(np.clip(vectors, -FARTHEST * size, FARTHEST * size), size)
-    keys, counts = np.unique(cells @ np.array([1, 1 << 21, 1 << 42]), return_counts=True)
+    keys = np.empty(len(edges), np.int64)
+    parallel_for(len(edges), _edge_key_range, mesh.vertices, edges, size, keys)
+    keys, counts = np.unique(keys, return_counts=True)
     return {"edges": np.array(len(edges)), "kinds": np.array(len(keys)), "keys": keys, "counts": counts}
 
 
@@ -86,38 +94,54 @@ def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
     """Vectors along edges, each direction once; None where there are too many kinds."""
     ends = mesh.topology.edges[:: max(1, len(mesh.topology.edges) // MOST_EDGES)]
     vectors = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
-    cells, sign = _directions(vectors, STEP * edge)
-    _, number, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    keys, sign = _keys(vectors, STEP * edge)
+    _, number, counts = np.unique(keys, return_inverse=True, return_counts=True)
     common = np.argsort(-counts, kind="stable")[:DIRECTIONS]
-    if counts[common].sum() < COVERED * len(cells):
+    if counts[common].sum() < COVERED * len(keys):
         return None
     totals = scatter_add(number.ravel(), vectors * sign, len(counts))
     return np.asarray((totals / counts[:, None])[common])
 
 
-def _directions(vectors: Vectors, size: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Round vectors to multiples of a size, (n, 3), and give opposite ones the same sign, (n, 1)."""
-    cells, sign = np.empty(vectors.shape, np.int64), np.empty((len(vectors), 1), np.int64)
-    parallel_for(len(vectors), _directions_range, np.ascontiguousarray(vectors), size, cells, sign)
-    return cells, sign
+def _keys(vectors: Vectors, size: float) -> tuple[Ints, Ints]:
+    """Number vectors by the multiples of a size that they are rounded to, the same for opposite ones.
+
+    Returns
+    -------
+    the numbers, (n,), in the order of the coordinates, and the sign, (n, 1), that makes a vector the one of its number
+    """
+    keys, sign = np.empty(len(vectors), np.int64), np.empty((len(vectors), 1), np.int64)
+    parallel_for(len(vectors), _key_range, np.ascontiguousarray(vectors), size, keys, sign)
+    return keys, sign
 
 
 @kernel
-def _directions_range(start: int, stop: int, vectors: Vectors, size: float, cells: Ints, sign: Ints) -> None:
-    """The sign is that of the first coordinate that is not zero."""
+def _key(vector: Vector, size: float) -> tuple[int, int]:
+    """Number of a vector, and its sign: that of its first coordinate that is not zero."""
+    key = sign = 0
+    for d in range(3):
+        cell = int(np.rint(min(max(vector[d] / size, -FARTHEST), FARTHEST)))
+        if sign == 0:
+            sign = int(np.sign(cell))
+        key = key * (1 << 21) + cell * sign
+    return key, sign
+
+
+@kernel
+def _key_range(start: int, stop: int, vectors: Vectors, size: float, keys: Ints, sign: Ints) -> None:
     for i in range(start, stop):
-        sign[i, 0] = 0
-        for d in range(3):
-            cells[i, d] = np.int64(np.rint(vectors[i, d] / size))
-            if sign[i, 0] == 0:
-                sign[i, 0] = np.sign(cells[i, d])
-        for d in range(3):
-            cells[i, d] *= sign[i, 0]
+        keys[i], sign[i, 0] = _key(row(vectors, i), size)
+
+
+@kernel
+def _edge_key_range(start: int, stop: int, vertices: Vectors, edges: Ints32, size: float, keys: Ints) -> None:
+    for e in range(start, stop):
+        keys[e] = _key(subtract(row(vertices, edges[e, 1]), row(vertices, edges[e, 0])), size)[0]
 
 
 def _different(vectors: Vectors, edge: float) -> Vectors:
     """Vectors of which none is zero or another's negative, shortest first."""
-    _, first = np.unique(_directions(vectors, 4 * STEP * edge)[0], axis=0, return_index=True)
+    _, first = np.unique(_keys(vectors, 4 * STEP * edge)[0], return_index=True)
     kept = vectors[first]
     lengths = np.linalg.norm(kept, axis=1)
     kept, lengths = kept[lengths > 0.1 * edge], lengths[lengths > 0.1 * edge]

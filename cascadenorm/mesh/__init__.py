@@ -28,7 +28,14 @@ from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeat
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh, face_area_vectors
 from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
-from cascadenorm.mesh.threads import in_blocks, limit_threads, one_blas_thread, parallel_for, thread_count
+from cascadenorm.mesh.threads import (
+    in_blocks,
+    limit_threads,
+    one_blas_thread,
+    parallel_for,
+    sums_in_blocks,
+    thread_count,
+)
 from cascadenorm.mesh.topology import Topology
 
 __all__ = [
@@ -72,6 +79,7 @@ __all__ = [
     "scale_between",
     "scaled_alike",
     "scatter_add",
+    "sums_in_blocks",
     "thread_count",
     "unit",
     "without_lines",

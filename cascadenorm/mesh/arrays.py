@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh.kernels import kernel
-from cascadenorm.mesh.threads import parallel_for
+from cascadenorm.mesh.threads import parallel_for, sums_in_blocks
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -72,7 +72,7 @@ def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
 
 
 def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: int) -> Floats:
-    """Add rows to the places that their indices name: out[index[i]] += values[i], in the order of i.
+    """Add rows to the places that their indices name: out[index[i]] += values[i].
 
     Parameters
     ----------
@@ -83,11 +83,14 @@ def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: i
     -------
     (length, …) float64; zero where no index points
     """
-    out = np.zeros((length, *values.shape[1:]))
     columns = math.prod(values.shape[1:])
-    values = np.ascontiguousarray(values, np.result_type(values, np.float32)).reshape(len(index), columns)
-    _scatter_add(np.ascontiguousarray(index, np.int64), values, out.reshape(length, columns))
-    return out
+    values = np.ascontiguousarray(values, np.result_type(values, np.float32))
+    rows = values.reshape(len(index), columns)
+
+    def add(start: int, stop: int, out: Floats) -> None:
+        _scatter_add(np.ascontiguousarray(index[start:stop], np.int64), rows[start:stop], out)
+
+    return sums_in_blocks(len(index), (length, columns), add).reshape(length, *values.shape[1:])
 
 
 @kernel

@@ -4,6 +4,7 @@ A kernel is `kernel(start, stop, *arrays)` and writes only what belongs to start
 depend on the range; so the bytes of the result do not depend on the number of threads.
 """
 
+import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +22,7 @@ from cascadenorm.mesh.thread_pool import on_threads
 BLOCK = 1024  # rows, of which some hundred numbers each fit into the second cache
 CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
 SMALLEST_CHUNK = 512
+SUMS = 32  # blocks that are added up on their own, where each has many more terms than there are sums
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
 
@@ -139,3 +141,17 @@ def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[An
 
     on_threads(thread_count(), blocks, alone)
     return out[0]
+
+
+def sums_in_blocks(
+    count: int, shape: tuple[int, ...], add: Callable[[int, int, NDArray[np.float64]], Any]
+) -> NDArray[np.float64]:
+    """Call add(start, stop, sums) on blocks of 0 … count, and add up their sums, which are of one shape and begin at 0.
+
+    The blocks do not depend on the threads. There is one where the sums are nearly as many as the terms.
+    """
+    blocks = SUMS if 4 * SUMS * math.prod(shape) <= count else 1
+    sums = np.zeros((blocks, *shape))
+    starts = [i * count // blocks for i in range(blocks + 1)]
+    on_threads(thread_count(), blocks, lambda i: add(starts[i], starts[i + 1], sums[i]))
+    return np.asarray(sums.sum(axis=0))
