@@ -53,10 +53,12 @@ def recover_vertices(
     """
     vertices = (mesh.vertices if start is None else start).copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
+    groups = [colors.row(color) for color in range(len(colors.counts))]
+    if movable is not None:
+        groups = [group[movable[group]] for group in groups]
     weights, step, avoid = face_weights(mesh, weighting), _over_relaxation(weighting), foldovers == "avoid"
     for _ in range(sweeps):
-        for color in range(len(colors.counts)):
-            mine = colors.row(color) if movable is None else colors.row(color)[movable[colors.row(color)]]
+        for mine in groups:
             parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, avoid, around)
     return vertices
 

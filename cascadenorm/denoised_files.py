@@ -18,7 +18,7 @@ from cascadenorm.geometry.error_kind import ErrorKind, error_kind
 from cascadenorm.interop import mesh_of_file, source_name
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_target
-from cascadenorm.mesh import Mesh, in_frame, ordered_for_cache, without_lines
+from cascadenorm.mesh import Mesh, Vectors, in_frame, ordered_for_cache, row_lengths, without_lines
 from cascadenorm.registry import Method
 
 
@@ -128,8 +128,9 @@ def written_file(
     except ReadError as error:  # a fault of the source that only other formats need to know
         raise error.within(source_name(source)) from error.__cause__
 
-    moves = np.linalg.norm(np.ldexp(vertices - mesh.vertices, -exponent), axis=1)
-    in_edges = moves / small.mean_edge_length if small.mean_edge_length > 0 else moves
+    moves = np.ldexp(vertices - mesh.vertices, -exponent)
+    lengths = row_lengths(moves)
+    in_edges = lengths / small.mean_edge_length if small.mean_edge_length > 0 else lengths
     summary = DenoisingSummary(
         source=source_name(source),
         output=source_name(output),
@@ -141,24 +142,29 @@ def written_file(
         faces=len(mesh.faces),
         isolated_vertices=int(file.bad_vertices.sum()),
         isolated_faces=int(file.left_out.sum()),
-        moved=int((moves > 0).sum()),
+        moved=int((lengths > 0).sum()),
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
-        error=_error_found(method, mesh, vertices, controls["strength"]),
+        error=_error_found(method, small, exponent, moves, controls["strength"]),
         left_out=tuple(left_out),
     )
     return Denoised(summary, file, moved)
 
 
-def _error_found(method: Method, mesh: Mesh, vertices: NDArray[np.float64], strength: float) -> ErrorKind | None:
-    """Tell the kind of error from what `auto` took away, of which a strength below 1 takes only a share."""
+def _error_found(method: Method, small: Mesh, exponent: int, moves: Vectors, strength: float) -> ErrorKind | None:
+    """Tell the kind of error from what `auto` took away, of which a strength below 1 takes only a share.
+
+    Parameters
+    ----------
+    small, exponent : the mesh in its frame
+    moves : (n, 3) displacements of the vertices there
+    """
     if method.name != "auto" or not strength:
         return None
-    small, exponent = in_frame(without_lines(mesh))
     order = ordered_for_cache(small)
-    moves = np.ldexp(vertices - mesh.vertices, -exponent)[order.numbers] / min(strength, 1.0)
-    return error_kind(order.mesh, order.mesh.vertices + moves, exponent=exponent)
+    removed = moves[order.numbers] / min(strength, 1.0)
+    return error_kind(order.mesh, order.mesh.vertices + removed, exponent=exponent)
 
 
 def _checked_output(

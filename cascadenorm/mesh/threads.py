@@ -107,8 +107,9 @@ def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest:
     what the calls returned, in the order of the ranges
     """
     threads = thread_count()
-    chunks = threads * CHUNKS_PER_THREAD if threads > 1 else 1
-    chunk = max(smallest, -(-count // chunks))
+    if count and (threads == 1 or count <= smallest):  # without the rest, which takes as long as many a kernel
+        return [run(0, count, *arguments)]
+    chunk = max(smallest, -(-count // (threads * CHUNKS_PER_THREAD)))
     starts = range(0, count, chunk)
     return on_threads(threads, len(starts), lambda i: run(starts[i], min(starts[i] + chunk, count), *arguments))
 
@@ -148,9 +149,9 @@ def sums_in_blocks(
 ) -> NDArray[np.float64]:
     """Call add(start, stop, sums) on blocks of 0 … count, and add up their sums, which are of one shape and begin at 0.
 
-    The blocks do not depend on the threads. There is one where the sums are nearly as many as the terms.
+    The blocks do not depend on the threads. There is one where terms are few, or not many more than the sums.
     """
-    blocks = SUMS if 4 * SUMS * math.prod(shape) <= count else 1
+    blocks = SUMS if count >= SUMS * max(SMALLEST_CHUNK, 4 * math.prod(shape)) else 1
     sums = np.zeros((blocks, *shape))
     starts = [i * count // blocks for i in range(blocks + 1)]
     on_threads(thread_count(), blocks, lambda i: add(starts[i], starts[i + 1], sums[i]))
