@@ -250,7 +250,9 @@ def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64], known: 
         vertices = step(mesh) if known is None or time == len(known) else known[time]
         if known is not None and time == len(known):
             known.append(vertices)
-        displacement += np.clip(strengths - time, 0.0, 1.0)[:, None] * (vertices - mesh.vertices)
+        difference = vertices - mesh.vertices
+        difference *= np.clip(strengths - time, 0.0, 1.0)[:, None]
+        displacement += difference
         mesh = mesh.moved(vertices)
     return displacement
 

@@ -42,16 +42,18 @@ def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float,
     DenoiseError : a vertex would leave the range of the type
     """
     limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that it also holds when measured in that type
-    before = mesh.vertices.astype(dtype)
     with np.errstate(over="ignore"):
         step = np.ldexp(limited(displacement, limit), exponent)
-        after = np.where(step != 0, mesh.vertices + step, mesh.vertices).astype(dtype)
+        moved = mesh.vertices + step
+        np.copyto(moved, mesh.vertices, where=step == 0)
+        after = moved.astype(dtype, copy=False)
     bad = ~all_in_rows(np.isfinite(after))
     if bad.any():
         raise DenoiseError(
             f"{bad.sum()} vertices would exceed the range of {dtype} (vertices {first_places(bad)})",
             hint="scale the mesh down first",
         )
+    before = mesh.vertices.astype(dtype, copy=False)
     while limit < np.inf:  # rounding may have passed the limit: come back by single steps of the number type
         taken = np.ldexp(after.astype(np.float64) - before.astype(np.float64), -exponent)
         long = np.linalg.norm(taken, axis=1) > limit

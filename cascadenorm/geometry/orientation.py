@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Bools, Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Bools, Csr, Floats, Index, Ints32, Mesh, Vectors, kernel
 from cascadenorm.mesh.vectors import cross, dot, row, subtract
 
 
@@ -66,29 +66,25 @@ def patches(mesh: Mesh, among: NDArray[np.bool_] | None = None) -> Patches:
 def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
     """Return which faces have to be flipped, (m,)."""
     count, (patch, flipped, at_boundary, _) = len(mesh.faces), patches(mesh)
-    sign = np.where(flipped, -1.0, 1.0)
-    wanted = scatter_add(patch, sign, count)
+    wanted, volume = np.zeros(count), np.zeros(count)
+    _weigh(mesh.vertices, mesh.faces, patch, flipped, wanted, volume)
     wanted[wanted == 0] = 1.0
-    volume = scatter_add(patch, sign * _volumes(mesh, patch), count)
-    closed = np.ones(count, bool)
+    closed = volume != 0
     closed[patch[at_boundary]] = False
-    wanted = np.where(closed & (volume != 0), volume, wanted)
-    return np.asarray(sign * wanted[patch] < 0)
-
-
-def _volumes(mesh: Mesh, patch: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return six times the signed volume between each face and a vertex of its patch."""
-    out = np.empty(len(patch))
-    parallel_for(len(out), _volume_range, mesh.vertices, mesh.faces, patch, out)
-    return out
+    np.copyto(wanted, volume, where=closed)
+    wanted = wanted[patch]
+    return np.where(flipped, wanted > 0, wanted < 0)
 
 
 @kernel
-def _volume_range(start: int, stop: int, vertices: Vectors, faces: Ints32, patch: Ints32, out: Floats) -> None:
-    for f in range(start, stop):
+def _weigh(vertices: Vectors, faces: Ints32, patch: Ints32, flipped: Bools, majority: Floats, volume: Floats) -> None:
+    """Count the faces of each patch, those that are flipped as -1, and add six times the volume below each."""
+    for f in range(len(faces)):
         origin = row(vertices, faces[patch[f], 0])
         a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
-        out[f] = dot(subtract(a, origin), cross(subtract(b, origin), subtract(c, origin)))
+        sign = -1.0 if flipped[f] else 1.0
+        majority[patch[f]] += sign
+        volume[patch[f]] += sign * dot(subtract(a, origin), cross(subtract(b, origin), subtract(c, origin)))
 
 
 @kernel

@@ -23,12 +23,13 @@ class Frame(NamedTuple):
 
     def points(self, positions: NDArray[Any]) -> Vectors:
         """Return positions, (k, 3), in this frame, exactly."""
-        return np.asarray(np.ldexp(positions.astype(np.float64) - self.center, -self.exponent))
+        return np.asarray(np.ldexp(positions.astype(np.float64, copy=False) - self.center, -self.exponent))
 
     def of(self, mesh: Mesh) -> Mesh:
         """Return the mesh in this frame, exactly; vertices without a face are at the origin."""
-        used = mesh.topology.used_vertices[:, None]
-        return mesh.moved(self.points(np.where(used, mesh.vertices, self.center)))
+        used = mesh.topology.used_vertices
+        vertices = mesh.vertices if used.all() else np.where(used[:, None], mesh.vertices, self.center)
+        return mesh.moved(self.points(vertices))
 
 
 def frame_between(lower: Vectors, upper: Vectors) -> Frame:
@@ -39,7 +40,8 @@ def frame_between(lower: Vectors, upper: Vectors) -> Frame:
 
 def frame_of(mesh: Mesh) -> Frame:
     """Return the frame of the vertices that a face uses."""
-    return frame_between(*box_of(mesh.vertices[mesh.topology.used_vertices]))
+    used = mesh.topology.used_vertices
+    return frame_between(*box_of(mesh.vertices if used.all() else mesh.vertices[used]))
 
 
 def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
