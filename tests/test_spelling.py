@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from cascadenorm.io.spelling import lines_of, rows_of, spelled
+from cascadenorm.io.spelling import lines_of, respelled, rows_of
+from cascadenorm.io.text import Text
+
+
+def spelled(values):
+    """Spell numbers in place of the words of a text."""
+    return b"".join(respelled(Text(b"x " * len(values)), (np.arange(len(values)), values))).split()
 
 
 def of_all_sizes(kind):
@@ -32,12 +38,12 @@ def of_all_sizes(kind):
 
 def test_doubles_are_spelled_as_python_does():
     values = of_all_sizes(np.float64)
-    assert spelled(values).tolist() == [repr(value).encode() for value in values.tolist()]
+    assert spelled(values) == [repr(value).encode() for value in values.tolist()]
 
 
 def test_single_precision_takes_the_fewest_digits():
     values = of_all_sizes(np.float32)
-    words = spelled(values).tolist()
+    words = spelled(values)
     assert np.array_equal(np.array([float(word) for word in words], np.float32), values, equal_nan=True)
     for value, word in zip(values[np.isfinite(values)], np.array(words)[np.isfinite(values)].tolist(), strict=True):
         shortest = np.format_float_scientific(value, unique=True, trim="-")
@@ -48,8 +54,8 @@ def test_single_precision_takes_the_fewest_digits():
 
 def test_whole_numbers():
     values = np.array([0, 7, -7, 10, 99, 100, -(2**63), 2**63 - 1])
-    assert spelled(values).tolist() == [b"%d" % value for value in values.tolist()]
-    assert spelled(np.array([[0, 255]], np.uint8)).tolist() == [b"0", b"255"]
+    assert spelled(values) == [b"%d" % value for value in values.tolist()]
+    assert spelled(np.array([0, 255], np.uint8)) == [b"0", b"255"]
 
 
 @pytest.mark.parametrize("keyword", [b"", b"v"])
@@ -64,3 +70,13 @@ def test_tables_side_by_side(keyword):
 def test_long_tables_are_spelled_in_parts():
     table = np.arange(600_000).reshape(-1, 2)
     assert lines_of(b"f", table) == b"".join(b"f %d %d\n" % tuple(row) for row in table.tolist())
+
+
+def test_words_of_a_long_text_are_replaced_by_numbers_of_two_types():
+    words = [b"%d" % number for number in range(600_000)]
+    text, first, second = Text(b"\t".join(words)), np.arange(5, 400_000, 7), np.arange(6, 400_000, 70)
+    doubles, singles = first / 3, (second / 3).astype(np.float32)
+    for word, value in zip([*first, *second], [*doubles, *singles], strict=True):
+        words[word] = (repr(float(value)) if value.dtype == np.float64 else str(value)).encode()
+    assert b"".join(respelled(text, (first, doubles), (second, singles))) == b"\t".join(words)
+    assert b"".join(respelled(text)) == text.data

@@ -16,7 +16,7 @@ from cascadenorm.io.materials import textures
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.patches import Patches
 from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.spelling import lines_of, rows_of, spelled
+from cascadenorm.io.spelling import lines_of, respelled, rows_of
 from cascadenorm.io.text import Text, blocks
 from cascadenorm.io.tokenizer import Places
 
@@ -85,7 +85,7 @@ class ObjFile(MeshFile):
 
     def _moved_pieces(self) -> Iterable[Piece]:
         text = self._text
-        words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
+        replaced = [(self._words[self._changed], self.positions[self._changed])]
         lines = text.lines_with(b"vn")
         if len(lines) and (text.stop[lines] - text.first[lines]).min() > 3:
             columns = text.columns(lines, 3)
@@ -93,9 +93,8 @@ class ObjFile(MeshFile):
             named = self._references(2, lines)
             named[named >= len(lines)] = -1
             normals, renewed = self._renewed(Normals(stored, self._at_triangles(named)))
-            words = np.concatenate([words, columns[renewed].ravel()])
-            spellings = np.concatenate([spellings, spelled(normals[renewed].astype(np.float32))])
-        return text.replaced(words, spellings)
+            replaced.append((columns[renewed].ravel(), normals[renewed].astype(np.float32).ravel()))
+        return respelled(text, *replaced)
 
     def _at_triangles(self, named: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return what the corners of the polygons name at the corners of the triangles."""
@@ -230,7 +229,7 @@ def _face_lines(polygons: Polygons, textured: bool) -> list[bytes]:
     corners, counts = polygons.corners + 1, polygons.counts
     if len(counts) and (counts == counts[0]).all() and not textured:
         return [lines_of(b"f", corners.reshape(len(counts), counts[0]))]
-    words = spelled(corners).tolist()
+    words = rows_of(corners[:, None])
     if textured:
         words = [b"%b/%b" % (word, word) for word in words]
     return [b"f %b\n" % b" ".join(words[a:b]) for a, b in pairwise(polygons.indptr.tolist())]

@@ -13,7 +13,7 @@ from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.content import Content
 from cascadenorm.io.normals import Normals
 from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.spelling import lines_of, rows_of, spelled
+from cascadenorm.io.spelling import lines_of, respelled, rows_of
 from cascadenorm.io.text import Text
 from cascadenorm.io.tokenizer import Places
 
@@ -58,14 +58,13 @@ class OffFile(MeshFile):
         return Polygons.from_counts(counts, text.integers(ranges(text.first[self._faces] + 1, counts)))
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
+        replaced = [(self._words[self._changed], self.positions[self._changed])]
         if "N" in self._flavour:
             columns = self._text.columns(self._vertices, 3, start=4 if "4" in self._flavour else 3)
             stored = self._text.numbers_at(self._text.starts[columns], self._text.ends[columns], lax=True)
             normals, renewed = self._renewed(Normals(stored, self.triangles))
-            words = np.concatenate([words, columns[renewed].ravel()])
-            spellings = np.concatenate([spellings, spelled(normals[renewed].astype(np.float32))])
-        return self._text.replaced(words, spellings)
+            replaced.append((columns[renewed].ravel(), normals[renewed].astype(np.float32).ravel()))
+        return respelled(self._text, *replaced)
 
     def _read_content(self) -> Content:
         counts = self.polygons.counts
@@ -113,7 +112,7 @@ def _face_lines(polygons: Polygons, colors: list[NDArray[np.uint8]]) -> list[byt
     counts = polygons.counts
     if len(counts) and (counts == counts[0]).all():
         return [lines_of(b"%d" % counts[0], polygons.corners.reshape(len(counts), counts[0]), *colors)]
-    words = spelled(polygons.corners).tolist()
+    words = rows_of(polygons.corners[:, None])
     ends = [b" " + row for row in rows_of(colors[0])] if colors else [b""] * len(counts)
     pairs = zip(pairwise(polygons.indptr.tolist()), ends, strict=True)
     return [b"%d %b%b\n" % (b - a, b" ".join(words[a:b]), end) for (a, b), end in pairs]

@@ -19,7 +19,7 @@ from cascadenorm.io.ply_header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply_rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
 from cascadenorm.io.ply_table import Body, Column, Kind, columns
 from cascadenorm.io.polygons import Polygons, strips
-from cascadenorm.io.spelling import spelled
+from cascadenorm.io.spelling import respelled
 from cascadenorm.io.text import Text
 from cascadenorm.io.tokenizer import splice
 
@@ -134,21 +134,23 @@ class PlyFile(MeshFile):
         place = np.concatenate([places for places, _, _ in parts])
         order = np.argsort(place)
         end = (place + np.concatenate([np.full(len(places), size) for places, size, _ in parts]))[order]
-        letters = np.concatenate([new for _, _, new in parts])[order].view(np.uint8).reshape(-1, 8)
-        lengths = np.where(end < self.header.length, len(b"double"), 8)
-        out = np.empty(len(self.data) + 8 * len(place), np.uint8)
-        return out[: splice(np.frombuffer(self.data, np.uint8), place[order], end, letters, lengths, out)].tobytes()
+        letters = np.concatenate([new for _, _, new in parts])[order].view(np.uint8)
+        begins = np.arange(0, len(letters), 8)
+        stops = begins + np.where(end < self.header.length, len(b"double"), 8)
+        out = np.empty(len(self.data) + len(letters), np.uint8)
+        size = splice(np.frombuffer(self.data, np.uint8), place[order], end, letters, begins, stops, out)
+        return out[:size].tobytes()
 
     def _spliced(self, text: Text, replaced: list[Replaced]) -> Iterable[Piece]:
-        places, words = [], []
+        tables = []
         for element, names, values, chosen in replaced:
             for axis, name in enumerate(names):
                 declared = self._property(element, name)
                 assert declared is not None
-                places.append(np.asarray(self._columns[element, name].offsets)[chosen[:, axis]] // WORD)
+                words = np.asarray(self._columns[element, name].offsets)[chosen[:, axis]] // WORD
                 kind = np.float32 if declared.kind == "f4" and values.dtype != np.float64 else np.float64
-                words.append(spelled(values[chosen[:, axis], axis].astype(kind)))
-        return text.replaced(np.concatenate(places), np.concatenate(words))
+                tables.append((words, values[chosen[:, axis], axis].astype(kind)))
+        return respelled(text, *tables)
 
     def with_patches(self, patches: Patches) -> "PlyFile":
         """Return this file with further vertices and triangles; of its bytes only the two numbers of rows change.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.ply_header import NAMES, Element
 from cascadenorm.io.polygons import Polygons
-from cascadenorm.io.spelling import spelled
+from cascadenorm.io.spelling import rows_of
 from cascadenorm.io.text import blocks
 
 
@@ -29,12 +29,12 @@ def binary_rows(element: Element, values: list[NDArray[Any]], byte_order: str) -
 
 def text_rows(element: Element, values: list[NDArray[Any]]) -> list[bytes]:
     """Return further rows of an element, a line each."""
-    words: list[NDArray[np.bytes_]] = []
+    words: list[list[bytes]] = []
     for p, value in zip(element.properties, values, strict=True):
-        words += [spelled(np.full(len(value), value.shape[1]))] if p.count_kind else []
+        words += [rows_of(np.full((len(value), 1), value.shape[1]))] if p.count_kind else []
         kind = np.dtype("i8" if p.kind[0] != "f" else p.kind if value.dtype != np.float64 else "f8")
-        words += [spelled(column) for column in value.astype(kind).T]
-    return [b" ".join(row) for row in zip(*(column.tolist() for column in words), strict=True)]
+        words += [rows_of(column[:, None]) for column in value.astype(kind).T]
+    return [b" ".join(row) for row in zip(*words, strict=True)]
 
 
 def fields_of(values: Any) -> dict[str, NDArray[Any]]:

@@ -1,5 +1,6 @@
 """Numbers as text, with the fewest digits from which their type gets them back, laid out as Python and numpy do."""
 
+from collections.abc import Iterator
 from itertools import chain
 from typing import Any
 
@@ -7,32 +8,66 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from cascadenorm.io.text import blocks
-from cascadenorm.io.tokenizer import apart
-from cascadenorm.mesh import any_in_rows
-
-WIDTH = 32
-"""Letters that are enough for any number."""
+from cascadenorm.io.base import Piece
+from cascadenorm.io.text import Text, blocks
+from cascadenorm.io.tokenizer import Places, commas, splice
+from cascadenorm.mesh import Ints, any_in_rows
 
 PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
 """From where to where numbers have no exponent; orjson writes those beyond in another way."""
 
 
-def spelled(values: NDArray[Any]) -> NDArray[np.bytes_]:
-    """Spell each number of an array, row after row."""
-    flat = _native(values.ravel())
-    out = np.zeros(len(flat), f"S{WIDTH}")
-    for block in blocks(len(flat)):
-        text = orjson.dumps(flat[block], option=orjson.OPT_SERIALIZE_NUMPY)[1:-1]  # between [ and ]
-        apart(np.frombuffer(text, np.uint8), out[block].view(np.uint8).reshape(-1, WIDTH))
-        beyond = block.start + np.flatnonzero(_beyond(flat[block]))
-        out[beyond] = [_word(value) for value in flat[beyond]]
-    return out
+def respelled(text: Text, *tables: tuple[Places, NDArray[Any]]) -> Iterator[Piece]:
+    """Return a text, in pieces, with words replaced by numbers.
+
+    Parameters
+    ----------
+    tables : (k,) words, ascending and in no other table, and (k,) numbers, spelled as those of their type
+    """
+    table_of, waiting = np.zeros(len(text.starts), np.int8), [values for _, values in tables]
+    for table, (words, _) in enumerate(tables, 1):
+        table_of[words] = table
+    last = 0
+    for block in blocks(len(table_of)):
+        replaced = np.flatnonzero(table_of[block])
+        if not len(replaced):
+            continue
+
+        # where the new spelling of each word is
+        letters, begins, stops = b"", np.empty(len(replaced), np.int64), np.empty(len(replaced), np.int64)
+        for table, values in enumerate(waiting):
+            own = table_of[block][replaced] == table + 1
+            count = np.count_nonzero(own)
+            spelled, first, after = _spelled(values[:count])
+            begins[own], stops[own] = first + len(letters), after + len(letters)
+            letters, waiting[table] = letters + spelled, values[count:]
+
+        # the text up to the last of them
+        starts, ends = text.starts[block][replaced] - last, text.ends[block][replaced] - last
+        part = text.bytes[last : last + int(ends[-1])]
+        out = np.empty(len(part) + len(letters), np.uint8)
+        size = splice(part, starts, ends, np.frombuffer(letters, np.uint8), begins, stops, out)
+        yield out[:size].data
+        last += len(part)
+    yield memoryview(text.data)[last:]
+
+
+def _spelled(values: NDArray[Any]) -> tuple[bytes, Ints, Ints]:
+    """Spell numbers, (k,): letters, and where in them each number begins and stops."""
+    letters = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1] + b","  # between [ and ]
+    stops = np.empty(len(values), np.int64)
+    commas(np.frombuffer(letters, np.uint8), stops)
+    begins = np.concatenate([np.zeros(1, np.int64), stops[:-1] + 1])[: len(stops)]
+    beyond = np.flatnonzero(_beyond(values))
+    words = [_word(value) for value in values[beyond]]  # behind the others
+    stops[beyond] = len(letters) + np.cumsum([len(word) for word in words], dtype=np.int64)
+    begins[beyond] = stops[beyond] - [len(word) for word in words]
+    return b"".join([letters, *words]), begins, stops
 
 
 def rows_of(values: NDArray[Any]) -> list[bytes]:
     """Spell the rows of a table, with spaces between the numbers."""
-    parts = [_spelled(values[block], b"\n").split(b"\n") for block in blocks(len(values), values.shape[1])]
+    parts = [_row_text(values[block], b"\n").split(b"\n") for block in blocks(len(values), values.shape[1])]
     return list(chain(*parts))
 
 
@@ -40,13 +75,13 @@ def lines_of(keyword: bytes, *tables: NDArray[Any]) -> bytes:
     """Spell tables side by side, a line for each row, which begins with the keyword if that is not empty."""
     begin = b"\n" + keyword + b" " if keyword else b"\n"
     if len(tables) == 1:  # the rows of a block at once, in half the time
-        rows = [_spelled(tables[0][block], begin) for block in blocks(len(tables[0]), tables[0].shape[1])]
+        rows = [_row_text(tables[0][block], begin) for block in blocks(len(tables[0]), tables[0].shape[1])]
     else:
         rows = [b" ".join(words) for words in zip(*map(rows_of, tables), strict=True)]
     return (begin.join([b"", *rows]) + b"\n").removeprefix(b"\n")
 
 
-def _spelled(values: NDArray[Any], between: bytes) -> bytes:
+def _row_text(values: NDArray[Any], between: bytes) -> bytes:
     """Spell the rows of a table that has some, with spaces between the numbers and a line break between the rows."""
     text = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # between [[ and ]]
     text = text.replace(b"],[", between).replace(b",", b" ")

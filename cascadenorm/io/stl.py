@@ -11,7 +11,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
 from cascadenorm.io.polygons import Polygons, largest_coordinate, triangulate, unit_normals
-from cascadenorm.io.spelling import spelled
+from cascadenorm.io.spelling import respelled
 from cascadenorm.io.text import Text, blocks
 from cascadenorm.io.tokenizer import Places
 from cascadenorm.mesh import any_in_rows
@@ -52,13 +52,12 @@ class StlFile(MeshFile):
         if self._text is None:
             end = HEADER + self._records.nbytes
             return chain([self.data[:HEADER]], self._moved_records(moved, largest), [memoryview(self.data)[end:]])
-        normals = unit_normals(self.positions, self.triangles[moved], largest)
-        words, spellings = self._words[self._changed], spelled(self.positions[self._changed])
+        replaced = [(self._words[self._changed], self.positions[self._changed])]
         text, facet_lines = self._text, self._facets
         if (text.stop[facet_lines] - text.first[facet_lines] >= 5).all():  # facet normal x y z
-            words = np.concatenate([words, text.columns(facet_lines[moved], 3, start=2).ravel()])
-            spellings = np.concatenate([spellings, spelled(normals)])
-        return text.replaced(words, spellings)
+            normals = unit_normals(self.positions, self.triangles[moved], largest)
+            replaced.append((text.columns(facet_lines[moved], 3, start=2).ravel(), normals.ravel()))
+        return respelled(text, *replaced)
 
     def _moved_records(self, moved: NDArray[np.bool_], largest: float) -> Iterator[Piece]:
         """Return the records with the present positions, and the normals of those that moved, block by block."""

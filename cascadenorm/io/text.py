@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.tokenizer import Places, begins_with, cut, decimals, splice
+from cascadenorm.io.tokenizer import Places, begins_with, cut, decimals
 from cascadenorm.mesh import parallel_for
 
 NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries spell it
@@ -60,25 +60,10 @@ class Text:
         mantissas = (re.split(rb"[eE]", self.data[start:end])[0] for start, end in places)
         return max((len(re.sub(rb"\D", b"", word).strip(b"0")) for word in mantissas), default=0)
 
-    def replaced(self, words: Places, spellings: NDArray[np.bytes_]) -> Iterator[bytes]:
-        """Return the text, in pieces, with words replaced."""
-        order = np.argsort(words)
-        last = 0
-        for block in (order[part] for part in blocks(len(order))):
-            starts, ends = self.starts[words[block]] - last, self.ends[words[block]] - last
-            fixed = np.ascontiguousarray(spellings[block])
-            lengths = np.char.str_len(fixed)
-            part = self.bytes[last : last + int(ends[-1])]
-            out = np.empty(len(part) + int(lengths.sum()), np.uint8)
-            size = splice(part, starts, ends, fixed.view(np.uint8).reshape(len(fixed), -1), lengths, out)
-            yield out[:size].tobytes()
-            last += len(part)
-        yield self.data[last:]
-
     def columns(self, lines: Places, count: int, *, start: int = 1) -> Places:
         """Return the words of each line from the one numbered `start`, (l, count); raises ReadError where too few."""
         self.require(lines, np.full(len(lines), start + count))
-        return self.first[lines][:, None] + np.arange(start, start + count)
+        return self.first[lines][:, None] + np.arange(start, start + count, dtype=self.first.dtype)
 
     def require(self, lines: Places, words: Places) -> None:
         """Raise ReadError at the first line that has fewer words than it needs."""

@@ -157,27 +157,25 @@ def _quotient(whole: int, power: float) -> float:
 
 
 @kernel
-def apart(text: Bytes, letters: Bytes) -> None:
-    """Put words with commas between them into a row each; split and converted by numpy they take five times as long."""
-    word = place = 0
-    for byte in text:
-        if byte == 44:
-            word, place = word + 1, 0
-        else:
-            letters[word, place] = byte
-            place += 1
+def commas(text: Bytes, places: Ints) -> None:
+    """Find the commas of a text."""
+    found = 0
+    for i in range(len(text)):
+        if text[i] == 44:
+            places[found] = i
+            found += 1
 
 
 @kernel
-def splice(data: Bytes, starts: Places, ends: Places, letters: Bytes, lengths: Ints, out: Bytes) -> int:
-    """Copy the data with words at these places replaced by the first letters of each row; the length of the copy."""
+def splice(data: Bytes, starts: Places, ends: Places, letters: Bytes, begins: Ints, stops: Ints, out: Bytes) -> int:
+    """Copy the data with words at these places replaced by letters from begin to stop; the length of the copy."""
     at = last = 0
     for k in range(len(starts)):
         for i in range(last, starts[k]):
             out[at] = data[i]
             at += 1
-        for i in range(lengths[k]):
-            out[at] = letters[k, i]
+        for i in range(begins[k], stops[k]):
+            out[at] = letters[i]
             at += 1
         last = ends[k]
     for i in range(last, len(data)):
