@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -158,7 +158,7 @@ class MeshFile(ABC):
     def mesh(self) -> Mesh:
         """The triangles with seams closed; raises MeshError where the file describes no valid mesh."""
         if self._isolates:
-            return isolated(self.positions[self._weld[1]], self._welded_triangles)
+            return isolated(self._at_vertices(self.positions), self._welded_triangles)
         if not len(self.polygons):
             raise MeshError(
                 f"the file has {len(self.positions)} vertices and no faces: reconstruct a surface from the points first"
@@ -171,24 +171,34 @@ class MeshFile(ABC):
                 hint="give them a position, remove them and their faces",
                 remedy=("on_bad", "isolate"),
             )
-        return Mesh(self.positions[self._weld[1]], self._welded_triangles)
+        return Mesh(self._at_vertices(self.positions), self._welded_triangles)
 
     @property
-    def _welded_triangles(self) -> NDArray[np.int32]:
+    def _splits(self) -> bool:
+        """Whether a vertex of `mesh` has several positions; most files split none, and are read in less time."""
+        welds, first = self._weld
+        return len(first) < len(welds)
+
+    def _at_vertices(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return what the first position of each vertex of `mesh` has, (n, …), of values of the positions, (k, …)."""
+        return values.take(self._weld[1], axis=0) if self._splits else values
+
+    @property
+    def _welded_triangles(self) -> NDArray[np.integer[Any]]:
         """(m, 3) the triangles by vertices of `mesh`; -1 where the file names none."""
-        return np.append(self.welds, np.int32(-1))[self.triangles]
+        return np.append(self.welds, np.int32(-1))[self.triangles] if self._splits else self.triangles
 
     @property
     def bad_vertices(self) -> NDArray[np.bool_]:
         """(n,) the vertices that are not finite; `mesh` has them at the origin, or is refused."""
-        return bad_vertices(self._read_positions[self._weld[1]])
+        return bad_vertices(self._at_vertices(self._read_positions))
 
     @cached_property
     def left_out(self) -> NDArray[np.bool_]:
         """(m,) the triangles that `mesh` is without; none unless the file is `isolating`."""
         if not self._isolates:
             return np.zeros(len(self.triangles), bool)
-        return bad_faces(self._read_positions[self._weld[1]], self._welded_triangles)
+        return bad_faces(self._at_vertices(self._read_positions), self._welded_triangles)
 
     def _numbers(self, places: NDArray[np.int64]) -> str:
         """Name the first few places as the format counts them: '17, 18, 40, …'."""
@@ -214,9 +224,10 @@ class MeshFile(ABC):
         wanted = np.asarray(vertices, np.float64)
         if wanted.shape != mesh.vertices.shape:
             raise MeshError(f"vertices have shape {wanted.shape}; the mesh of this file has {mesh.vertices.shape}")
-        kind, (welds, first) = self.positions.dtype, self._weld
+        kind, welds = self.positions.dtype, self.welds
         with np.errstate(over="ignore", invalid="ignore"):
-            copies = wanted.astype(kind).take(welds, axis=0)
+            copies = wanted.astype(kind)
+            copies = copies.take(welds, axis=0) if self._splits else copies
             rounded = self._storable(copies)
             if rounded is not copies:  # otherwise `vertices` keep the limit already
                 copies = wanted.take(welds, axis=0)
@@ -229,11 +240,11 @@ class MeshFile(ABC):
         moved = copy.copy(self)
         moved.positions = rounded
         np.copyto(rounded, self.positions, where=copies == self.positions)
-        present = moved.positions.take(first, axis=0)
+        present = self._at_vertices(moved.positions)
         if self._isolates:  # positions that are not finite stay so
             finite = all_in_rows(np.isfinite(self.positions))[:, None]
             moved.positions = np.where(finite, moved.positions, self.positions)
-            present = np.where(finite[first], present, mesh.vertices)
+            present = np.where(self._at_vertices(finite), present, mesh.vertices)
         moved.__dict__["mesh"] = mesh.moved(present)
         return moved
 
