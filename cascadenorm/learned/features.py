@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.geometry.averages import averaged, averaged_around
 from cascadenorm.learned.descriptors import Stack
+from cascadenorm.learned.elementary import log
 from cascadenorm.mesh import Bools, Floats, Floats32, Ints, Ints32, Mesh, in_blocks, kernel, parallel_for, scatter_add
 
 Array = NDArray[np.float32]
@@ -18,6 +19,8 @@ FLOOR = 1e-4
 """Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
 FACES = 128
 """Faces whose pairs of normals are compared at a time: their normals fit into the first cache."""
+TILE = 16
+"""Faces whose context is transposed at a time: a row of it is a line of the cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,8 +88,7 @@ class FeatureScaler:
 
     def _write_own(self, stack: Stack, out: Array) -> None:
         """Write the features of the faces themselves, (d, m)."""
-        _write_logarithms(stack, out)
-        _normalize(out, self.mean, self.scale)
+        _write_pairs(stack, self.mean, self.scale, out)
 
 
 def pairwise_features(stack: Stack) -> NDArray[np.float32]:
@@ -102,14 +104,13 @@ def pairwise_features(stack: Stack) -> NDArray[np.float32]:
     """
     count = stack.shape[1]
     out = np.empty((count * (count - 1) // 2, len(stack)), np.float32)
-    _write_logarithms(stack, out)
+    _write_pairs(stack, np.zeros(len(out), np.float32), np.ones(len(out), np.float32), out)
     return out.T
 
 
-def _write_logarithms(stack: Stack, out: Array) -> None:
-    """Write the pairwise features of faces, (d, m): along rows of one feature all loops become vector instructions."""
-    parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), out)
-    np.log(out, out=out)
+def _write_pairs(stack: Stack, mean: Array, scale: Array, out: Array) -> None:
+    """Write the pairwise features of faces, (d, m), normalised: along rows of one all loops are vector instructions."""
+    parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), mean, scale, out)
 
 
 class ComponentSums(NamedTuple):
@@ -166,13 +167,13 @@ class Context(NamedTuple):
         """
         faces, whole = self.faces[rows], self.whole[self.components[rows]]
         widths = [average.shape[1] for average in self.averages]
-        out = np.empty((len(faces), sum(widths) + whole.shape[1]), np.float32)
+        out = np.empty((sum(widths) + whole.shape[1], len(faces)), np.float32)
         start = 0
         for average, width in zip(self.averages, widths, strict=True):
-            _write_corner_means(faces, average, out[:, start : start + width])
+            _write_corner_means(faces, average, out[start : start + width])
             start += width
-        out[:, start:] = whole
-        return out
+        out[start:] = whole.T
+        return out.T
 
 
 def context_features(values: Array, mesh: Mesh, sums: ComponentSums) -> Context:
@@ -218,8 +219,8 @@ def openness(sums: ComponentSums) -> Floats:
 
 
 @kernel
-def _pair_range(start: int, stop: int, stack: Floats32, out: Floats32) -> None:
-    """1 - cos + FLOOR, cos by half the squared chord, which keeps its digits where two normals nearly agree.
+def _pair_range(start: int, stop: int, stack: Floats32, mean: Floats32, scale: Floats32, out: Floats32) -> None:
+    """(ln(1 - cos + FLOOR) - mean) * scale, cos by half the squared chord, which keeps its digits where it is near 1.
 
     Iteration f alone writes out[:, f].
     """
@@ -240,7 +241,8 @@ def _pair_range(start: int, stop: int, stack: Floats32, out: Floats32) -> None:
                 (x0, y0, z0), (x1, y1, z1), row = axes[i], axes[j], out[p, first : first + faces]
                 for f in range(faces):
                     x, y, z = x0[f] - x1[f], y0[f] - y1[f], z0[f] - z1[f]
-                    row[f] = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
+                    apart = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
+                    row[f] = (log(apart) - mean[p]) * scale[p]
                 p += 1
 
 
@@ -255,9 +257,16 @@ def _normalize(rows: Floats32, mean: Floats32, scale: Floats32) -> None:
 
 @kernel
 def _write_corner_means(faces: Ints32, values: Floats32, out: Floats32) -> None:
-    """Means of the rows of the three corners of each face."""
+    """Write the means of the rows of the three corners of each face, (p, m): some faces at a time, in their own rows."""
     third = np.float32(1 / 3)
-    for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        for p in range(out.shape[1]):
-            out[f, p] = (values[a, p] + values[b, p] + values[c, p]) * third
+    width = values.shape[1]
+    means = np.empty((width, TILE), np.float32)
+    for first in range(0, len(faces), TILE):
+        count = min(TILE, len(faces) - first)
+        for f in range(count):
+            a, b, c = faces[first + f, 0], faces[first + f, 1], faces[first + f, 2]
+            for p in range(width):
+                means[p, f] = (values[a, p] + values[b, p] + values[c, p]) * third
+        for p in range(width):
+            for f in range(count):
+                out[p, first + f] = means[p, f]

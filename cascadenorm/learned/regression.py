@@ -92,8 +92,7 @@ class Regression:
         *hidden, last = self.layers
         for weight, bias in hidden:
             x = x @ weight[cluster]
-            x += bias[cluster]
-            x = ACTIVATIONS[self.settings.activation](x)
+            ACTIVATIONS[self.settings.activation](x, bias[cluster])
         weight, bias = last
         return np.asarray(x @ weight[cluster] + bias[cluster])
 
