@@ -69,14 +69,13 @@ def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.floa
 def _filter_face(f, normals, own, rings, weights, steepness, out):  # type: ignore[no-untyped-def]
     """Filter the normals of face f, (3, LANES), each by how near those of its neighbours are to it."""
     zero, one = np.float32(0), np.float32(1)
-    total = np.empty((3, LANES), np.float32)
-    for d in range(3):
-        for r in range(LANES):
-            total[d, r] = own[f] * normals[f, d, r]
+    first, last = rings.indptr[f], rings.indptr[f + 1]
+    paired = last - (last - first) % 2
+    sums = np.zeros((3, 3, LANES), np.float32)  # of the first and the second neighbour of each pair, and of one alone
 
     # each neighbour by its range weight and its spatial weight
-    for k in range(rings.indptr[f], rings.indptr[f + 1]):
-        g = rings.indices[k]
+    for k in range(first, last):
+        g, place = rings.indices[k], (k - first) % 2 if k < paired else 2
         for r in range(LANES):
             chord = zero
             for d in range(3):
@@ -88,7 +87,11 @@ def _filter_face(f, normals, own, rings, weights, steepness, out):  # type: igno
                 share *= share
             share *= weights[k]
             for d in range(3):
-                total[d, r] += share * normals[g, d, r]
+                sums[place, d, r] += share * normals[g, d, r]
+    total = np.empty((3, LANES), np.float32)
+    for d in range(3):
+        for r in range(LANES):
+            total[d, r] = own[f] * normals[f, d, r] + sums[0, d, r] + sums[1, d, r] + sums[2, d, r]
 
     # at length 1
     for r in range(LANES):
