@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.elementary import exp
 from cascadenorm.mesh.vectors import length, row, squared_distance
 from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
@@ -144,15 +145,26 @@ def _bilateral_pass(
     spread: float,
     out: Vectors,
 ) -> None:
+    shares = np.empty(64)
     for f in range(start, stop):
-        # the sum of the normals, each by its spatial weight and how near the guides are
+        first, count = rings.indptr[f], rings.indptr[f + 1] - rings.indptr[f]
+        if count > len(shares):
+            shares = np.empty(count)
+
+        # what each neighbour weighs by how near its guide is; exponentials in a loop of their own are taken four at a
+        # time, which is two thirds of the time of the pass
+        for k in range(count):
+            shares[k] = -spread * squared_distance(row(guide, rings.indices[first + k]), row(guide, f))
+        for k in range(count):
+            shares[k] = weights[first + k] * exp(shares[k])
+
+        # the sum of the normals
         x, y, z = own[f] * normals[f, 0], own[f] * normals[f, 1], own[f] * normals[f, 2]
-        for k in range(rings.indptr[f], rings.indptr[f + 1]):
-            g = rings.indices[k]
-            w = weights[k] * np.exp(-spread * squared_distance(row(guide, g), row(guide, f)))
-            x += w * normals[g, 0]
-            y += w * normals[g, 1]
-            z += w * normals[g, 2]
+        for k in range(count):
+            g = rings.indices[first + k]
+            x += shares[k] * normals[g, 0]
+            y += shares[k] * normals[g, 1]
+            z += shares[k] * normals[g, 2]
 
         # at length 1
         largest = max(abs(x), abs(y), abs(z))

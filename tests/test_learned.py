@@ -13,6 +13,7 @@ from cascadenorm.baselines import normal_filter_bank
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.baselines.iterated_bilateral import LANES, _bilateral_range, iterated_bilateral_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
+from cascadenorm.geometry.averages import averaged_around
 from cascadenorm.learned.cascade import CONSTANTS, FORMAT, Cascade
 from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import (
@@ -241,7 +242,8 @@ def test_context_features_are_means_around_vertices_and_over_the_connected_compo
         np.concatenate([MESH.faces, MESH.faces[:200] + len(MESH.vertices)]),
     )
     values = np.random.default_rng(0).normal(size=(len(two.faces), 3)).astype(np.float32)
-    found = context_features(values, two, component_sums(values, two))
+    means = averaged_around(values, two.topology.vertex_faces)
+    found = context_features(means, two, component_sums(values, two))
 
     # after no round the means of the faces around, then of the neighbours, brought to the faces by their corners
     topology = two.topology

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from cascadenorm.geometry.averages import averaged, averaged_around
 from cascadenorm.learned.descriptors import Stack
-from cascadenorm.learned.elementary import log
 from cascadenorm.mesh import Bools, Floats, Floats32, Ints, Ints32, Mesh, in_blocks, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.elementary import logf
 
 Array = NDArray[np.float32]
 
@@ -52,7 +52,10 @@ class FeatureScaler:
         if not self.projection.size:
             return Context(mesh.faces, (), np.zeros(len(stack), np.int32), np.empty((1, 0), np.float32))
         components = self._principal(stack)
-        return context_features(components, mesh, sums or component_sums(components, mesh))
+        sums = sums or component_sums(components, mesh)
+        means = averaged_around(components, mesh.topology.vertex_faces)
+        del components  # a hundred bytes a face
+        return context_features(means, mesh, sums)
 
     def sums(self, stack: Stack, mesh: Mesh, among: Bools) -> "ComponentSums":
         """Add what context features average over connected components, of some faces, (m,) bool."""
@@ -176,7 +179,7 @@ class Context(NamedTuple):
         return out.T
 
 
-def context_features(values: Array, mesh: Mesh, sums: ComponentSums) -> Context:
+def context_features(means: Array, mesh: Mesh, sums: ComponentSums) -> Context:
     """Average features around the vertices, over CONTEXT_STEPS rounds, and over the connected component.
 
     They tell a face what is around it at several scales, and how noisy the whole is. Between vertices a round takes a
@@ -184,15 +187,15 @@ def context_features(values: Array, mesh: Mesh, sums: ComponentSums) -> Context:
 
     Parameters
     ----------
-    values : (m, p), one row a face
+    means : (n, p) at each vertex, over its faces
     sums : over its components, or those of the larger mesh of which it is a part
 
     Returns
     -------
-    averages after 0, 1, 3 and 7 rounds, in each of which a vertex, which begins with the mean of its faces, takes the
-    mean of itself and its neighbours; of the components the means and how open they are, (c, p + 1)
+    averages after 0, 1, 3 and 7 rounds, in each of which a vertex takes the mean of itself and its neighbours; of the
+    components the means and how open they are, (c, p + 1)
     """
-    kept = [averaged_around(values, mesh.topology.vertex_faces)]
+    kept = [means]
     spare = np.empty_like(kept[0])  # fresh memory costs more than the average
     for rounds in np.diff(CONTEXT_STEPS).tolist():
         kept.append(averaged(kept[-1], mesh.topology.vertex_neighbors, rounds, spare=spare))
@@ -242,7 +245,7 @@ def _pair_range(start: int, stop: int, stack: Floats32, mean: Floats32, scale: F
                 for f in range(faces):
                     x, y, z = x0[f] - x1[f], y0[f] - y1[f], z0[f] - z1[f]
                     apart = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
-                    row[f] = (log(apart) - mean[p]) * scale[p]
+                    row[f] = (logf(apart) - mean[p]) * scale[p]
                 p += 1
 
 
@@ -257,9 +260,8 @@ def _normalize(rows: Floats32, mean: Floats32, scale: Floats32) -> None:
 
 @kernel
 def _write_corner_means(faces: Ints32, values: Floats32, out: Floats32) -> None:
-    """Write the means of the rows of the three corners of each face, (p, m): some faces at a time, in their own rows."""
-    third = np.float32(1 / 3)
-    width = values.shape[1]
+    """Write the means of the rows of the three corners of each face, (p, m)."""
+    third, width = np.float32(1 / 3), values.shape[1]
     means = np.empty((width, TILE), np.float32)
     for first in range(0, len(faces), TILE):
         count = min(TILE, len(faces) - first)

@@ -8,8 +8,8 @@ import numpy as np
 
 from cascadenorm.baselines.vertex_update import Foldovers, Weighting
 from cascadenorm.learned.descriptors import DESCRIPTORS, Neighborhood
-from cascadenorm.learned.elementary import exp
 from cascadenorm.mesh import Floats32, kernel
+from cascadenorm.mesh.elementary import expf
 
 
 def _tanh(x: Floats32, bias: Floats32) -> None:
@@ -23,7 +23,7 @@ def _silu(x: Floats32, bias: Floats32) -> None:
     for i in range(len(x)):
         for j in range(x.shape[1]):
             y = x[i, j] + bias[j]
-            x[i, j] = y / (np.float32(1) + exp(-y))
+            x[i, j] = y / (np.float32(1) + expf(-y))
 
 
 ACTIVATIONS: dict[str, Callable[[Floats32, Floats32], None]] = {"tanh": _tanh, "silu": _silu}

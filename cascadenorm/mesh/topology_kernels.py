@@ -72,7 +72,7 @@ def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[I
                 found[end] = found[k]
                 end += 1
         counts[i - start] = end - first
-    return counts, found[:end].copy()
+    return counts, found[:end]
 
 
 @kernel
@@ -189,4 +189,4 @@ def face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int
                         end += 1
             level_start, level_stop = level_stop, end
         counts[f - start] = end - first
-    return counts, found[:end].copy()
+    return counts, found[:end]
