@@ -1,5 +1,7 @@
 """Numbers in text are those that Python reads, to the last bit."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -37,3 +39,13 @@ def test_decimals_are_rounded_as_python_rounds_them(spell):
     words = [spell(random) for _ in range(4000)]
     found = Text(" ".join(words).encode()).numbers(np.arange(len(words)))
     assert found.tolist() == [float(word) for word in words]
+
+
+@pytest.mark.parametrize("letters", [b"a\x01\xff", b"\x01\x1f", b"a \n"])
+def test_words_are_what_lies_between_white_space_whatever_their_bytes(letters):
+    data = np.random.default_rng(0).choice(np.frombuffer(letters + b"\x00\t\r ", np.uint8), 5000).tobytes()
+    text = Text(data)
+    assert [text.word(i) for i in range(len(text.starts))] == re.findall(rb"[^\x00\t-\r ]+", data)
+    lines = [line for line in re.split(rb"[\r\n]", data) if line.strip(b"\x00\t\v\f ")]
+    assert [text.word(i) for i in text.first] == [re.findall(rb"[^\x00\t-\r ]+", line)[0] for line in lines]
+    assert text.stop[-1] == len(text.starts)

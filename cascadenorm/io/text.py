@@ -12,6 +12,7 @@ from cascadenorm.mesh import parallel_for
 
 NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries spell it
 BLOCK = 1 << 18  # words worked on at a time
+SPACE = 32  # all white space is at most this, and each word but the last has some behind it
 
 
 class Text:
@@ -29,13 +30,15 @@ class Text:
         self.bytes = np.frombuffer(data, np.uint8)
         continued = continued and b"\\" in data
         kind = np.int32 if len(data) < 2**31 else np.int64
-        none: Places = np.zeros(0, kind)
-        words, lines = cut(self.bytes, start, continued, none, none, none)
-        self.starts: Places = np.zeros(words, kind)
-        self.ends: Places = np.zeros(words, kind)
-        borders: Places = np.full(lines + 1, words, kind)
-        cut(self.bytes, start, continued, self.starts, self.ends, borders)
-        self.first, self.stop = borders[:-1], borders[1:]
+        most = 2 + sum(int(np.count_nonzero(self.bytes[part] <= SPACE)) for part in blocks(len(data)))
+        empty: list[Places] = [np.empty(most, kind) for _ in range(3)]  # memory that stays untouched is not taken
+        starts, ends, borders = empty
+        words, lines = cut(self.bytes, start, continued, starts, ends, borders)
+        borders[lines] = words
+        self.starts = starts[:words]
+        self.ends = ends[:words]
+        self.first = borders[:lines]
+        self.stop = borders[1 : lines + 1]
 
     def lines_with(self, keyword: bytes) -> Places:
         """Return the lines whose first word is the keyword, in lower case or in capitals."""

@@ -35,8 +35,8 @@ def _join(data: Bytes, i: int) -> int:
 def cut(data: Bytes, start: int, continued: bool, starts: Places, ends: Places, lines: Places) -> tuple[int, int]:
     """Find the words from a byte on, and the first word of each line that has any; comments from # on have none.
 
-    Fills the arrays, or only counts where they are empty. A backslash at the end of a line joins it to the next
-    one if `continued`.
+    Fills the arrays from their beginnings on, and returns how many words and lines there are. A backslash at the end of
+    a line joins it to the next one if `continued`.
     """
     words = found_lines = 0
     fresh = True
@@ -55,16 +55,13 @@ def cut(data: Bytes, start: int, continued: bool, starts: Places, ends: Places, 
         else:
             # a word, perhaps the first one of its line
             if fresh:
-                if len(lines):
-                    lines[found_lines] = words
+                lines[found_lines] = words
                 found_lines += 1
                 fresh = False
-            if len(starts):
-                starts[words] = i
+            starts[words] = i
             while i < len(data) and not _is_space(data[i]) and not (continued and _join(data, i)):
                 i += 1
-            if len(starts):
-                ends[words] = i
+            ends[words] = i
             words += 1
     return words, found_lines
 
@@ -76,9 +73,11 @@ def begins_with(
     """Tell of each line whether its first word is the keyword, which is in lower case, in any case."""
     for line in range(start, stop):
         place = starts[first[line]]
-        found[line] = ends[first[line]] - place == len(keyword)
-        for i in range(len(keyword)):
-            found[line] = found[line] and data[place + i] | 32 == keyword[i]
+        same, i = ends[first[line]] - place == len(keyword), 0
+        while same and i < len(keyword):
+            same = data[place + i] | 32 == keyword[i]
+            i += 1
+        found[line] = same
 
 
 @kernel
