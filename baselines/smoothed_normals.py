@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Ints32, Mesh, Vectors, kernel, parallel_for, unit
-from cascadenorm.mesh.vectors import cross, length, row, subtract
+from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.vectors import add, cross, length, row, scaled, subtract
 
 
 def smoothed_normals(
@@ -47,7 +47,20 @@ def smoothed_normals(
 
 def _vertex_directions(mesh: Mesh, along: Vectors | NDArray[np.float32]) -> Vectors:
     """Unit sums around each vertex of what its faces have, (m, 3), by their areas: (n, 3)."""
-    return unit(mesh.sums_around(mesh.areas[:, None] * along))
+    sums = np.empty_like(mesh.vertices)
+    parallel_for(len(sums), _direction_range, mesh.topology.vertex_faces, mesh.areas, along, sums)
+    return unit(sums)
+
+
+@kernel
+def _direction_range(start: int, stop: int, around: Csr, areas: Floats, along: Vectors, out: Vectors) -> None:
+    """Sums around some vertices; numpy would fill an array with products first, which takes as long."""
+    for i in range(start, stop):
+        total = (0.0, 0.0, 0.0)
+        for k in range(around.indptr[i], around.indptr[i + 1]):
+            f = around.indices[k]
+            total = add(total, scaled(areas[f], row(along, f)))
+        out[i, 0], out[i, 1], out[i, 2] = total
 
 
 @kernel
@@ -66,11 +79,14 @@ def _smooth_range(
         height, total = 0.0, 1.0
         for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
             j = neighbors.indices[k]
-            rise, chord = 0.0, 0.0
+            rise, weight = 0.0, 1.0
             for d in range(3):
                 rise += directions[i, d] * (positions[j, d] - positions[i, d])
-                chord += (directions[j, d] - directions[i, d]) ** 2
-            weight = max(0.0, 1.0 - 0.125 * spread * chord) ** 8
+            if spread > 0:
+                chord = 0.0
+                for d in range(3):
+                    chord += (directions[j, d] - directions[i, d]) ** 2
+                weight = max(0.0, 1.0 - 0.125 * spread * chord) ** 8
             height += weight * rise
             total += weight
 
