@@ -12,6 +12,7 @@ HALVINGS = 8
 """Of the displacement of a vertex whose face would flip, before it returns to where it was."""
 STEEPEST = math.sqrt(0.5)
 """Cosine of the angle to the mean normal around it, 45°, up to which no face may flip, however noisy the mesh."""
+TINY = float(np.finfo(float).tiny)
 
 
 def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] | None = None) -> Vectors:
@@ -90,10 +91,9 @@ def _sum_of_corners_range(start: int, stop: int, values: Floats, faces: Ints32, 
 @kernel
 def _folded_range(start: int, stop: int, sums: Floats, normals: Vectors, out: Bools) -> None:
     """Compare each normal with the sum of those around it, whose last column is their area."""
-    tiny = np.finfo(np.float64).tiny
     for f in range(start, stop):
         around = row(sums, f)
         size = length(around)
-        share = size / max(sums[f, 3], tiny)
+        share = size / max(sums[f, 3], TINY)
         scatter = np.sqrt(max(1 - share * share, 0.0))
         out[f] = dot(around, row(normals, f)) < min(scatter, STEEPEST) * size

@@ -61,6 +61,7 @@ class Topology:
         up = joined(self.vertex_count, parts)
         of_sides = np.empty(self.faces.shape, np.int32)
         parallel_for(self.vertex_count, sides_up_range, self.faces, self.vertex_faces, up, of_sides)
+        of_sides.flags.writeable = False  # as faces are: kernels that take both are compiled once
         return np.stack([up.rows, up.indices], axis=1), of_sides
 
     @property
