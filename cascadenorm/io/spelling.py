@@ -38,6 +38,8 @@ def respelled(text: Text, *tables: tuple[Places, NDArray[Any]]) -> Iterator[Piec
         for table, values in enumerate(waiting):
             own = table_of[block][replaced] == table + 1
             count = np.count_nonzero(own)
+            if not count:
+                continue
             spelled, first, after = _spelled(values[:count])
             begins[own], stops[own] = first + len(letters), after + len(letters)
             letters, waiting[table] = letters + spelled, values[count:]
@@ -53,11 +55,11 @@ def respelled(text: Text, *tables: tuple[Places, NDArray[Any]]) -> Iterator[Piec
 
 
 def _spelled(values: NDArray[Any]) -> tuple[bytes, Ints, Ints]:
-    """Spell numbers, (k,): letters, and where in them each number begins and stops."""
+    """Spell some numbers, (k,): letters, and where in them each number begins and stops."""
     letters = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1] + b","  # between [ and ]
     stops = np.empty(len(values), np.int64)
     commas(np.frombuffer(letters, np.uint8), stops)
-    begins = np.concatenate([np.zeros(1, np.int64), stops[:-1] + 1])[: len(stops)]
+    begins = np.concatenate([np.zeros(1, np.int64), stops[:-1] + 1])
     beyond = np.flatnonzero(_beyond(values))
     words = [_word(value) for value in values[beyond]]  # behind the others
     stops[beyond] = len(letters) + np.cumsum([len(word) for word in words], dtype=np.int64)
