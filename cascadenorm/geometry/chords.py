@@ -125,9 +125,9 @@ def error_shares(surface: Surface, sums: Found, measured: Chords | None = None) 
 
         def chords_of_few(part: Part) -> Found:
             mesh, own = part.mesh, part.interior_edges
-            _, bent = _bends(mesh, own)
-            label = part.components[mesh.topology.face_components[mesh.topology.face_pairs[own, 0]]]
-            chosen = bent & few[label]
+            pairs = mesh.topology.face_pairs[own]
+            label = part.components[mesh.topology.face_components[pairs[:, 0]]]
+            chosen = _bent(mesh, pairs) & few[label]
             residuals, sagittas, _ = measured or chords(mesh)
             return {"label": label[chosen], "error": residuals[own][chosen], "bend": sagittas[own][chosen]}
 
@@ -150,15 +150,14 @@ def rises(mesh: Mesh, pairs: Ints32) -> Floats:
     return out
 
 
-def _bends(mesh: Mesh, own: Bools) -> tuple[Floats, Bools]:
-    """Return how far the faces at some edges with two faces rise over each other, and whether they bend there.
+def _bent(mesh: Mesh, pairs: Ints32) -> Bools:
+    """Tell of pairs of faces at an edge, (k, 2), whether they bend there.
 
     Where two do not bend, rounding may put the centroid of one off the plane of the other.
     """
-    pairs = mesh.topology.face_pairs[own]
     first, second = pairs.T
-    rise = rises(mesh, pairs)
-    return rise, (np.abs(rise) > rounding(mesh)) & (mesh.areas[first] > 0) & (mesh.areas[second] > 0)
+    off = np.abs(rises(mesh, pairs)) > rounding(mesh)
+    return np.asarray(off & (mesh.areas[first] > 0) & (mesh.areas[second] > 0))
 
 
 def _values_of(parts: Iterable[tuple[Ints, Found]], name: str, component: Index) -> Iterator[Floats]:
@@ -227,7 +226,7 @@ def _error_range(
         c = component[f]
         sums[c, 0] += 1
 
-        # faces that bend, by an angle that is negative where they are convex
+        # faces that bend (see `_bent`), by an angle that is negative where they are convex
         rise = _rise(centroids, normals, f, g)
         if abs(rise) > limit and areas[f] > 0 and areas[g] > 0:
             one, other = row(normals, f), row(normals, g)

@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.polygons import area_vector, near_one
+from cascadenorm.io.polygons import near_one
 from cascadenorm.io.welding import first_equal
 from cascadenorm.mesh import Bools, Ints, Ints32, Vectors, any_in_rows, kernel, unit
-from cascadenorm.mesh.vectors import dot, row
+from cascadenorm.mesh.vectors import area_vector, dot, row
 
 NORMALS = ("Normals", "normals")
 """What normals are called in VTK."""
@@ -116,7 +116,7 @@ def _sum_around(
 
 @kernel
 def _replace(values: Vectors, groups: Ints, old: Vectors, new: Vectors, moved: Bools, renewed: Bools) -> None:
-    """Replace the values of groups that moved, and tell which; turned over where most were opposite to the old sums."""
+    """Replace the values of groups that moved, and tell which; reversed where most were opposite to the old sums."""
     balance = 0
     for i in range(len(values)):
         along = dot(row(old, groups[i]), row(values, i))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Floats32, Ints, face_area_vectors, kernel, parallel_for, repeats_vertex, scatter_add
-from cascadenorm.mesh.vectors import Vector, cross, divided, length, row, scaled, subtract
+from cascadenorm.mesh.vectors import area_vector, divided, length, row
 
 MOST_APEXES = 64  # corners tried for a fan without folds
 MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stays
@@ -191,12 +191,6 @@ def unit_normals(positions: NDArray[Any], triangles: NDArray[np.int64], largest:
     out = np.empty(triangles.shape, np.float32)
     parallel_for(len(out), _unit_normal_range, positions, triangles, largest, out)
     return out
-
-
-@kernel
-def area_vector(a: Vector, b: Vector, c: Vector) -> Vector:
-    """Return the normal of a triangle times its area."""
-    return scaled(0.5, cross(subtract(b, a), subtract(c, a)))
 
 
 @kernel

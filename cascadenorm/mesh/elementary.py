@@ -1,7 +1,7 @@
 """Exponentials and logarithms for kernels, whose loops over them become vector instructions.
 
-Polynomials in a small interval, at whose Chebyshev nodes they are exact, and the bits of powers of 2. The results are
-the same on every processor, which those of numpy are not.
+Polynomials, fitted at Chebyshev nodes of a small interval, times the bits of powers of 2. The results are the same on
+every processor, which those of numpy are not.
 """
 
 import numpy as np

@@ -14,7 +14,7 @@ from cascadenorm.mesh.csr import Csr, grouped
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology import Topology
-from cascadenorm.mesh.vectors import cross, row, squared_distance, subtract
+from cascadenorm.mesh.vectors import area_vector, row, squared_distance
 from cascadenorm.messages import counted
 
 
@@ -194,8 +194,7 @@ def _centroid_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out
 def _area_vector_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Vectors) -> None:
     for f in range(start, stop):
         a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
-        x, y, z = cross(subtract(b, a), subtract(c, a))
-        out[f, 0], out[f, 1], out[f, 2] = 0.5 * x, 0.5 * y, 0.5 * z
+        out[f, 0], out[f, 1], out[f, 2] = area_vector(a, b, c)
 
 
 @kernel

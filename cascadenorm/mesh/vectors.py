@@ -53,6 +53,12 @@ def cross(u: Three, v: Three) -> Vector:
 
 
 @kernel
+def area_vector(a: Three, b: Three, c: Three) -> Vector:
+    """Return the normal of a triangle times its area."""
+    return scaled(0.5, cross(subtract(b, a), subtract(c, a)))
+
+
+@kernel
 def length(u: Three) -> float:
     """Euclidean norm."""
     size: float = np.sqrt(dot(u, u))
