@@ -14,7 +14,7 @@ from cascadenorm.controls.apply import controlled
 from cascadenorm.controls.selection import welded
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.denoised_files import DenoisingSummary, opened_file, written_file
-from cascadenorm.errors import ParameterError
+from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.coincidence import coincident, joined
 from cascadenorm.interop import adapter
 from cascadenorm.io.welding import weld
@@ -106,7 +106,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
 
 @takes_controls
 def denoise_region_files(
-    sources: Sequence[str | PathLike[str]],
+    sources: str | PathLike[str] | Sequence[str | PathLike[str]],
     folder: str | PathLike[str] | None = None,
     *,
     method: str = DEFAULT_METHOD,
@@ -118,7 +118,7 @@ def denoise_region_files(
 
     Parameters
     ----------
-    sources : paths
+    sources : paths, or a single one
     folder : where each file is written under its own name; None: `<stem>_denoised<suffix>` beside the source
     method : one of `methods()`
     force : replace existing files
@@ -137,10 +137,11 @@ def denoise_region_files(
     every, chosen, given = checked(controls), find(method), parameters or {}
     chosen.checked(given)
     with limit_threads(every["threads"]):
-        targets = [None if folder is None else Path(folder) / Path(source).name for source in sources]
+        paths = [sources] if isinstance(sources, str | PathLike) else sources
+        targets = [None if folder is None else Path(folder) / Path(path).name for path in paths]
         if folder is not None:
             Path(folder).mkdir(parents=True, exist_ok=True)
-        opened = [opened_file(s, t, every, force=force) for s, t in zip(sources, targets, strict=True)]
+        opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
         start = time.perf_counter()
         regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]
         moved = _together(chosen, regions, given)
@@ -161,6 +162,8 @@ class Region(NamedTuple):
 
 def _together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[NDArray[Any]]:
     """Return the new vertices of each region, in its type; groups of meshes that share vertices move together."""
+    if not regions:
+        raise MeshError("no meshes are given", hint="give at least one")
     out: list[NDArray[Any]] = [np.empty(0)] * len(regions)
     first, groups = coincident([region.mesh for region in regions])
     owners = np.repeat(groups, [len(region.mesh.vertices) for region in regions])

@@ -9,6 +9,7 @@ from shapes import icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.geometry.coincidence import coincident, joined
+from cascadenorm.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
 OPTIONS = {"method": "bilateral-normal", "iterations": 5}
@@ -72,6 +73,18 @@ def test_controls_over_the_vertices_of_one_mesh_are_refused(halves):
     _, first, second, *_ = halves
     with pytest.raises(cn.ParameterError, match="applies to a single mesh"):
         cn.denoise_regions([first, second], fixed=[0, 1])
+
+
+def test_no_meshes_are_refused():
+    for denoise in (cn.denoise_regions, cn.denoise_region_files):
+        with pytest.raises(cn.MeshError, match="no meshes are given: give at least one"):
+            denoise([])
+
+
+def test_a_single_path_is_a_file(tmp_path):
+    save_mesh(tmp_path / "a.ply", icosphere(1))
+    (done,) = cn.denoise_region_files(tmp_path / "a.ply", method="laplacian")
+    assert done.output == str(tmp_path / "a_denoised.ply")
 
 
 def test_files_stay_joined(halves, tmp_path, capsys):
