@@ -11,7 +11,7 @@ from typing import Any
 from cascadenorm.api import denoise
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.evaluation.pairs import Places, training_pairs
-from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.io.atomic import check_output, make_folder, write_atomically
 from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.launch import is_local_main, is_main
@@ -95,7 +95,7 @@ def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = F
 
     folder = Path(folder)
     paths = [folder / f"stage{number}.onnx" for number in range(1, len(model.cascade.stages) + 1)]
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for path in paths:
         check_output(path, force=force)
     for path, stage in zip(paths, model.cascade.stages, strict=True):

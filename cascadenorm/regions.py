@@ -17,6 +17,7 @@ from cascadenorm.denoised_files import DenoisingSummary, opened_file, written_fi
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.coincidence import coincident, joined
 from cascadenorm.interop import adapter
+from cascadenorm.io.atomic import make_folder
 from cascadenorm.io.welding import weld
 from cascadenorm.mesh import Bools, Ints, Mesh, limit_threads
 from cascadenorm.registry import Method, find
@@ -140,7 +141,7 @@ def denoise_region_files(
         paths = [sources] if isinstance(sources, str | PathLike) else sources
         targets = [None if folder is None else Path(folder) / Path(path).name for path in paths]
         if folder is not None:
-            Path(folder).mkdir(parents=True, exist_ok=True)
+            make_folder(Path(folder))
         opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
         start = time.perf_counter()
         regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]

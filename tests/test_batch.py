@@ -344,7 +344,7 @@ def test_the_largest_file_comes_first_and_results_are_no_input(place):
         (["scans", "--timeout", "0"], 2, "timeout is 0.0; it must be above 0"),
         (["scans", "--scheduler", "127.0.0.1:9", "--memory", "1GB"], 2, "memory is for this machine: workers of"),
         (["scans", "--set", "glow=3"], 2, "laplacian has no parameter 'glow'"),
-        (["scans", "-o", "scans/a/0.ply"], 5, "scans/a/0.ply/manifest.jsonl cannot be written"),
+        (["scans", "-o", "scans/a/0.ply"], 5, "scans/a/0.ply is a file: give the name of a folder"),
     ],
 )
 def test_what_concerns_all_files_is_refused_at_once(place, capsys, words, code, message):

@@ -112,6 +112,8 @@ def test_files_go_beside_their_sources_and_are_not_overwritten(halves, tmp_path)
     assert [report.output for report in reports] == [str(tmp_path / "a_denoised.obj"), str(tmp_path / "b_denoised.ply")]
     with pytest.raises(cn.OutputError):
         cn.denoise_region_files(names, method="mean-normal")
+    with pytest.raises(cn.OutputError, match=r"a\.obj is a file: give the name of a folder"):
+        cn.denoise_region_files(names, names[0], method="mean-normal")
 
 
 def test_coincident_vertices_of_one_mesh_stay_two():

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cascadenorm.errors import OutputError
+from cascadenorm.io.atomic import make_folder
 
 if sys.platform != "win32":
     import fcntl
@@ -31,8 +32,8 @@ class Manifest:
     def __init__(self, folder: Path, name: str = NAME) -> None:
         self.path = folder / name
         self.last: dict[str, Line] = {}
+        make_folder(folder)
         with self._explained():
-            folder.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("ab+", buffering=0)
         try:
             self._lock()

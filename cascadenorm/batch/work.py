@@ -16,7 +16,7 @@ from cascadenorm.batch.manifest import Line
 from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.digests import file_digest
 from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerError
-from cascadenorm.io.atomic import check_output
+from cascadenorm.io.atomic import check_output, make_folder
 from cascadenorm.remote_files import ChangedError, exists, fetched, file_name, is_url, put
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -127,7 +127,7 @@ def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
     job = task.job
     with _here(task) as (source, output):
         digest = task.digest or mesh_digest(source)
-        _make_folder(output.parent)
+        make_folder(output.parent)
         try:
             summary = api.denoise_file(
                 source,
@@ -195,13 +195,6 @@ def _check_target(settings: Settings, task: Task) -> None:
             raise OutputError(f"{output} exists already", hint="choose another name", remedy=("force", True))
     elif Path(output).exists():
         check_output(Path(output), force=settings.force or _is_ours(task))
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be created: {error.strerror or error}") from error
 
 
 def _is_ours(task: Task) -> bool:

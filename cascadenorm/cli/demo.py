@@ -13,7 +13,7 @@ from rich.table import Table
 from cascadenorm.api import denoise
 from cascadenorm.interop import as_mesh, save_mesh
 from cascadenorm.io import OutputError
-from cascadenorm.io.atomic import write_atomically
+from cascadenorm.io.atomic import make_folder, write_atomically
 from cascadenorm.mesh import Mesh, angles_between
 from cascadenorm.progress import Progress, silent
 from cascadenorm.render import Camera, Figure, HeatMap, color_bar, png, rasterized, render, side_by_side, stacked
@@ -72,8 +72,8 @@ def demo(
     """
     folder = Path(folder)
     task, total = "demonstration", len(EXAMPLES) + 1
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         progress(task, 0, total, "compiling, the first time")
         _warm_up(methods)
         examples: list[Example] = []

@@ -39,6 +39,16 @@ def check_output(path: Path, *, force: bool) -> None:
         )
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those that it lies in; raises OutputError where that is impossible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise OutputError(f"{folder} is a file: give the name of a folder") from None
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise OutputError(f"{folder} cannot be created: {getattr(error, 'strerror', None) or error}") from error
+
+
 def is_special(path: str | os.PathLike[str]) -> bool:
     """Test whether something is there that is neither a file nor a folder: a pipe, a device."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
