@@ -355,6 +355,13 @@ def test_what_concerns_all_files_is_refused_at_once(place, capsys, words, code, 
     assert not (place / "out").exists()
 
 
+@pytest.mark.parametrize("format", ["stl", "STL", ".stl"])
+def test_a_format_is_an_extension_with_or_without_its_dot(place, format):
+    scans(place / "scans", 1)
+    assert run(["batch", *FAST, "scans", "-o", "out", "--format", format]) == 0
+    assert set(results(place / "out")) == {"a/0.stl"}
+
+
 def test_two_files_with_one_place_for_their_results_are_refused(place):
     scans(place / "scans", 1)
     save_mesh(place / "scans" / "a" / "0.obj", BALL)

@@ -25,6 +25,7 @@ from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.cluster import folder_of_names
 from cascadenorm.controls.settings import Controls, takes_controls
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
+from cascadenorm.io import output_format
 from cascadenorm.io.atomic import remove_unfinished
 from cascadenorm.memory import FREE, available_memory, memory_size
 from cascadenorm.mesh import thread_count
@@ -124,6 +125,8 @@ def denoise_files(
             raise ParameterError(f"is {value}; it must be at least {least}", parameter=name)
     if timeout is not None and not timeout > 0:
         raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
+    if format is not None:
+        format = output_format(f".{format}")  # ".STL" is "stl"
     settings, threads, listener = settings_of(method, parameters or {}, controls, format, force=force)
     here = _this_machine(workers, threads, memory, scheduler)
     folder: str | Path = str(output).rstrip("/") if is_url(output) else Path(output)

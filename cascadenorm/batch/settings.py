@@ -14,7 +14,6 @@ from cascadenorm.batch.work import Settings
 from cascadenorm.controls.settings import checked
 from cascadenorm.digests import file_digest
 from cascadenorm.errors import ParameterError
-from cascadenorm.io import output_format
 from cascadenorm.learned.cascade import Cascade, weights_file
 from cascadenorm.progress import Listener
 from cascadenorm.registry import find
@@ -31,12 +30,9 @@ def settings_of(
     Raises
     ------
     ParameterError : an unknown name, a value out of range, weights that cannot be read
-    OutputError : a format that cannot be written
     """
     every = checked(controls)
     values = find(method).checked(parameters)
-    if format is not None:
-        output_format(f".{format}")
     given = {name: value for name, value in every.items() if name not in NO_RESULT}
     defaults = {name: setting.default for name, setting in find(method).settings.items()}
     parts = [cascadenorm.__version__, method, defaults | values, given, format]
