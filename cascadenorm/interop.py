@@ -86,9 +86,10 @@ def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 
 
 def _pyvista_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    if mesh.n_verts or mesh.n_lines or mesh.n_strips or not mesh.is_all_triangles:
+    others = mesh.n_verts or mesh.n_lines or mesh.n_strips or not mesh.is_all_triangles
+    if others and _has_faces(mesh):
         raise MeshError("the PolyData has cells that are not triangles: call its triangulate() first")
-    return np.asarray(mesh.points), np.asarray(mesh.regular_faces)
+    return np.asarray(mesh.points), np.asarray(mesh.regular_faces).reshape(-1, 3)
 
 
 def _pyvista_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
@@ -98,10 +99,16 @@ def _pyvista_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     return moved
 
 
+def _has_faces(mesh: Any) -> bool:
+    """Whether a vtkPolyData is more than points and lines, which are refused where any mesh without faces is."""
+    return bool(mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips())
+
+
 def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     numpy_of = import_module("vtkmodules.util.numpy_support").vtk_to_numpy
     polygons = mesh.GetPolys()
-    if mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3):
+    others = mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3)
+    if others and _has_faces(mesh):
         raise MeshError(
             "the vtkPolyData has cells that are not triangles: apply vtkTriangleFilter to it, in ParaView Triangulate"
         )

@@ -270,6 +270,13 @@ def test_pyvista_comes_back_with_its_arrays():
         cn.denoise(pyvista.Plane(), **METHOD)
 
 
+def test_datasets_without_faces_are_refused_as_arrays_without_faces_are():
+    pyvista = pytest.importorskip("pyvista")
+    for data in (pyvista.PolyData(BALL.vertices), pyvista.PolyData(), pyvista.Line()):
+        with pytest.raises(cn.MeshError, match="the mesh has no faces: reconstruct a surface from the points first"):
+            cn.denoise(data)
+
+
 def test_meshio_comes_back_with_its_data():
     meshio = pytest.importorskip("meshio")
     mesh = meshio.Mesh(BALL.vertices, [("triangle", BALL.faces)], point_data={"heat": np.arange(162.0)})

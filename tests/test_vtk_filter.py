@@ -166,6 +166,10 @@ def test_errors_are_told_by_vtk_with_what_to_do(window):
         "cascadenorm: the vtkPolyData has cells that are not triangles: apply vtkTriangleFilter" in window.GetOutput()
     )
     assert isinstance(filter.error, cn.MeshError)
+    plane.GetOutput().SetPolys(vtkCellArray())
+    plane.GetOutput().SetVerts(polydata(BALL).GetPolys())
+    denoised_by(plane.GetOutput())
+    assert "cascadenorm: the mesh has no faces: reconstruct a surface from the points first" in window.GetOutput()
     broken = polydata(BALL.moved(BALL.vertices))
     vtk_to_numpy(broken.GetPoints().GetData())[5] = np.nan
     denoised_by(broken)

@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkPolyData
 
 from cascadenorm.api import denoise
 from cascadenorm.errors import MeshError, ParameterError
-from cascadenorm.interop import adapter
+from cascadenorm.interop import as_mesh
 from cascadenorm.regions import denoise_regions
 
 
@@ -52,7 +52,7 @@ def _checked(place: Any) -> Any:
     """Return the block at a place; errors begin with its name."""
     block = place.GetCurrentDataObject()
     try:
-        adapter(block).arrays(block)
+        as_mesh(block)
     except MeshError as error:
         name = place.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()) if place.HasCurrentMetaData() else None
         raise error.within(name or f"block {place.GetCurrentFlatIndex()}") from None
