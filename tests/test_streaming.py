@@ -383,6 +383,7 @@ def test_patches_stay_within_a_limit_that_the_whole_exceeds(tmp_path):
     ("change", "message"),
     [
         (lambda data: data[:-7], "it is truncated"),
+        (lambda data: b"v 0 0 0", "the file is not PLY, and only binary PLY and STL can be read in parts: convert it"),
         (lambda data: data.replace(b"binary_little_endian", b"ascii"), "only binary PLY can be read in parts"),
         (lambda data: data.replace(b"double x", b"int x   "), "not all float or all double"),
         (lambda data: data[:-12] + b"\xff" * 12, "face 5119 references a vertex that does not exist"),

@@ -123,6 +123,8 @@ def ply_tables(path: Path) -> PlyTables:
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     try:
+        if not head.startswith(b"ply"):
+            raise ReadError("the file is not PLY, and only binary PLY and STL can be read in parts", hint=ELSEWHERE)
         header = parse_header(head)
         if not header.byte_order:
             raise ReadError("the file is ASCII PLY, and only binary PLY can be read in parts", hint=ELSEWHERE)
