@@ -26,6 +26,7 @@ from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import SCAN, SCANNING, Settled, Watched
 from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.cli import run
+from cascadenorm.digests import file_digest
 from cascadenorm.errors import OutputError, ParameterError, ReadError, WorkerError
 from cascadenorm.interop import save_mesh
 from cascadenorm.io.atomic import remove_unfinished
@@ -86,6 +87,7 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(place, capsys):
     assert (place / "out" / "b" / "1.ply").read_bytes() == (place / "alone.ply").read_bytes()
     (failed,) = lines(place / "out", "failed")
     assert failed["error"]["type"] == "ReadError" and failed["attempts"] == 1
+    assert failed["input_sha256"] == file_digest(place / "scans" / "a" / "bad.ply")
     done = {line["output"]: line for line in lines(place / "out", "done")}
     assert done["b/1.ply"]["summary"]["faces"] == 320 and len(done) == 4
 

@@ -4,7 +4,7 @@ import errno
 import hashlib
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -88,11 +88,18 @@ def work(settings: Settings, task: Task) -> Outcome:
     except Exception as error:  # one bad file stops no other
         return Outcome(
             status="failed",
-            input_digest=task.digest,
+            input_digest=task.digest or _digest_after_failure(task.job.source),
             error=error,
             then=_after(error, task.job),
             seconds=time.perf_counter() - start,
         )
+
+
+def _digest_after_failure(source: str) -> str | None:
+    """The digest of a file that no check has read; None where it cannot be read, and at a URL."""
+    with suppress(Exception):  # what is wrong with the file has been said
+        return None if is_url(source) else mesh_digest(Path(source))
+    return None
 
 
 def mesh_digest(path: Path) -> str:
