@@ -176,7 +176,7 @@ def batch(
     ] = 1,
     timeout: Annotated[
         float | None,
-        typer.Option(min=0, metavar="SECONDS", help="Stop a process that works on a file for longer than this."),
+        typer.Option(metavar="SECONDS", help="Stop a process that works on a file for longer than this, more than 0."),
     ] = None,
     watch: Annotated[
         float | None,
