@@ -17,7 +17,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.geometry.error_kind import ErrorKind, error_kind
 from cascadenorm.interop import mesh_of_file, source_name
 from cascadenorm.io.atomic import check_output, is_special
-from cascadenorm.io.files import beside, check_target
+from cascadenorm.io.files import beside, check_extension, check_target
 from cascadenorm.mesh import Mesh, Vectors, in_frame, ordered_for_cache, row_lengths, without_lines
 from cascadenorm.registry import Method
 
@@ -183,7 +183,7 @@ def _checked_output(
     elif isinstance(output, str | PathLike):
         check_output(Path(output), force=force)
         if not is_special(output):
-            io.output_format(output)
+            check_extension(source, output)
     elif format is not None:
         io.output_format(output, format)
     return output

@@ -8,7 +8,7 @@ from cascadenorm.geometry.holes import fill_holes
 from cascadenorm.geometry.laplacians import Order
 from cascadenorm.interop import mesh_of_file, source_name
 from cascadenorm.io.atomic import check_output
-from cascadenorm.io.files import extensible
+from cascadenorm.io.files import check_extension, extensible
 from cascadenorm.io.patches import Patches
 
 
@@ -39,14 +39,15 @@ def fill_holes_file(
     ReadError, MeshError, ParameterError, OutputError : nothing is written then
     """
     check_output(output, force=force)
-    io.output_format(output)
+    check_extension(source, output)
     read = io.read(source)
+    format = io.output_format(output, read.format)
     mesh_of_file(read, source_name(source))
     file, lost = extensible(read)
     filled = fill_holes(file.mesh, order=order, max_edges=max_edges)
     added = len(filled.faces) - len(file.mesh.faces)
     if added:
-        left_out = lost + io.write(file.with_patches(Patches(file, filled)), output, force=force)
+        left_out = lost + io.write(file.with_patches(Patches(file, filled)), output, format=format, force=force)
     else:
-        left_out = io.write(read, output, force=force)
+        left_out = io.write(read, output, format=format, force=force)
     return Filling(faces=len(file.mesh.faces), added=added, left_out=tuple(dict.fromkeys(left_out)))

@@ -219,6 +219,9 @@ def test_truncated_files_are_unreadable(place, capsys, share):
 def test_missing_files_and_folders(place, capsys):
     code, message = refused(capsys, "denoise", "absent.ply", *FAST)
     assert code == 3 and "absent.ply does not exist" in message
+    for command in (["denoise", *FAST], ["fill-holes"], ["denoise-regions", "-o", "out", *FAST]):
+        code, message = refused(capsys, *command, "absent")
+        assert code == 3 and "absent does not exist: check the name" in message
     assert refused(capsys, "denoise", ".", "-o", "out.ply", *FAST)[0] == 3
     for name in ("", ".", "..", "/"):
         for command in (("denoise", name, *FAST), ("fill-holes", name)):
@@ -273,6 +276,8 @@ def test_a_file_without_extension_is_written_as_it_was_read(place):
     (place / "ball.ply").rename(place / "ball")
     assert run(["denoise", "ball", *FAST]) == 0
     assert cn.read("ball_denoised").format == "ply"
+    assert run(["fill-holes", "ball"]) == run(["batch", "ball", "-o", "out", *FAST]) == 0
+    assert cn.read("ball_filled").format == cn.read("out/ball").format == "ply"
 
 
 def test_devices_get_the_format_that_was_read(place):

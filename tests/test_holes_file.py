@@ -260,6 +260,10 @@ def test_a_holed_file_comes_back_closed(tmp_path, capsys):
     assert_closed(filled)
     assert filled.volume == pytest.approx(sphere.volume, rel=0.01)
     assert "faces added" in capsys.readouterr().out
+    cn.write(cn.read(source), tmp_path / "holed.stl")
+    (tmp_path / "holed.stl").rename(tmp_path / "bare")
+    assert run(["fill-holes", str(tmp_path / "bare")]) == 0
+    assert cn.read(tmp_path / "bare_filled").format == "stl"
 
 
 def test_an_existing_output_stays(tmp_path, capsys):

@@ -201,6 +201,15 @@ def output_format(target: Source, otherwise: str = "") -> str:
     return chosen
 
 
+def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
+    """Raise OutputError for a path whose extension selects no format that is written.
+
+    Where neither it nor the source has an extension, the format is that which the source is found to have.
+    """
+    if Path(target).suffix or not isinstance(source, str | os.PathLike) or Path(source).suffix:
+        output_format(target)
+
+
 def beside(source: Path, what: str) -> Path:
     """Return `<stem>_<what><suffix>` in the folder of a mesh file; raises ReadError for a folder."""
     if source.is_dir():
