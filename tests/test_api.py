@@ -113,6 +113,8 @@ def test_a_mesh_of_one_point_stays():
         ({"volume": "double"}, "volume is 'double'; it must be one of keep, none"),
         ({"threads": 0}, "threads is 0"),
         ({"threads": "two"}, "threads is 'two'; it must be a whole number"),
+        ({"fixed": {1, 2}}, "fixed is a set; it must be a list or an array"),
+        ({"progress": 3}, "progress is 3; it must be a function"),
         ({"method": "magic"}, "there is no method 'magic'; there are: "),
         ({"iterations": -1}, "iterations is -1; it must be at least 0"),
         ({"wings": 2}, "bilateral-normal has no parameter 'wings'; it has: "),

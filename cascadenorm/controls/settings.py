@@ -239,6 +239,10 @@ def checked(given: Mapping[str, Any]) -> Controls:
     for name, setting in CONTROLS.items():
         if setting.kinds == (float, str) and controls[name] is not None:
             parsed_length(name, controls[name])
+        elif isinstance(controls[name], set | frozenset):
+            raise ParameterError("is a set; it must be a list or an array", parameter=name)
+    if controls["progress"] is not None and not callable(controls["progress"]):
+        raise ParameterError(f"is {controls['progress']!r}; it must be a function", parameter="progress")
     return cast(Controls, controls)
 
 
