@@ -33,17 +33,21 @@ def adapter(mesh: object) -> Adapter:
     ------
     MeshError : a kind of object that is not known
     """
+    hint = (
+        "pass vertices and faces as arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or "
+        "meshio"
+    )
     for kind in type(mesh).__mro__:
         library, *inside = kind.__module__.split(".")
         if library == "open3d" and "t" in inside:
             raise MeshError("tensor meshes of open3d are not supported: pass mesh.to_legacy()")
         if (library, kind.__name__) in ADAPTERS:
             return ADAPTERS[library, kind.__name__]
+        if (library, kind.__name__) in CONVERSIONS:
+            hint = f"pass {CONVERSIONS[library, kind.__name__]}"
+            break
     kind = type(mesh)
-    raise MeshError(
-        f"{kind.__module__}.{kind.__qualname__} is not a supported kind of mesh: pass vertices and faces as "
-        "arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or meshio"
-    )
+    raise MeshError(f"{kind.__module__}.{kind.__qualname__} is not a supported kind of mesh", hint=hint)
 
 
 def as_mesh(source: Any) -> Mesh:
@@ -206,3 +210,12 @@ ADAPTERS = {
     ("open3d", "TriangleMesh"): Adapter(_open3d_arrays, _open3d_moved),
     ("meshio", "Mesh"): Adapter(_meshio_arrays, _meshio_moved),
 }
+
+CONVERSIONS = {
+    ("numpy", "ndarray"): "the faces too, as a second array",
+    ("builtins", "list"): "the faces too, as a second array",
+    ("trimesh", "Scene"): "scene.to_mesh()",
+    ("pyvista", "UnstructuredGrid"): "its surface, grid.extract_surface().triangulate()",
+    ("vtkmodules", "vtkUnstructuredGrid"): "its surface, by vtkGeometryFilter and vtkTriangleFilter",
+}
+"""How to get a mesh from other objects, in words."""

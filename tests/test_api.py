@@ -342,6 +342,18 @@ def test_open3d_comes_back_with_its_colors():
 def test_other_objects_are_refused():
     with pytest.raises(cn.MeshError, match=r"builtins\.dict is not a supported kind of mesh"):
         adapter({})
+    with pytest.raises(cn.MeshError, match=r"ndarray is not a supported kind of mesh: pass the faces too"):
+        cn.denoise(BALL.vertices)
+    with pytest.raises(cn.MeshError, match=r"Scene is not a supported kind of mesh: pass scene\.to_mesh\(\)"):
+        cn.denoise(trimesh.Scene(trimesh.creation.box()))
+    with pytest.raises(cn.MeshError, match=r"Grid is not a supported kind of mesh: pass .*\.extract_surface\(\)"):
+        cn.denoise(pytest.importorskip("pyvista").Sphere().cast_to_unstructured_grid())
+
+
+@pytest.mark.parametrize("mesh", [BALL, trimesh.creation.box(), "scan.ply"])
+def test_a_mesh_beside_faces_is_refused(mesh):
+    with pytest.raises(cn.MeshError, match=f"vertices are of type {type(mesh).__name__}; .* without faces"):
+        cn.denoise(mesh, BALL.faces)
 
 
 def test_bad_arrays_are_refused():

@@ -230,6 +230,11 @@ def _scaled(length: np.floating[Any], exponent: int) -> float:
 def vertex_array(vertices: ArrayLike) -> Vectors:
     """Return vertices as a float64 copy, whatever their values; raises MeshError where they are not (n, 3) numbers."""
     array = np.asarray(vertices)
+    if array.ndim == 0:
+        kind = type(vertices).__name__
+        raise MeshError(
+            f"vertices are of type {kind}; they must be (n, 3) numbers: pass a mesh or a path without faces"
+        )
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise MeshError(f"vertices have shape {array.shape} and type {array.dtype}; they must be (n, 3) numbers")
     return np.array(array, np.float64, order="C")
