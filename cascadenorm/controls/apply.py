@@ -106,8 +106,7 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
         framed, exponent = in_frame(mesh)
         order = ordered_for_cache(framed)
         return order, *divided(oriented(order.mesh)), exponent
-    own = np.arange(len(mesh.vertices))
-    return Renumbered(mesh, own, own), as_part(mesh, halo.whole), None, halo.whole.frame.exponent
+    return Renumbered.unchanged(mesh), as_part(mesh, halo.whole), None, halo.whole.frame.exponent
 
 
 def in_words(controls: Controls) -> dict[str, Any]:

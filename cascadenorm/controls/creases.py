@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.mesh import Ints, Mesh, Vectors, first_places, scatter_add
+from cascadenorm.mesh import Ints32, Mesh, Vectors, first_places, scatter_add
 
 HOLD = 0.02  # weight h of the mean of the copies, against 1 - cos of the angle between two sides
 
@@ -64,7 +64,7 @@ class Sides(NamedTuple):
         return joined
 
 
-def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints | None = None) -> NDArray[np.bool_]:
+def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None = None) -> NDArray[np.bool_]:
     """Return (e,) which edges of the mesh are creases.
 
     Parameters
@@ -99,7 +99,7 @@ def _angles(mesh: Mesh) -> NDArray[np.float64]:
     return angles
 
 
-def _given(mesh: Mesh, pairs: NDArray[Any], places: Ints | None) -> NDArray[np.bool_]:
+def _given(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDArray[np.bool_]:
     """Return which edges join the given pairs of vertices."""
     if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise ParameterError(

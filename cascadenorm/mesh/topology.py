@@ -43,7 +43,7 @@ class Topology:
     @cached_property
     def vertex_faces(self) -> Csr:
         """Faces around each vertex, ascending; a face that repeats a vertex is listed twice."""
-        return _rows_with(self.faces, self.vertex_count)
+        return rows_with(self.faces, self.vertex_count)
 
     def face_rings(self, ring: int) -> Csr:
         """Faces within `ring` steps of each face, itself left out; a step leads to a face that shares a vertex."""
@@ -77,7 +77,7 @@ class Topology:
     @cached_property
     def edge_faces(self) -> Csr:
         """Faces at each edge, ascending: one at a boundary, two inside a manifold, more at a non-manifold edge."""
-        return _rows_with(self.face_edges, len(self.edges))
+        return rows_with(self.face_edges, len(self.edges))
 
     @cached_property
     def interior_edges(self) -> NDArray[np.int32]:
@@ -167,7 +167,7 @@ class Topology:
         return self.components[self.faces[:, 0]]
 
 
-def _rows_with(numbers: NDArray[np.int32], count: int) -> Csr:
+def rows_with(numbers: NDArray[np.int32], count: int) -> Csr:
     """Rows of an array, (k, w), in which each of 0 … count - 1 stands, ascending, as often as it stands there."""
     indptr = np.zeros(count + 2, np.int64)
     count_groups(numbers, indptr[2:])

@@ -1,6 +1,9 @@
 """Loops over faces and vertices of which the topology of a mesh is made."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.mesh.arrays import Ints, Ints32, doubled
 from cascadenorm.mesh.csr import Csr
@@ -65,7 +68,7 @@ def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[I
                     found[end] = max(a, b)
                     end += 1
         # each inner edge was found twice, from either face: keep one
-        _sort(found[first:end])
+        sort(found[first:end])
         last, end = end, first
         for k in range(first, last):
             if end == first or found[end - 1] != found[k]:
@@ -124,7 +127,7 @@ def across_range(start: int, stop: int, face_edges: Ints32, around: Csr, out: In
 
 
 @kernel
-def _sort(values: Ints32) -> None:
+def sort(values: NDArray[Any]) -> None:
     """Sort values in place (Shell 1959); numpy's sort takes a second to compile."""
     gap = 1
     while gap < len(values) // 3:

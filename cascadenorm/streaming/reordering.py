@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Frame, Vectors
-from cascadenorm.mesh.ordering import OUTLIERS, POOR, Cache, from_least, morton_codes_between
+from cascadenorm.mesh.ordering import OUTLIERS, POOR, Cache, morton_codes_between, renumbered_faces
 from cascadenorm.streaming.ply_rows import BLOCK, PlyTables, ply_tables, write_tables
 from cascadenorm.streaming.tiles import Buckets
 
@@ -107,8 +107,8 @@ def _renumbered(
 ) -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:
     """Return faces with new numbers, and the span of their first vertex, block after block."""
     for _, corners in tables.corners():
-        faces = from_least(places[corners].astype(np.int64))
-        yield faces.astype(np.uint32), faces[:, 0] // span
+        faces = renumbered_faces(corners, places)
+        yield faces, faces[:, 0] // span
 
 
 def _sorted(faces: Buckets) -> Iterator[NDArray[Any]]:
