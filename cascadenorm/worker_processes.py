@@ -96,7 +96,7 @@ def _serve(link: Connection, work: Callable[[Job], Result]) -> None:
         try:
             job, threads = link.recv()
         except (EOFError, OSError):
-            return
+            return _ending()
         with limit_threads(threads), threadpool_limits(threads):
             result = work(job)
         link.send(result)
@@ -104,7 +104,13 @@ def _serve(link: Connection, work: Callable[[Job], Result]) -> None:
 
 def _terminated(number: int, _: FrameType | None) -> NoReturn:
     """End as on an error, so that temporary files are removed."""
+    _ending()
     raise SystemExit(128 + number)
+
+
+def _ending() -> None:
+    """Ignore what ends this process from now on: within the handlers of its exit it would be an error."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def _end_with_parent() -> None:

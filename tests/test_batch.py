@@ -1,5 +1,6 @@
 """Many files: each once, whatever fails, is killed or comes later."""
 
+import atexit
 import errno
 import json
 import os
@@ -342,7 +343,8 @@ def test_the_largest_file_comes_first_and_results_are_no_input(place):
             "scans: no mesh files were found (those in the output folder scans are not read)",
         ),
         (["scans", "--format", "docx"], 5, "the format 'docx' cannot be written"),
-        (["scans", "--memory", "much"], 2, "memory is 'much'; it must be an amount of memory"),
+        (["scans", "--memory", "much"], 2, "memory is 'much'; it must be an amount of memory with its unit"),
+        (["scans", "--memory", "4"], 2, "memory is '4'; it must be an amount of memory with its unit, such as \"4GB\""),
         (["scans", "--timeout", "0"], 2, "--timeout is 0.0; it must be above 0"),
         (["scans", "--timeout", "nan"], 2, "--timeout is nan; it must be above 0"),
         (["scans", "--scheduler", "127.0.0.1:9", "--memory", "1GB"], 2, "memory is for this machine: workers of"),
@@ -533,6 +535,21 @@ def test_one_process_that_ends_early_leaves_the_others():
         assert workers[1].result() == 4
     finally:
         Worker.stop(workers)
+
+
+def slow_to_end(seconds: float) -> None:
+    """Let the exit of this process take time."""
+    atexit.register(time.sleep, seconds)
+
+
+def test_a_process_that_is_stopped_while_it_ends_says_nothing(capfd):
+    worker = Worker(slow_to_end)
+    worker.begin(1.5, 1)
+    worker.result()
+    worker.link.close()
+    time.sleep(0.5)  # it has seen that, and is within its exit
+    Worker.stop([worker])
+    assert capfd.readouterr().err == ""
 
 
 class OfLibrary(Exception):
