@@ -85,13 +85,15 @@ def memory_size(name: str, text: str | int) -> int:
 
     Raises
     ------
-    ParameterError : it is none, or not above 0; the message calls it by its name
+    ParameterError : it is none, has no unit, or is not above 0; the message calls it by its name
     """
-    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*([kmgt]?i?)b?\s*", str(text), re.IGNORECASE)
-    unit = match[2].lower() if match else "?"
-    size = math.floor(float(match[1]) * _UNITS[unit]) if match and unit in _UNITS else 0
+    given = f"{text}B" if isinstance(text, int | float) else str(text)
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(?:([kmgt]i?)b?|b)\s*", given, re.IGNORECASE)
+    size = math.floor(float(match[1]) * _UNITS[(match[2] or "").lower()]) if match else 0
     if size < 1:
-        raise ParameterError(f'is {text!r}; it must be an amount of memory, such as "4GB" or "500 MB"', parameter=name)
+        raise ParameterError(
+            f'is {text!r}; it must be an amount of memory with its unit, such as "4GB" or "500 MB"', parameter=name
+        )
     return size
 
 
