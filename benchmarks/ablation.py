@@ -67,7 +67,7 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
             "last_weighting": auto.last_weighting,
             "foldovers": auto.foldovers,
         },
-        "+ two hidden layers": {"fit": auto.fit},
+        "+ two hidden layers, fewer sweeps between the stages": {"fit": auto.fit, "sweeps": auto.sweeps},
     }
     for name, change in changes.items():
         step = replace(step, **change)

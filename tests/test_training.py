@@ -279,8 +279,14 @@ def test_the_settings_of_cascade_are_those_of_the_paper():
     assert [stage.descriptor for stage in config.stages] == ["B+G", "B", "B"]
     for stage in config.stages:
         assert (stage.neighborhood, stage.weighting, stage.foldovers) == ("distance", "heights", "ignore")
-        assert stage.activation == "tanh"
+        assert (stage.activation, stage.sweeps) == ("tanh", 20)
     assert (config.clusters, config.context, len(config.fit.hidden)) == (4, 0, 1)
+
+
+def test_the_last_stage_has_all_sweeps_and_a_weighting_of_its_own():
+    stages = TrainConfig(sweeps=7, last_weighting="angles").stages
+    assert [stage.sweeps for stage in stages] == [7, 7, 20]
+    assert [stage.weighting for stage in stages] == ["heights", "heights", "angles"]
 
 
 def test_settings_are_read_from_toml(tmp_path):
@@ -301,6 +307,7 @@ def test_settings_are_read_from_toml(tmp_path):
         ("[fit]\nwidth = 3", "there is no setting fit.width; fit settings are hidden"),
         ("seed = -1", "seed is -1; it must be at least 0"),
         ("context = -1", "context is -1; it must be at least 0"),
+        ("sweeps = -1", "sweeps is -1; it must be at least 0"),
         ("[fit]\nweight_decay = -1", "weight_decay is -1.0; it must be at least 0"),
         ("[data]\nmin_faces = 1000", "faces are 1000 to 20000; at least 1200"),
         ("fit = 3", "fit is 3; it must be a table"),

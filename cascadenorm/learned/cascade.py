@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from cascadenorm.baselines.vertex_update import Sweeps, recover_vertices
+from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.geometry.safeguards import safeguarded
 from cascadenorm.geometry.segmentation_steps import without_voxel_faces
 from cascadenorm.learned.descriptors import (
@@ -66,16 +66,16 @@ class Cascade:
     stages: tuple[Regression, ...]
     card: Mapping[str, Any]
 
-    def steps(self, mesh: Mesh, *, sweeps: int = 20) -> Iterator[Mesh]:
+    def steps(self, mesh: Mesh) -> Iterator[Mesh]:
         """Yield the mesh after each stage."""
         noisy = mesh
         for number in track(len(self.stages)):
-            mesh = apply_stage(self.stages[number], mesh, noisy, sweeps=sweeps)
+            mesh = apply_stage(self.stages[number], mesh, noisy)
             yield mesh
 
-    def vertices(self, mesh: Mesh, *, sweeps: int = 20) -> Vectors:
+    def vertices(self, mesh: Mesh) -> Vectors:
         """Return the vertices of the mesh after the last stage, (n, 3)."""
-        for last in self.steps(mesh, sweeps=sweeps):  # none is kept once the next one is there
+        for last in self.steps(mesh):  # none is kept once the next one is there
             mesh = last
         return mesh.vertices
 
@@ -122,12 +122,12 @@ class Cascade:
         return cls(tuple(stages), header["card"])
 
 
-def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh, *, sweeps: int = 20) -> Mesh:
+def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from the filtered ones, its vertices moved to them."""
     settings = stage.settings
     normals = stage.normals(mesh, stage_stack(settings, mesh, noisy))
     vertices = recover_vertices(
-        mesh, normals, sweeps=sweeps, weighting=settings.weighting, foldovers=settings.foldovers
+        mesh, normals, sweeps=settings.sweeps, weighting=settings.weighting, foldovers=settings.foldovers
     )
     return mesh.moved(vertices)
 
@@ -150,7 +150,7 @@ Model = Annotated[Cascade | Path | None, Parameter("weights that `cascadenorm tr
 
 
 @method("auto", source="after Wang, Liu, Tong 2016", family="learned", converges=True)
-def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
+def auto(mesh: Mesh, *, model: Model = None) -> Vectors:
     """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, in three stages.
 
     Formula
@@ -165,12 +165,12 @@ def auto(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
     stay hard. It learned from generated shapes: an error of a kind that none of them has may be left.
     """
     start = without_voxel_faces(mesh)
-    vertices = loaded(model, "auto").vertices(start, sweeps=sweeps)
+    vertices = loaded(model, "auto").vertices(start)
     return safeguarded(mesh, without_drift(mesh, vertices))
 
 
 @method("cascade", source="Wang, Liu, Tong 2016", family="learned")
-def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
+def cascade(mesh: Mesh, *, model: Model = None) -> Vectors:
     """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages.
 
     Formula
@@ -184,7 +184,7 @@ def cascade(mesh: Mesh, *, model: Model = None, sweeps: Sweeps = 20) -> Vectors:
     Its filters reach five mean edge lengths far: heavy noise, and errors that are correlated over many edges, are left
     in part. The vertex update may fold faces over.
     """
-    return loaded(model, "cascade").vertices(mesh, sweeps=sweeps)
+    return loaded(model, "cascade").vertices(mesh)
 
 
 def loaded(model: Cascade | Path | None, name: str) -> Cascade:

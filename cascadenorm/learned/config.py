@@ -88,6 +88,7 @@ class TrainConfig:
     last_weighting : of the vertex update after the last stage, "angles" or "heights" as published, which the other
         stages have
     foldovers : in the vertex update, "avoid" or "ignore" as published
+    sweeps : of the vertex update after each stage but the last, which has 20
     fit : settings of each network
     data : the noisy/clean pairs
     """
@@ -100,11 +101,12 @@ class TrainConfig:
     context: int = 24
     last_weighting: Weighting = "angles"
     foldovers: Foldovers = "avoid"
+    sweeps: int = 20
     fit: Fit = field(default_factory=Fit)
     data: DatasetConfig = field(default_factory=lambda: DATA)
 
     def __post_init__(self) -> None:
-        for name, least in (("faces_per_mesh", 1), ("clusters", 1), ("context", 0), ("seed", 0)):
+        for name, least in (("faces_per_mesh", 1), ("clusters", 1), ("context", 0), ("sweeps", 0), ("seed", 0)):
             if getattr(self, name) < least:
                 raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least {least}")
         if not self.descriptors or not set(self.descriptors) <= set(DESCRIPTORS):
@@ -125,6 +127,7 @@ class TrainConfig:
                 activation=self.fit.activation,
                 weighting=self.last_weighting if number == last else "heights",
                 foldovers=self.foldovers,
+                sweeps=20 if number == last else self.sweeps,
             )
             for number, descriptor in enumerate(self.descriptors)
         )

@@ -48,7 +48,7 @@ class StageSettings:
     descriptor : which filtered normals it reads, a name in DESCRIPTORS
     neighborhood : which faces the filters B and G add, "distance" or "rings"; the others add one ring
     activation : between the layers of its networks, a name in ACTIVATIONS
-    weighting, foldovers : of the vertex update, as `recover_vertices` takes them
+    weighting, foldovers, sweeps : of the vertex update, as `recover_vertices` takes them
     """
 
     descriptor: str
@@ -56,3 +56,4 @@ class StageSettings:
     activation: str
     weighting: Weighting
     foldovers: Foldovers
+    sweeps: int = 20

@@ -44,15 +44,15 @@ def learned_steps(method: Method, parameters: Mapping[str, Any]) -> Steps:
     ParameterError : weights that cannot be read
     """
     given = method.with_defaults(parameters)
-    cascade, sweeps = loaded(given["model"], method.name), given["sweeps"]
+    cascade = loaded(given["model"], method.name)
     return Steps(
-        lambda passes: restored(passes, method.name, cascade, sweeps),
-        len(cascade.stages) * (FILTERS + NETWORK + sweeps * SWEEP) + 3 * ONCE,
+        lambda passes: restored(passes, method.name, cascade),
+        sum(FILTERS + NETWORK + stage.settings.sweeps * SWEEP for stage in cascade.stages) + 3 * ONCE,
         hashlib.sha256(cascade.to_bytes()).hexdigest(),
     )
 
 
-def restored(passes: Passes, name: str, cascade: Cascade, sweeps: int) -> Callable[[View], Vectors]:
+def restored(passes: Passes, name: str, cascade: Cascade) -> Callable[[View], Vectors]:
     """Do the passes of a method; return what gives its result on a patch with a halo of any width, in the frame."""
     start = None
     safe = name == "auto"
@@ -61,14 +61,14 @@ def restored(passes: Passes, name: str, cascade: Cascade, sweeps: int) -> Callab
         passes.run("start", 2, lambda view: view.keep_vertices(start, mean_centroids(view.mesh)))
     last = start
     for number, stage in enumerate(cascade.stages, 1):
-        before, last = last, _after_stage(passes, f"stage {number}", stage, last, start, sweeps)
+        before, last = last, _after_stage(passes, f"stage {number}", stage, last, start)
         if before is not None and before is not start and before is not last:
             before.remove()
     return _safeguarded(passes, last) if safe else lambda view: view.vertices(last)
 
 
 def _after_stage(
-    passes: Passes, name: str, stage: Regression, before: Layer | None, start: Layer | None, sweeps: int
+    passes: Passes, name: str, stage: Regression, before: Layer | None, start: Layer | None
 ) -> Layer | None:
     """Do what `learned.cascade.apply_stage` does; return where the positions are.
 
@@ -87,8 +87,11 @@ def _after_stage(
 
     passes.run(f"{name} normals", CONTEXT_STEPS[-1] + 2, regress, NETWORK)
     stack.remove()
-    weighting, foldovers = stage.settings.weighting, stage.settings.foldovers
-    after = swept(passes, name, before, normals, sweeps=sweeps, facts=facts, weighting=weighting, foldovers=foldovers)
+    settings = stage.settings
+    after = swept(
+        passes, name, before, normals, facts=facts,
+        sweeps=settings.sweeps, weighting=settings.weighting, foldovers=settings.foldovers,
+    )  # fmt: skip
     normals.remove()
     return after
 
