@@ -71,7 +71,8 @@ class Regression:
 
             def totals(start: int, stop: int) -> Array:
                 rows = slice(start, stop)
-                return self._sums(stack[rows], self.scaler.features(stack[rows], context.of(rows)))
+                part = np.ascontiguousarray(stack[rows])
+                return self._sums(part, self.scaler.features(part, context.of(rows)))
 
             total = in_blocks(len(stack), totals)
         return unit(total, otherwise=stack[:, 0])
@@ -105,9 +106,12 @@ def _weighted_sums(coefficients: Array, stack: Stack) -> Array:
 
 
 def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh) -> Stack:
-    """Filter the normals of a mesh for a stage."""
+    """Filter the normals of a mesh for a stage, (m, k, 3).
+
+    In memory it is (k, m, 3): so a filter writes what it keeps in a third of the time.
+    """
     descriptor = DESCRIPTORS[settings.descriptor]
-    stack = np.empty((len(mesh.faces), descriptor.size, 3), np.float32)
+    stack = np.empty((descriptor.size, len(mesh.faces), 3), np.float32).transpose(1, 0, 2)
     descriptor.fill(stack, mesh, noisy, settings.neighborhood)
     return stack
 
