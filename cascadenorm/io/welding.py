@@ -40,22 +40,22 @@ def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_
 
     None where all differ; NaN equals NaN of the same bits.
     """
+    bits = (rows.astype(np.float64, order="C") + 0.0).view(np.int64)  # those of -0 become those of 0
     same, repeated = np.empty(len(rows), np.int64), np.zeros(len(rows), bool)
     places = np.full(2 << len(rows).bit_length(), -1, np.int32)
-    return (same, repeated) if _find_equal(rows, places, same, repeated) else None
+    return (same, repeated) if _find_equal(bits, places, same, repeated) else None
 
 
 @kernel
-def _find_equal(rows: NDArray[Any], places: Ints32, same: Ints, repeated: Bools) -> bool:
+def _find_equal(rows: Ints, places: Ints32, same: Ints, repeated: Bools) -> bool:
     """Find rows again in a hash table with linear probing, which is half full at most; whether any equals another."""
-    any_repeated, number = False, np.empty(1)
-    halves = number.view(np.uint32)
+    any_repeated = False
     for i in range(len(rows)):
         # hash: multiply and fold the numbers, within 64 bits, so that every bit counts
         slot = np.int64(0)
         for column in range(rows.shape[1]):
-            number[0] = rows[i, column] + 0.0  # which makes -0 equal to 0
-            product = (slot ^ np.int64(halves[0] ^ halves[1])) * 0x7FEB352D
+            number = rows[i, column]
+            product = (slot ^ ((number ^ (number >> 32)) & 0xFFFFFFFF)) * 0x7FEB352D
             slot = (product ^ (product >> 32)) & 0xFFFFFFFF
 
         # probe from there until the row is found, or a free place
@@ -64,8 +64,7 @@ def _find_equal(rows: NDArray[Any], places: Ints32, same: Ints, repeated: Bools)
         while places[slot] >= 0:
             differs, before = False, places[slot]
             for column in range(rows.shape[1]):
-                one, other = rows[i, column], rows[before, column]
-                differs |= one != other and not (np.isnan(one) and np.isnan(other))
+                differs |= rows[i, column] != rows[before, column]
             if not differs:
                 same[i] = before
                 repeated[i] = repeated[before] = any_repeated = True
