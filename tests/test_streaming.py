@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -318,6 +319,18 @@ def test_places_of_negative_zero_are_those_of_zero(place):
     cn.denoise_file("scan.stl", "whole.stl", **SETTINGS)
     cn.denoise_large_file("scan.stl", "parts.stl", memory=1, **SETTINGS)
     assert Path("parts.stl").read_bytes() == Path("whole.stl").read_bytes()
+
+
+def test_ctrl_c_says_how_to_go_on(place):
+    save_mesh(place / "scan.ply", noisy(icosphere(5), 0.1))
+    words = [sys.executable, "-m", "cascadenorm", "denoise", "scan.ply", "-o", "out.ply", "--memory", "1MB"]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and not list(place.glob(".out.ply.parts/*")):
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 130 and (place / ".out.ply.parts").exists()
+    assert "the same command goes on from there" in said and "interrupted" in said and len(said.splitlines()) == 2
 
 
 def test_files_that_do_not_fit_are_denoised_in_patches(place, capsys, monkeypatch):

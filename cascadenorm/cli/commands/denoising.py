@@ -126,18 +126,22 @@ def _denoise_large(
 
     if "-" in (source, target) or any(other is not None for other in others):
         raise typer.BadParameter("--memory works on files only: leave out -, --format and --report")
-    with progress_bars.progress_bar("denoising", time_left=True) as progress:
-        done = denoise_large_file(
-            source,
-            target,
-            memory=memory,
-            method=method,
-            force=force,
-            parameters=parameters,
-            scheduler=scheduler,
-            progress=progress,
-            **controls,
-        )
+    try:
+        with progress_bars.progress_bar("denoising", time_left=True) as progress:
+            done = denoise_large_file(
+                source,
+                target,
+                memory=memory,
+                method=method,
+                force=force,
+                parameters=parameters,
+                scheduler=scheduler,
+                progress=progress,
+                **controls,
+            )
+    except KeyboardInterrupt:
+        complain("finished patches stay in a folder beside the output: the same command goes on from there")
+        raise
     if as_json:
         json_output.print_json("denoise", json_output.denoised(done))
     else:
