@@ -40,7 +40,7 @@ def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_
 
     None where all differ; NaN equals NaN of the same bits.
     """
-    bits = (rows.astype(np.float64, order="C") + 0.0).view(np.int64)  # those of -0 become those of 0
+    bits = np.add(rows, 0.0, dtype=np.float64, order="C").view(np.int64)  # those of -0 become those of 0
     same, repeated = np.empty(len(rows), np.int64), np.zeros(len(rows), bool)
     places = np.full(2 << len(rows).bit_length(), -1, np.int32)
     return (same, repeated) if _find_equal(bits, places, same, repeated) else None
