@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import cascadenorm
 from cascadenorm.digests import file_digest
-from cascadenorm.errors import OutputError
 from cascadenorm.evaluation.pairs import Pair
 from cascadenorm.interop import save_mesh
-from cascadenorm.io.atomic import write_atomically
+from cascadenorm.io.atomic import make_folder, write_atomically
 from cascadenorm.learned.cascade import weights_file
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find
@@ -62,10 +61,7 @@ class Records(NamedTuple):
     def keep(self, pair: Pair, name: str, key: str, mesh: Mesh, row: Mapping[str, Any]) -> None:
         """Keep a mesh, and then its row, which says that both are complete."""
         path = self.mesh_file(pair.name, name)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{path.parent} cannot be created: {error.strerror or error}") from error
+        make_folder(path.parent)
         record = path.with_suffix(".json")
         record.unlink(missing_ok=True)
         save_mesh(path, mesh, force=True)
