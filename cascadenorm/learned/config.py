@@ -101,7 +101,7 @@ class TrainConfig:
     context: int = 24
     last_weighting: Weighting = "angles"
     foldovers: Foldovers = "avoid"
-    sweeps: int = 20
+    sweeps: int = StageSettings.sweeps
     fit: Fit = field(default_factory=Fit)
     data: DatasetConfig = field(default_factory=lambda: DATA)
 
@@ -127,7 +127,7 @@ class TrainConfig:
                 activation=self.fit.activation,
                 weighting=self.last_weighting if number == last else "heights",
                 foldovers=self.foldovers,
-                sweeps=20 if number == last else self.sweeps,
+                sweeps=StageSettings.sweeps if number == last else self.sweeps,
             )
             for number, descriptor in enumerate(self.descriptors)
         )
