@@ -5,6 +5,7 @@ vertices = cn.denoise(vertices, faces)
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -43,6 +44,10 @@ if TYPE_CHECKING:
     from cascadenorm.streaming.streaming import denoise_large_file
 
 __version__ = "0.1.0"
+
+if (_checkout := Path(__file__).parents[1]).joinpath("baselines", "__init__.py").exists():
+    # In a checkout `baselines/` and `data_gen/` lie beside the package instead of in it.
+    __path__.append(str(_checkout))
 
 _HOMES = {  # loaded when first used: the command line starts without numpy and numba
     "CascadenormError": "errors",
