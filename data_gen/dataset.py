@@ -10,10 +10,12 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from cascadenorm.data_gen.families import FAMILIES, Family
+from cascadenorm.data_gen.families import FAMILIES, Family, Part
+from cascadenorm.data_gen.laser import LEVELS as LASER_LEVELS
 from cascadenorm.data_gen.measured import Measured
 from cascadenorm.data_gen.noise import NoiseKind, displacements
 from cascadenorm.data_gen.placement import random_rotation
+from cascadenorm.data_gen.relief import log_uniform, relief
 from cascadenorm.data_gen.surface import UnfitShapeError
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.progress import Progress, silent
@@ -21,7 +23,16 @@ from cascadenorm.workers import side_by_side
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
 LEAST_FACES = 1200  # of fewer, the details of some families would be finer than their triangles
-CLEAN_LOW_POLY = 0.8  # share of the low-poly meshes that have no noise: so they leave the program that made them
+CLEAN: dict[Part, float] = {
+    "low-poly": 0.8,
+    "decimated": 0.75,
+    "structured": 0.7,
+    "subdivided": 0.7,
+    "tessellation": 1.0,  # nobody measures such triangles
+}
+"""Share of the meshes that have no noise: so they leave the program that made them."""
+CLEAN_RELIEF = 0.6  # share of the meshes with relief that have no noise
+RELIEF_LEVELS = 0.02, 0.3  # of the white noise on the others
 ATTEMPTS = 60  # shapes drawn for one index before giving up
 
 OWN = "own"  # in place of a family, where the mesh was not generated
@@ -54,6 +65,8 @@ class DatasetConfig:
     min_faces, max_faces : bounds for the wanted number of faces, drawn log-uniformly and met within a third or so
     noise_kinds : drawn with equal chance; name one twice to double its chance. `sensor` is for the families that
         cameras see: half of their meshes get it, and no other mesh, unless it is the only kind
+    relief : share of the meshes whose shape gets a smooth relief a few edges wide, most of them without noise; none of
+        what cameras and volumes measure, and no CAD tessellations
     min_level, max_level : noise level in mean edge lengths, drawn log-uniformly; that of volumes and points in units
         of their own, half of them drawn uniformly
     """
@@ -64,6 +77,7 @@ class DatasetConfig:
     min_faces: int = 4000
     max_faces: int = 15000
     noise_kinds: tuple[NoiseKind, ...] = USUAL_KINDS
+    relief: float = 0.0
     min_level: float = 0.02
     max_level: float = 0.9
 
@@ -82,6 +96,8 @@ class DatasetConfig:
         strange = [kind for kind in self.noise_kinds if kind not in get_args(NoiseKind)]
         if strange or not self.noise_kinds:
             raise ValueError(f"noise kinds are {strange or 'empty'}; there are {', '.join(get_args(NoiseKind))}")
+        if not 0 <= self.relief <= 1:
+            raise ValueError(f"relief is {self.relief}; it must be a share between 0 and 1")
         if not 0 < self.min_level <= self.max_level < math.inf:
             raise ValueError(f"noise levels are {self.min_level} to {self.max_level}; above 0, and the larger one last")
 
@@ -145,16 +161,16 @@ def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Gener
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
     if family is not None and family.measured:  # whose level is that of its own error
         kinds = [kind for kind in kinds if kind != "none"] or ["normal"]
-    if family is not None and family.part == "low-poly" and rng.random() < CLEAN_LOW_POLY:
+    if family is not None and rng.random() < CLEAN.get(family.part, 0.0):
         kinds = ["none"]
-    if family is not None and family.part == "tessellation":
-        kinds = ["none"]  # nobody measures such triangles
+    if family is not None and family.part == "laser":
+        return "laser", log_uniform(LASER_LEVELS, rng=rng)
     sensed = not kinds or (family is not None and family.seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
     if family is not None and family.measured and rng.random() < 0.5:
         level = float(rng.uniform(config.min_level, config.max_level))
     else:
-        level = math.exp(rng.uniform(math.log(config.min_level), math.log(config.max_level)))
+        level = log_uniform((config.min_level, config.max_level), rng=rng)
     return kind, 0.0 if kind == "none" else level
 
 
@@ -162,12 +178,16 @@ def pair(config: DatasetConfig, index: int) -> Pair:
     """Make one noisy/clean pair; it depends on the config and the index alone."""
     name = family_of(config, index)
     rng = _stream(config, index, _NOISE)
-    kind, level = _noise(config, family=FAMILIES[name], rng=rng)
     family = FAMILIES[name]
+    kind, level = _noise(config, family=family, rng=rng)
     if family.measured or (family.part == "fused" and kind == "sensor"):
         made = _drawn(config, index, level=level)
         return Pair(*made, name, "none" if family.measured else kind, level)
-    return _disturbed(clean_mesh(config, index), name, kind, level, rng=rng)
+    clean = clean_mesh(config, index)
+    if not family.seen and family.part != "tessellation" and rng.random() < config.relief:
+        clean = clean.moved(clean.vertices + relief(clean, rng=rng))
+        kind, level = ("none", 0.0) if rng.random() < CLEAN_RELIEF else ("normal", log_uniform(RELIEF_LEVELS, rng=rng))
+    return _disturbed(clean, name, kind, level, rng=rng)
 
 
 def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:

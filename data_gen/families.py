@@ -15,15 +15,22 @@ from cascadenorm.data_gen.fusion import fused
 from cascadenorm.data_gen.measured import Measured
 from cascadenorm.data_gen.points import reconstruction
 from cascadenorm.data_gen.polyhedra import polyhedron
+from cascadenorm.data_gen.relief import log_uniform
+from cascadenorm.data_gen.structured import structured_mesh, subdivided_cage
 from cascadenorm.data_gen.surface import cut_out, extent_of, polygonised
 from cascadenorm.data_gen.tessellation import tessellate
 from cascadenorm.data_gen.views import view
 from cascadenorm.data_gen.volumes import segmentation, tomogram
 
+FINER = 3.0, 14.0  # times as many faces as are left by decimation
+WIDEST_STEPS = 2.2  # ratio of the steps of a laser scanner, at most
 USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
 
 
-Part = Literal["whole", "piece", "low-poly", "view", "fused", "mask", "slices", "tomogram", "points", "tessellation"]
+Part = Literal[
+    "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram", "points",
+    "tessellation", "structured", "subdivided",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -32,13 +39,15 @@ class Family:
 
     Parameters
     ----------
-    shape : draws a field, given the edge length to expect: detail finer than that would be lost; None for parts as CAD
-        kernels tessellate them, which come from no field
+    shape : draws a field, given the edge length to expect: detail finer than that would be lost; None for meshes that
+        come from no field: parts as CAD kernels tessellate them, and structured surfaces
     weight : how often the family is drawn, relative to the others
     sharp : edges of the shape become edges of the mesh
-    part : the whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces; what a depth
-        camera sees from one side; what several do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
-        level of a tomogram; the surface reconstructed from noisy points; or faces of a CAD model, each triangulated
+    part : the whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces ("low-poly"), or
+        one with detail far finer than the decimated mesh can hold ("decimated"); what a depth camera or a laser scanner
+        sees from one side; what several cameras do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
+        level of a tomogram; the surface reconstructed from noisy points; faces of a CAD model, each triangulated; a
+        surface over a grid of parameters; or a subdivided cage
     """
 
     shape: Callable[[float, np.random.Generator], Field] | None
@@ -49,7 +58,7 @@ class Family:
     @property
     def closed(self) -> bool:
         """Whether meshes are watertight."""
-        return self.part not in ("piece", "view", "fused")
+        return self.part not in ("piece", "view", "laser", "fused", "structured")
 
     @property
     def measured(self) -> bool:
@@ -59,7 +68,7 @@ class Family:
     @property
     def seen(self) -> bool:
         """Whether meshes are what cameras see."""
-        return self.part in ("view", "fused")
+        return self.part in ("view", "laser", "fused")
 
     def make(self, *, faces: int, rng: np.random.Generator, level: float = 0.0) -> Measured:
         """Draw a shape and make a mesh of about so many faces; UnfitShapeError if it came out bad.
@@ -71,10 +80,13 @@ class Family:
             same
         """
         if self.shape is None:
-            part = cad_part(faces=faces, rng=rng)
-            return Measured.on_surface(part, part)
+            made = (
+                cad_part(faces=faces, rng=rng) if self.part == "tessellation" else structured_mesh(faces=faces, rng=rng)
+            )
+            return Measured.on_surface(made, made)
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
-        field = self.shape(float(np.sqrt(2.3 * area / faces)), rng)
+        finer = log_uniform(FINER, rng=rng) if self.part == "decimated" else 1.0
+        field = self.shape(float(np.sqrt(2.3 * area / (faces * finer))), rng)
         extent = extent_of(field, rng=rng)
         if self.part == "fused":
             return fused(field, extent, faces=faces, level=level, rng=rng)
@@ -86,6 +98,14 @@ class Family:
             return reconstruction(field, extent, faces=faces, level=level, rng=rng)
         if self.part == "view":
             mesh = view(field, extent, faces=faces, rng=rng)
+        elif self.part == "laser":
+            mesh = view(field, extent, faces=faces, rng=rng, ratio=log_uniform((1.0, WIDEST_STEPS), rng=rng))
+        elif self.part == "decimated":
+            fine = polygonised(field, extent, faces=round(faces * finer), sharp=self.sharp, rng=rng)
+            mesh = thinned(fine, faces=faces, evenness=float(10 ** rng.uniform(-7, -2)))
+        elif self.part == "subdivided":
+            fine = polygonised(field, extent, faces=faces, sharp=self.sharp, rng=rng)
+            mesh = subdivided_cage(fine, faces=faces, rng=rng)
         elif self.part == "piece":
             extent, window = cut_out(extent, share=float(rng.uniform(0.08, 0.4)), rng=rng)
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
@@ -130,7 +150,11 @@ FAMILIES: dict[str, Family] = {
     "grown_piece": Family(GROWN, 2.2, sharp=False, part="piece"),
     "view": Family(SCENES, 0.9, sharp=True, part="view"),
     "fused": Family(OBJECTS, 0.9, sharp=True, part="fused"),
+    "laser": Family(any_of(GROWN, GROWN, SCENES), 0.9, sharp=True, part="laser"),
     "low_poly": Family(OBJECTS, 0.9, sharp=True, part="low-poly"),
+    "decimated": Family(any_of(GROWN, GROWN, OBJECTS), 0.9, sharp=True, part="decimated"),
+    "subdivided": Family(any_of(GROWN, OBJECTS), 0.9, sharp=True, part="subdivided"),
+    "structured": Family(None, 0.9, sharp=False, part="structured"),
     "segmentation": Family(OBJECTS, 0.9, sharp=True, part="mask"),
     "slices": Family(OBJECTS, 0.9, sharp=True, part="slices"),
     "tomogram": Family(OBJECTS, 0.9, sharp=True, part="tomogram"),

@@ -6,24 +6,37 @@ from typing import Literal, get_args
 import numpy as np
 
 from cascadenorm.data_gen.fields import Values
+from cascadenorm.data_gen.laser import laser_displacements
 from cascadenorm.data_gen.patterns import noise as drift
 from cascadenorm.data_gen.placement import random_rotation
 from cascadenorm.data_gen.sensor import blurred, neighbor_means, sensor_displacements
 from cascadenorm.mesh import Mesh, Vectors
 
 WIDEST = 40  # averages over neighbours of correlated noise, which reaches over some eight edges then
+WHITE_SHARE = 0.15, 0.8  # of the deviation of correlated noise: white noise on top
 FINEST = 0.25  # mean edge lengths: deviation of rounding at most, or triangles collapse
 
 NoiseKind = Literal[
-    "normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "correlated", "quantised", "sensor", "none"
+    "normal",
+    "gaussian",
+    "uniform",
+    "impulsive",
+    "varying",
+    "mixed",
+    "correlated",
+    "quantised",
+    "sensor",
+    "laser",
+    "none",
 ]
 """What noise is like.
 
 `normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat.
 `impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
-`mixed`: two. `correlated`: alike over several edges, along normals or in each coordinate, some with white noise on top.
-`quantised`: coordinates rounded to a lattice. `sensor`: the error of a depth camera, for sheets seen from one side.
-`none`: none.
+`mixed`: two. `correlated`: spatially correlated over several edges, along normals or in each coordinate, with white
+noise on top: an error without any noise at the finest scale could not be told from shape. `quantised`: coordinates
+rounded to a lattice. `sensor`: the error of a depth camera, for sheets seen from one side. `laser`: that of a laser
+scanner. `none`: none.
 """
 
 
@@ -92,9 +105,7 @@ def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vecto
     spread = blurred(white, neighbor_means(mesh), round(float(WIDEST ** rng.random())))
     spread *= deviation / np.sqrt(np.mean(spread**2))
     error = spread * mesh.vertex_normals if along else spread
-    if rng.random() < 0.4:
-        error = error + _normal(mesh, float(rng.uniform(0.1, 0.6)) * deviation, rng)
-    return np.asarray(error)
+    return np.asarray(error + _normal(mesh, float(rng.uniform(*WHITE_SHARE)) * deviation, rng))
 
 
 def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
@@ -111,6 +122,10 @@ def _sensor(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     return sensor_displacements(mesh, deviation, rng=rng)
 
 
+def _laser(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return laser_displacements(mesh, deviation, rng=rng)
+
+
 def _none(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     return np.zeros(mesh.vertices.shape)
 
@@ -125,5 +140,6 @@ _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] =
     "correlated": _correlated,
     "quantised": _quantised,
     "sensor": _sensor,
+    "laser": _laser,
     "none": _none,
 }

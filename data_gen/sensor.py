@@ -8,6 +8,7 @@ from cascadenorm.data_gen.placement import direction
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 WIDEST = 60  # passes of neighbour means that spread noise: over about six pixels
+LEAST_SHARE = 0.05  # of the variance, for each of white noise, spread noise and rounding
 LEAST_FACING = 1e-3  # of the area of a sheet that faces the camera
 LONGEST = 5.0  # rounding steps are up to so many times as high as for terraces of a pixel
 
@@ -42,7 +43,8 @@ def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.r
     if deviation == 0:
         return np.zeros(len(distance))
     blur = neighbor_means(pixels)
-    white, spread, rounding = deviation * np.sqrt(rng.dirichlet((1, 1, 1)))
+    shares = LEAST_SHARE + (1 - 3 * LEAST_SHARE) * rng.dirichlet((1, 1, 1))
+    white, spread, rounding = deviation * np.sqrt(shares)
     wide = blurred(rng.normal(size=len(distance)), blur, round(WIDEST ** rng.uniform()))
     ends = wide[pixels.topology.edges]
     wide /= np.sqrt(0.5 * np.mean((ends[:, 0] - ends[:, 1]) ** 2))

@@ -28,13 +28,14 @@ class DepthImage(NamedTuple):
     turn: Vectors  # (3, 3), its columns: along the grid's sides, and from what is seen toward the eye
     distance: float
     pixels: Values  # (p,)
+    ratio: float  # of the step along the second side of the grid to that along the first
     depth: Values  # (p * p,) along the ray; infinite where it meets nothing
     points: Vectors  # (p * p, 3) where the rays end; at the eye if they meet nothing
 
     @property
     def gap(self) -> float:
         """Length of a side that spans a gap in depth."""
-        return float(STEEP * (self.pixels[1] - self.pixels[0]))
+        return float(STEEP * (self.pixels[1] - self.pixels[0]) * self.ratio)
 
     @property
     def faces(self) -> NDArray[np.int32]:
@@ -51,24 +52,26 @@ class DepthImage(NamedTuple):
         return np.asarray(faces[np.isfinite(self.depth)[faces].all(axis=1) & (longest < self.gap)])
 
 
-def depth_image(field: Field, middle: Vectors, turn: Vectors, *, distance: float, step: float) -> DepthImage:
+def depth_image(
+    field: Field, middle: Vectors, turn: Vectors, *, distance: float, step: float, ratio: float = 1.0
+) -> DepthImage:
     """Look at a field from a direction, with rays so far apart where they pass the middle."""
     eye = middle + distance * turn[:, 2]
     count = int(2 * HALF_SIDE / step)
     pixels = step * (np.arange(count, dtype=np.float64) - 0.5 * (count - 1))
-    grid = np.stack(np.meshgrid(pixels, pixels, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(pixels, ratio * pixels, indexing="ij"), axis=-1).reshape(-1, 2)
     rays = unit(middle + grid @ turn[:, :2].T - eye)
     depth = traced(field, eye, rays, start=distance - HALF_SIDE, stop=distance + HALF_SIDE)
     points = eye + np.where(np.isfinite(depth), depth, 0)[:, None] * rays
-    return DepthImage(eye, turn, distance, pixels, depth, points)
+    return DepthImage(eye, turn, distance, pixels, ratio, depth, points)
 
 
-def view(field: Field, extent: Extent, *, faces: int, rng: np.random.Generator) -> Mesh:
-    """Mesh what is visible of a field from a random direction, a vertex a ray."""
-    step = float(np.sqrt(extent.area / SEEN / (0.5 * faces)))
+def view(field: Field, extent: Extent, *, faces: int, rng: np.random.Generator, ratio: float = 1.0) -> Mesh:
+    """Mesh what is visible of a field from a random direction, a vertex a ray; `ratio` is that of the grid's steps."""
+    step = float(np.sqrt(extent.area / SEEN / (0.5 * faces) / ratio))
     turn = random_rotation(rng=rng)
     distance = float(rng.choice(DISTANCES))
-    image = depth_image(field, extent.middle, turn, distance=distance, step=step)
+    image = depth_image(field, extent.middle, turn, distance=distance, step=step, ratio=ratio)
     return largest_sheets(image.points, image.faces)
 
 

@@ -8,6 +8,7 @@ from cascadenorm.data_gen import displacements
 from cascadenorm.data_gen.fields import sphere
 from cascadenorm.data_gen.lattice import sample
 from cascadenorm.data_gen.polygonise import dual_contouring
+from cascadenorm.data_gen.relief import relief
 from cascadenorm.data_gen.sensor import camera_errors
 from cascadenorm.mesh import Mesh
 
@@ -76,6 +77,18 @@ def test_a_depth_camera_errs_along_its_view_and_by_its_level_from_pixel_to_pixel
     assert np.median(sizes) > 1.5 * np.median(steps)  # neighbours err alike
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_laser_scanner_errs_along_the_view_alike_over_a_step_or_two_of_the_grid(seed):
+    flat = grid(60, 60)
+    errors = displacements(flat, "laser", level=0.13, rng=np.random.default_rng(seed)) / flat.mean_edge_length
+    np.testing.assert_allclose(errors[:, :2], 0, atol=1e-12)
+    assert np.sqrt(np.mean(errors[:, 2] ** 2)) == pytest.approx(0.13)
+    heights = errors[:, 2].reshape(61, 61)
+    one, four = (np.corrcoef(heights[:, step:].ravel(), heights[:, :-step].ravel())[0, 1] for step in (1, 4))
+    assert 0.15 < one < 0.85
+    assert abs(four) < 0.15
+
+
 def test_a_depth_camera_sees_nothing_behind_itself():
     """Coarse steps of the disparity may round it to nothing."""
     x, y = np.meshgrid(np.arange(11.0), np.arange(11.0))
@@ -84,6 +97,17 @@ def test_a_depth_camera_sees_nothing_behind_itself():
     for seed in range(200):
         errors = camera_errors(distance, pixels, 2.0, rng=np.random.default_rng(seed))
         assert (np.abs(errors) < 20 * distance.max()).all() and (distance - errors > 0).all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_relief_is_smooth_at_the_scale_of_the_edges_and_along_the_normals(seed):
+    mesh = icosphere(5)
+    moves = relief(mesh, rng=np.random.default_rng(seed))
+    along = np.einsum("ij,ij->i", moves, mesh.vertex_normals)
+    np.testing.assert_allclose(moves, along[:, None] * mesh.vertex_normals, atol=1e-14)
+    a, b = mesh.topology.edges.T
+    assert np.corrcoef(along[a], along[b])[0, 1] > 0.4
+    assert 0.005 < along.std() / mesh.mean_edge_length < 2.5
 
 
 def test_no_noise_is_the_identity(ball):
