@@ -11,8 +11,8 @@ import numpy as np
 
 from cascadenorm.interop import as_mesh
 from cascadenorm.io.atomic import write_atomically
-from cascadenorm.learned.cascade import shipped
 from cascadenorm.learned.descriptors import SIGMA_R, SIGMA_S, bilateral_descriptor
+from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.regression import nearest, stage_stack
 from cascadenorm.mesh import angles_between
 from cascadenorm.render import Camera, png, rasterized, render, side_by_side, stacked

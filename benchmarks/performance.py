@@ -21,7 +21,7 @@ from kernel_use import BLOCKS, Use, watched
 from speed import SIZES, wavy_torus
 
 from cascadenorm import denoise
-from cascadenorm.learned.cascade import shipped
+from cascadenorm.learned.methods import shipped
 from cascadenorm.mesh import Mesh, one_blas_thread
 
 PAGE = Path(__file__).parents[1] / "docs" / "performance.md"

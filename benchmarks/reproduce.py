@@ -21,7 +21,7 @@ from cascadenorm.cli import run
 from cascadenorm.digests import file_digest
 from cascadenorm.evaluation.harness import DEFAULT_METHODS
 from cascadenorm.evaluation.pairs import find_pairs
-from cascadenorm.learned.cascade import weights_file
+from cascadenorm.learned.methods import weights_file
 from cascadenorm.models import SHIPPED
 
 PACKAGES = ("cascadenorm", "numpy", "scipy", "numba", "Pillow")

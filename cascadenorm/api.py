@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import cascadenorm.baselines
-import cascadenorm.learned.cascade  # noqa: F401 - both register their methods
+import cascadenorm.learned.methods  # noqa: F401 - both register their methods
 from cascadenorm.controls.apply import controlled
 from cascadenorm.controls.halo import Whole as Whole  # whose methods are registered here
 from cascadenorm.controls.selection import welded

@@ -18,7 +18,16 @@ from cascadenorm.geometry.error_kind import ErrorKind, error_kind
 from cascadenorm.interop import mesh_of_file, source_name
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target
-from cascadenorm.mesh import Mesh, Vectors, in_frame, ordered_for_cache, row_lengths, without_lines
+from cascadenorm.learned.methods import Treated, treated
+from cascadenorm.mesh import (
+    Mesh,
+    Vectors,
+    in_frame,
+    ordered_for_cache,
+    row_lengths,
+    without_lines,
+    without_repeated_faces,
+)
 from cascadenorm.registry import Method
 
 
@@ -38,6 +47,7 @@ class DenoisingSummary:
     mean_displacement, largest_displacement : over all vertices, in mean edge lengths
     seconds : of the method, without reading and writing
     error : the kind of error that was found; None where the method is not `auto`, or nothing was to be taken away
+    treated_as : what `auto` treated the mesh as; None for other methods
     left_out : what the source holds and the format of the output cannot, in words
     """
 
@@ -56,6 +66,7 @@ class DenoisingSummary:
     largest_displacement: float
     seconds: float
     error: ErrorKind | None
+    treated_as: Treated | None
     left_out: tuple[str, ...]
 
 
@@ -146,25 +157,32 @@ def written_file(
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
-        error=_error_found(method, small, exponent, moves, controls["strength"]),
+        **_found(method, small, exponent, moves, parameters, controls["strength"]),
         left_out=tuple(left_out),
     )
     return Denoised(summary, file, moved)
 
 
-def _error_found(method: Method, small: Mesh, exponent: int, moves: Vectors, strength: float) -> ErrorKind | None:
-    """Tell the kind of error from what `auto` took away, of which a strength below 1 takes only a share.
+def _found(
+    method: Method, small: Mesh, exponent: int, moves: Vectors, parameters: dict[str, Any], strength: float
+) -> dict[str, Any]:
+    """Tell the kind of error from what `auto` removed, and what it treated the mesh as.
 
     Parameters
     ----------
-    small, exponent : the mesh in its frame
-    moves : (n, 3) displacements of the vertices there
+    small, exponent
+        The mesh in its frame.
+    moves
+        (n, 3) displacements of the vertices there, of which a strength below 1 applied only a share.
     """
     if method.name != "auto" or not strength:
-        return None
-    order = ordered_for_cache(small)
+        return {"error": None, "treated_as": None}
+    order = ordered_for_cache(without_repeated_faces(small))
     removed = moves[order.numbers] / min(strength, 1.0)
-    return error_kind(order.mesh, order.mesh.vertices + removed, exponent=exponent)
+    return {
+        "error": error_kind(order.mesh, order.mesh.vertices + removed, exponent=exponent),
+        "treated_as": treated(order.mesh, **method.with_defaults(parameters)),
+    }
 
 
 def _checked_output(

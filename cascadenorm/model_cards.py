@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cascadenorm.digests import file_digest
-from cascadenorm.learned.cascade import weights_file
+from cascadenorm.learned.methods import weights_file
 from cascadenorm.models import SHIPPED, named
 
 TAGS = ("mesh-denoising", "geometry-processing", "triangle-mesh", "3d", "safetensors")

@@ -3,6 +3,7 @@
 import shutil
 from contextlib import nullcontext
 from copy import deepcopy
+from dataclasses import replace
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -12,9 +13,11 @@ from cascadenorm.api import denoise
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.evaluation.pairs import Places, training_pairs
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
-from cascadenorm.learned.cascade import Cascade, shipped
+from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig
+from cascadenorm.learned.gated import GatedCascades, read_model
 from cascadenorm.learned.launch import is_local_main, is_main
+from cascadenorm.learned.methods import Learned, shipped
 from cascadenorm.learned.training_log import checked_log, recording, unrecorded
 from cascadenorm.mesh import limit_threads
 from cascadenorm.progress import Progress, silent
@@ -28,22 +31,22 @@ class Denoiser:
 
     Parameters
     ----------
-    cascade : the model; `load` reads one from a file, `shipped` gives one that comes with the package
-    method : what denoises with it, "auto" or "cascade"
+    model : the networks; `load` reads them from a file, `shipped` gives those that come with the package
+    method : what denoises with them, "auto" or "cascade"
     """
 
-    def __init__(self, cascade: Cascade, *, method: str = "auto") -> None:
-        self.cascade, self.method = cascade, method
+    def __init__(self, model: Learned, *, method: str = "auto") -> None:
+        self.model, self.method = model, method
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Denoiser":
-        """Read a weights file made by `train`.
+        """Read a weights file made by `train` or `train_gate`.
 
         Raises
         ------
         ParameterError : the file is missing, or holds no model
         """
-        return cls(Cascade.load(path))
+        return cls(read_model(path))
 
     @classmethod
     def shipped(cls, name: str = "auto") -> "Denoiser":
@@ -53,7 +56,7 @@ class Denoiser:
     @property
     def card(self) -> dict[str, Any]:
         """What the model was made of and how."""
-        return deepcopy(dict(self.cascade.card))
+        return deepcopy(dict(self.model.card))
 
     def denoise(self, mesh: Any, faces: Any = None, **settings: Any) -> Any:
         """Denoise a mesh, as `cascadenorm.denoise(mesh, faces, method=…, model=…)` does with this model.
@@ -62,7 +65,7 @@ class Denoiser:
         """
         if given := settings.keys() & {"method", "model"}:
             raise ParameterError(f"{given.pop()} is set by the Denoiser: leave it out")
-        return denoise(mesh, faces, method=self.method, model=self.cascade, **settings)
+        return denoise(mesh, faces, method=self.method, model=self.model, **settings)
 
 
 def named(model: str) -> Denoiser:
@@ -71,7 +74,9 @@ def named(model: str) -> Denoiser:
 
 
 def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = False) -> list[Path]:
-    """Write the networks of a model as ONNX files, stage1.onnx and so on, one a stage.
+    """Write the networks of a model as ONNX files, one for each stage.
+
+    A single cascade becomes stage1.onnx and so on, the two of `auto` vertex-stage1.onnx, surface-stage1.onnx and so on.
 
     Filters, context features and the vertex update are not in them: `cascadenorm.learned.onnx_export.stage_model` says
     what goes in and comes out.
@@ -94,13 +99,19 @@ def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = F
     from cascadenorm.learned.onnx_export import stage_model
 
     folder = Path(folder)
-    paths = [folder / f"stage{number}.onnx" for number in range(1, len(model.cascade.stages) + 1)]
+    gated = isinstance(model.model, GatedCascades)
+    cascades = {f"{name}-": cascade for name, cascade in model.model.cascades.items()} if gated else {"": model.model}
+    stages = {
+        folder / f"{prefix}stage{number}.onnx": stage
+        for prefix, cascade in cascades.items()
+        for number, stage in enumerate(cascade.stages, 1)
+    }
     make_folder(folder)
-    for path in paths:
+    for path in stages:
         check_output(path, force=force)
-    for path, stage in zip(paths, model.cascade.stages, strict=True):
+    for path, stage in stages.items():
         write_atomically(path, [stage_model(stage)], force=force)
-    return paths
+    return list(stages)
 
 
 def train(
@@ -165,3 +176,62 @@ def train(
     if is_local_main():
         shutil.rmtree(checkpoint, ignore_errors=True)  # machines may share a disk
     return Denoiser(cascade)
+
+
+def train_gate(
+    vertex: str | PathLike[str],
+    surface: str | PathLike[str],
+    output: str | PathLike[str],
+    *,
+    seed: int | None = None,
+    force: bool = False,
+    threads: int | None = None,
+    progress: Progress = silent,
+) -> Denoiser:
+    """Learn when to use which of two trained cascades, and write both with the gate to a weights file.
+
+    Parameters
+    ----------
+    vertex
+        Weights file of the network for noise on vertices, see `configs/vertex.toml`.
+    surface
+        Weights file of the network for measured surfaces, see `configs/surface.toml`.
+    output
+        The `.safetensors` file.
+    seed
+        Of the trees of the gate.
+    force
+        Replace an existing file.
+    threads
+        Most threads; the result is the same.
+    progress
+        Called with (task, parts done, parts in all).
+
+    Returns
+    -------
+    The model, as `Denoiser.load` reads it from the file.
+
+    Raises
+    ------
+    OutputError
+        The file exists and force is not given, or it cannot be written.
+    ParameterError
+        An input is missing or is not a single cascade.
+    MissingDependencyError
+        torch, scikit-learn or scikit-image are not installed.
+    """
+    output = Path(output)
+    check_output(output, force=force)
+    cascades = [Cascade.load(path) for path in (vertex, surface)]
+    try:
+        import_module("skimage")  # which makes the shapes
+        from cascadenorm.learned import gate_training
+    except ImportError as error:
+        raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None
+    config = gate_training.GateConfig()
+    with limit_threads(threads):
+        model = gate_training.train_gate(
+            *cascades, config if seed is None else replace(config, seed=seed), progress=progress
+        )
+    write_atomically(output, [model.to_bytes()], force=force)
+    return Denoiser(model)

@@ -46,6 +46,63 @@ def cube(steps: int) -> Mesh:
     return Mesh(vertices, which.reshape(-1)[faces])
 
 
+def cylinder(sides: int, height: float = 2.0) -> Mesh:
+    """A closed cylinder as CAD kernels triangulate one: long strips around, fans at both ends."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=1)
+    vertices = np.concatenate([ring, ring + np.array([0, 0, height])])
+    a, b = np.arange(sides), np.roll(np.arange(sides), -1)
+    strips = [np.stack([a, b, b + sides], axis=1), np.stack([a, b + sides, a + sides], axis=1)]
+    fan = np.stack([np.zeros(sides - 2, int), a[1:-1], a[2:]], axis=1)
+    return Mesh(vertices, np.concatenate([*strips, fan[:, ::-1], fan + sides]))
+
+
+def torus(rows: int, columns: int, *, waves: float = 0.0) -> Mesh:
+    """A torus, its tube of a radius that may vary along it."""
+    u, v = np.meshgrid(*(2 * np.pi * np.arange(k) / k for k in (rows, columns)), indexing="ij")
+    tube = 0.3 * (1 + waves * np.sin(4 * u) * np.sin(3 * v))
+    reach = 1 + tube * np.cos(v)
+    vertices = np.stack([reach * np.cos(u), reach * np.sin(u), tube * np.sin(v)], axis=-1).reshape(-1, 3)
+    i, k = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
+    a, b = i * columns + k, (i + 1) % rows * columns + k
+    c, d = (i + 1) % rows * columns + (k + 1) % columns, i * columns + (k + 1) % columns
+    return Mesh(vertices, np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))]))
+
+
+def coil(turns: float, steps: int) -> Mesh:
+    """A square bar along a helix: all its vertices are on sharp edges."""
+    s = np.linspace(0, 2 * np.pi * turns, steps)[:, None]
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * 0.1
+    reach, rise = 1 + corners[:, 0], corners[:, 1] + 0.08 * s
+    vertices = np.stack([reach * np.cos(s), reach * np.sin(s), rise], axis=-1).reshape(-1, 3)
+    a = (4 * np.arange(steps - 1)[:, None] + np.arange(4)).ravel()
+    b = (4 * np.arange(steps - 1)[:, None] + np.roll(np.arange(4), -1)).ravel()
+    walls = np.concatenate([np.stack([a, a + 4, b + 4], axis=1), np.stack([a, b + 4, b], axis=1)])
+    last = 4 * (steps - 1)
+    ends = np.array([(0, 1, 2), (0, 2, 3), (last, last + 2, last + 1), (last, last + 3, last + 2)])
+    return Mesh(vertices, np.concatenate([walls, ends]))
+
+
+def ball_of_voxels(radius: float, *, stretch: float = 1.0) -> np.ndarray:
+    nodes = np.stack(np.meshgrid(*[np.arange(30) - 14.7] * 3, indexing="ij"), axis=-1)
+    return np.linalg.norm(nodes * (1, 1, stretch), axis=-1) < radius
+
+
+def cubes(inside: np.ndarray) -> Mesh:
+    """The squares between voxels inside and outside, two triangles each."""
+    padded, corners = np.pad(inside, 1).astype(np.int8), []
+    for axis in range(3):
+        u, v = (np.eye(3)[(axis + k) % 3] for k in (1, 2))
+        for sign in (1, -1):
+            low = np.argwhere(np.diff(padded, axis=axis) == -sign) + np.eye(3)[axis]
+            square = np.stack([low, low + u, low + u + v, low + v], axis=1)
+            corners.append(square if sign > 0 else square[:, ::-1])
+    square = np.concatenate(corners)
+    vertices, which = np.unique(square.reshape(-1, 3), axis=0, return_inverse=True)
+    a, b, c, d = which.reshape(-1, 4).T
+    return Mesh(vertices, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]))
+
+
 def noisy(mesh: Mesh, level: float, *, seed: int = 0) -> Mesh:
     """Return the mesh with Gaussian noise in all directions, `level` mean edge lengths strong."""
     noise = np.random.default_rng(seed).normal(size=mesh.vertices.shape)

@@ -103,7 +103,7 @@ def test_a_sheet_seen_from_one_side_is_a_depth_image():
 
 def test_little_is_no_error():
     found = error_kind(noisy(BALL, 0.003), BALL.vertices)
-    assert (found.kind, found.length, str(found)) == ("none", None, "no error to speak of")
+    assert (found.kind, found.length, str(found)) == ("none", None, "no significant error")
 
 
 def test_inspect_and_denoise_say_what_they_find(tmp_path, capsys):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shapes import cube, grid, icosphere, noisy
-from test_exact_surfaces import cylinder
+from shapes import cube, cylinder, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.geometry.foldovers import foldovers, without_flips

@@ -15,8 +15,9 @@ from cascadenorm.cli import run
 from cascadenorm.data_gen import DatasetConfig, pair
 from cascadenorm.evaluation.metrics import measure
 from cascadenorm.evaluation.pairs import training_pairs
-from cascadenorm.learned.cascade import apply_stage, shipped
+from cascadenorm.learned.cascade import apply_stage
 from cascadenorm.learned.config import read_config
+from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.regression import stage_stack
 from cascadenorm.learned.training_log import Pass, read_passes, recording
 from cascadenorm.mesh import Mesh, in_frame, scaled_alike

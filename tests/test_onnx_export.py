@@ -9,7 +9,8 @@ from shapes import cube, noisy
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.learned.cascade import apply_stage, shipped
+from cascadenorm.learned.cascade import apply_stage
+from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.regression import stage_stack
 
 pytest.importorskip("onnx")

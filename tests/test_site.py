@@ -19,7 +19,7 @@ from test_docs import blocks, help_of
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.interop import save_mesh
-from cascadenorm.learned.cascade import weights_file
+from cascadenorm.learned.methods import weights_file
 from cascadenorm.registry import Parameter, Setting
 
 DOCS = Path(__file__).parents[1] / "docs"

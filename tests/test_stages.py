@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, noisy
-from test_exact_surfaces import ball_of_voxels, cubes, torus
+from shapes import ball_of_voxels, cube, cubes, grid, icosphere, noisy, torus
 from test_streaming import INWARD, flipped, shuffled, side_by_side, strip
 
 import cascadenorm as cn

@@ -14,7 +14,8 @@ from cascadenorm.batch.work import Settings
 from cascadenorm.controls.settings import checked
 from cascadenorm.digests import file_digest
 from cascadenorm.errors import ParameterError
-from cascadenorm.learned.cascade import Cascade, weights_file
+from cascadenorm.learned.gated import read_model
+from cascadenorm.learned.methods import weights_file
 from cascadenorm.progress import Listener
 from cascadenorm.registry import find
 
@@ -50,7 +51,7 @@ def _weights(method: str, model: Any) -> str:
             parameter="model",
         )
     file = weights_file(method, None if model is None else Path(model))
-    Cascade.load(file)  # what is wrong with it is wrong with every file
+    read_model(file)  # what is wrong with it is wrong with every file
     return file_digest(file)
 
 

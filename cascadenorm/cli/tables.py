@@ -42,6 +42,8 @@ def print_denoised(done: DenoisingSummary, *, file: TextIO) -> None:
     )
     if done.error is not None:
         print(f"kind of error: {done.error}", file=file)
+    if done.treated_as is not None:
+        print(f"treated as: {done.treated_as}", file=file)
     controls = {"strength": done.strength, **done.controls}
     chosen = [_option(name, value) for name, value in controls.items() if value != OPTIONS[name].default]
     if chosen:
@@ -98,6 +100,8 @@ def print_inspection(found: Inspection) -> None:
     print(f"  noise along the normal: {noise}")
     if found.error is not None:
         print(f"  kind of error: {found.error}")
+    if found.treated_as is not None:
+        print(f"  treated as: {found.treated_as}")
     if found.resolution is not None and found.resolution > COARSE:
         print(
             f"  {found.number_type} is too coarse at these coordinates: its resolution is {found.resolution:.2g} mean "

@@ -31,6 +31,7 @@ from cascadenorm.mesh import (
     one_blas_thread,
     ordered_for_cache,
     without_lines,
+    without_repeated_faces,
 )
 from cascadenorm.progress import report_to, track
 from cascadenorm.registry import REGION, Method
@@ -51,9 +52,9 @@ def controlled(
     """Apply a method to a mesh under controls.
 
     The method sees the mesh centered at the origin, scaled by a power of two to about unit size, consistently oriented,
-    without degenerate faces, and in an order that is kind to memory. Its displacement is added to the vertices in their
-    own coordinates, so coordinates far from the origin lose nothing, and a vertex that does not move or that no face
-    uses keeps its bits.
+    without degenerate and repeated faces, and in an order that is kind to memory. Its displacement is added to the
+    vertices in their own coordinates, so coordinates far from the origin lose nothing, and a vertex that does not move
+    or that no face uses keeps its bits.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def controlled(
     DenoiseError : the method returned vertices that are not finite
     """
     checked = _checked_parameters(method, parameters)
-    faces, mesh = mesh.faces, without_lines(mesh)
+    faces, mesh = mesh.faces, without_repeated_faces(without_lines(mesh))
     weights = vertex_weights(mesh, controls, faces)
     halo = None if controls["halo"] is None else check_halo(method, parameters, mesh, controls)
     order, framed, parts, exponent = _prepared(mesh, halo)

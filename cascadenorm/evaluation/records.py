@@ -11,7 +11,7 @@ from cascadenorm.digests import file_digest
 from cascadenorm.evaluation.pairs import Pair
 from cascadenorm.interop import save_mesh
 from cascadenorm.io.atomic import make_folder, write_atomically
-from cascadenorm.learned.cascade import weights_file
+from cascadenorm.learned.methods import weights_file
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find
 

@@ -57,7 +57,7 @@ class ErrorKind:
         """Say it in a phrase, such as "independent noise of 0.2 edges"."""
         unsure = "" if self.sure else "perhaps "
         if self.kind == "none":
-            return "no error to speak of"
+            return "no significant error"
         edges = f"of {self.size:.2g} edges"
         if self.kind == "independent":
             return f"{unsure}independent noise {edges}"

@@ -1,13 +1,12 @@
-"""How far vertices may go, wherever a model wants them: on exact surfaces nowhere, else as far as noise explains."""
+"""Limits on vertex displacement: a model moves no vertex farther than the noise around it explains."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.geometry.chords import Chords, chords, local_noise
-from cascadenorm.geometry.exact_surfaces import computed_components
+from cascadenorm.geometry.chords import chord_residuals, local_noise
 from cascadenorm.geometry.foldovers import without_flips
-from cascadenorm.geometry.parts import InMemory, Surface
+from cascadenorm.geometry.parts import Found, InMemory, Part, Surface, by_component
 from cascadenorm.geometry.segmentation_steps import has_voxel_faces
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
 
@@ -23,8 +22,8 @@ HEIGHTS = 4.0
 def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
     """Return vertices with displacements taken back as far as the bounds ask for.
 
-    The vertices of exact components stay where they are (see `exact_vertices`), no other vertex moves farther than
-    `displacement_bounds`, and no face flips but foldovers (see `without_flips`).
+    No vertex moves farther than `displacement_bounds`, and no face flips, except to undo foldovers in the input (see
+    `without_flips`).
 
     Parameters
     ----------
@@ -54,46 +53,52 @@ class Bounded(NamedTuple):
 
     Parameters
     ----------
-    exact : (c,) connected components that do not move
-    untold : (c,) those whose noise is not told
-    voxel_faces : whether the mesh consists of these
+    untold
+        (c,) connected components with too few edges to estimate their noise.
+    voxel_faces
+        Whether the mesh consists of the faces of voxels.
     """
 
-    exact: Bools
     untold: Bools
     voxel_faces: bool
 
 
 def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
-    """How far each vertex may move, (n,), in the unit of the mesh.
+    """Return how far each vertex may move.
 
-    0 on exact components and for vertices without a face, else the least of NOISES times the noise estimated around the
-    vertex (see `local_noise`) and HEIGHTS times the height of its tallest face. On components with fewer than FEWEST
-    edges between two faces, and on the faces of voxels, there is no estimate, and the height alone counts.
+    The bound is the least of NOISES times the noise estimated around the vertex (see `local_noise`) and HEIGHTS times
+    the height of its tallest face. On components with fewer than FEWEST edges between two faces, around vertices
+    without such an edge, and on the faces of voxels, there is no estimate, and the height alone counts.
 
     Parameters
     ----------
-    bounded : what the mesh is a part of; None: it is no part
+    mesh
+        Mesh with n vertices.
+    bounded
+        Facts about the mesh that this one is a part of. Computed from `mesh` if None.
+
+    Returns
+    -------
+    (n,) lengths in mesh units; 0 for vertices without a face.
     """
     tallest = np.zeros(len(mesh.vertices))
     np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))
-    measured, part = chords(mesh), mesh.topology.face_components
-    bounded = bounded or what_is_bounded(InMemory(mesh), measured)
-    noise = local_noise(mesh, measured.residuals)
-    noise[mesh.faces[bounded.untold[part]]] = np.inf
+    bounded = bounded or what_is_bounded(InMemory(mesh))
+    noise = local_noise(mesh, chord_residuals(mesh))
+    noise[mesh.faces[bounded.untold[mesh.topology.face_components]]] = np.inf
     if bounded.voxel_faces:  # along their edges the normals of both ends agree
         noise[:] = np.inf
-    bounds = np.minimum(NOISES * noise, HEIGHTS * tallest)
-    bounds[mesh.faces[bounded.exact[part]]] = 0.0
-    return bounds
+    return np.minimum(NOISES * noise, HEIGHTS * tallest)
 
 
-def what_is_bounded(surface: Surface, measured: Chords | None = None) -> Bounded:
-    """Return what the bounds depend on.
+def what_is_bounded(surface: Surface) -> Bounded:
+    """Return what the bounds depend on."""
+    edges = by_component(surface.each("interior edges", 1, _interior_edges), surface.components)["edges"]
+    return Bounded(edges < FEWEST, has_voxel_faces(surface))
 
-    Parameters
-    ----------
-    measured : the chords, where the surface is a mesh in memory and they are known
-    """
-    components = computed_components(surface, measured)
-    return Bounded(components.computed, components.edges < FEWEST, has_voxel_faces(surface))
+
+def _interior_edges(part: Part) -> Found:
+    """Count the edges with two faces of each component of a part, (c,)."""
+    topology = part.mesh.topology
+    label = part.components[topology.face_components[topology.face_pairs[part.interior_edges, 0]]]
+    return {"edges": np.bincount(label, minlength=len(part.components))}

@@ -40,7 +40,9 @@ def is_segmentation(mesh: Mesh | Surface) -> bool:
     if lattice_share(surface) < LATTICE:
         return False
     sums = added(surface.each("steps", 5, _steps))
-    steps = 1 - sums["left"] / max(sums["total"], np.finfo(float).tiny)
+    if sums["total"] == 0:  # nothing bends
+        return False
+    steps = 1 - sums["left"] / sums["total"]
     return bool(steps >= ALL_STEPS or (steps >= STEPS and sums["in planes"] / sums["vertices"] >= IN_PLANES))
 
 

@@ -13,8 +13,8 @@ from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.inspection.defects import boundary_loop_count, flipped_edges, pinched_vertices, repeats, thin_faces
 from cascadenorm.inspection.enclosed import enclosed
 from cascadenorm.inspection.source import Found, Given, taken
-from cascadenorm.learned.cascade import auto
-from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated
+from cascadenorm.learned.methods import Treated, auto, treated
+from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated, without_repeated_faces
 
 MOST_FACES_CROSSED = 200_000
 """Faces up to which those that cross are looked for unasked; it takes seconds for 100,000."""
@@ -58,6 +58,7 @@ class Inspection:
     noise : estimated standard deviation along the normal, in mean edge lengths; None where that is not possible
     error : the kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces,
         and where all are at one point
+    treated_as : what `auto` treats the mesh as; None where `error` is None
     """
 
     source: str
@@ -93,6 +94,7 @@ class Inspection:
     resolution: float | None
     noise: float | None
     error: ErrorKind | None
+    treated_as: Treated | None
 
     @property
     def findings(self) -> dict[str, Found]:
@@ -156,7 +158,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
     corners = mesh.vertices[mesh.faces.ravel()]
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
-    edge, facing = _scaled(small.mean_edge_length, exponent), oriented(small)
+    edge, facing = _scaled(small.mean_edge_length, exponent), oriented(without_repeated_faces(small))
     return {
         "parts": len(np.unique(topology.face_components)),
         "closed": bool((around > 1).all()),
@@ -179,14 +181,14 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
         "noise": noise_level(facing),
-        "error": _error(facing, exponent),
+        **_error(facing, exponent),
     }
 
 
-def _error(mesh: Mesh, exponent: int) -> ErrorKind | None:
+def _error(mesh: Mesh, exponent: int) -> dict[str, Any]:
     if len(mesh.faces) > MOST_FACES_DENOISED or not mesh.mean_edge_length > 0:
-        return None
-    return error_kind(mesh, auto(mesh), exponent=exponent)
+        return {"error": None, "treated_as": None}
+    return {"error": error_kind(mesh, auto(mesh), exponent=exponent), "treated_as": treated(mesh)}
 
 
 NONE_FOUND = Found(0, ())
@@ -195,7 +197,9 @@ NOTHING: dict[str, Any] = {
     **dict.fromkeys(("parts", "boundary_loops", "boundary_edges", "euler_characteristic"), 0),
     **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "flipped_edges", "inside_out"), NONE_FOUND),
     **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "crossing_faces"), NONE_FOUND),
-    **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise", "error")),
+    **dict.fromkeys(
+        ("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise", "error", "treated_as")
+    ),
     "closed": False,
 }
 """What `_shape` says where no face is good."""

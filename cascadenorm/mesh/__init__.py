@@ -24,7 +24,14 @@ from cascadenorm.mesh.arrays import (
 from cascadenorm.mesh.connectivity import connected_components
 from cascadenorm.mesh.csr import Csr
 from cascadenorm.mesh.frame import Frame, frame_between, frame_of, in_frame, scale_between, scaled_alike
-from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_lines
+from cascadenorm.mesh.isolation import (
+    bad_faces,
+    bad_vertices,
+    isolated,
+    repeats_vertex,
+    without_lines,
+    without_repeated_faces,
+)
 from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh, face_area_vectors
 from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
@@ -83,4 +90,5 @@ __all__ = [
     "thread_count",
     "unit",
     "without_lines",
+    "without_repeated_faces",
 ]

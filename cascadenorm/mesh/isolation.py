@@ -35,6 +35,14 @@ def without_lines(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[~lines]) if lines.any() and not lines.all() else mesh
 
 
+def without_repeated_faces(mesh: Mesh) -> Mesh:
+    """Return the mesh with one face for each set of three vertices; exporters write each face twice, back and front."""
+    if mesh.topology.edge_faces.counts.max() <= 2:
+        return mesh
+    first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)[1]
+    return mesh if len(first) == len(mesh.faces) else Mesh(mesh.vertices, mesh.faces[np.sort(first)])
+
+
 def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
     """Return the mesh without its bad faces; bad vertices, which no face uses any more, are at the origin.
 

@@ -13,7 +13,7 @@ from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.digests import file_digest
 from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.inspection import Inspection
-from cascadenorm.learned.cascade import weights_file
+from cascadenorm.learned.methods import weights_file
 from cascadenorm.messages import counted
 from cascadenorm.registry import find
 from cascadenorm.reports.given import Given
@@ -52,6 +52,7 @@ def _shape(found: Inspection) -> dict[str, str]:
         "enclosed volume": _number(found.volume),
         "noise along the normal": "unknown" if found.noise is None else f"{found.noise:.2g} mean edge lengths",
         "kind of error": "not determined for so many faces" if found.error is None else str(found.error),
+        "treated as": "" if found.treated_as is None else str(found.treated_as),
     }
 
 

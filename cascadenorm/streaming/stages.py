@@ -13,10 +13,11 @@ from cascadenorm.geometry.parts import Found, added, by_component, median
 from cascadenorm.geometry.safeguards import Bounded, what_is_bounded, within_bounds
 from cascadenorm.geometry.segmentation_steps import has_voxel_faces, mean_centroids
 from cascadenorm.io.atomic import write_atomically
-from cascadenorm.learned.cascade import Cascade, loaded
+from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.descriptors import CUTOFF, DESCRIPTORS, SIGMA_S
 from cascadenorm.learned.drift import PASSES, without_drift
 from cascadenorm.learned.features import CONTEXT_STEPS, ComponentSums
+from cascadenorm.learned.methods import loaded
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.mesh import Vectors
 from cascadenorm.registry import Method

@@ -95,6 +95,26 @@ def train(
         print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
 
 
+@app.command("train-gate")
+@takes_controls("threads")
+def train_gate(
+    vertex: Annotated[Path, typer.Argument(help="Weights trained with configs/vertex.toml.")],
+    surface: Annotated[Path, typer.Argument(help="Weights trained with configs/surface.toml.")],
+    *,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Weights file to write.")] = Path("auto.safetensors"),
+    seed: Annotated[int | None, typer.Option(min=0, help="The same seed makes the same file.")] = None,
+    force: Force = False,
+    **controls: Any,
+) -> None:
+    """Learn when `auto` uses which of two trained networks, and write both with the gate to one file."""
+    from cascadenorm import models
+    from cascadenorm.cli import progress_bars
+
+    with progress_bars.progress_tasks(log=True) as progress:
+        models.train_gate(vertex, surface, output, seed=seed, force=force, progress=progress, **controls)
+    print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
+
+
 @app.command("models")
 def show_model(
     model: Annotated[str, typer.Argument(help="auto or cascade, which are shipped, or a weights file.")] = "auto",

@@ -1,0 +1,1 @@
+"""What kind of surface and what kind of error a mesh has."""

@@ -1,0 +1,90 @@
+"""Figures of how the triangles of a surface lie; they tell how a mesh was made, whatever its shape.
+
+Marching cubes, camera grids, octrees and fused volumes leave their mark in valences, lengths and angles. So do programs
+that decimate, subdivide or tessellate.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.mesh import Floats, Mesh, angles_between
+
+MOST_FACES = 20_000
+"""Faces that are looked at; a component with more is sampled."""
+VALENCES = range(3, 9)
+FLAT = 0.02, 0.2
+"""Degrees between neighbouring faces below which they count as coplanar, and as nearly coplanar."""
+FIGURES = (
+    "open sides",
+    *("deviation of lengths", *(f"length at {share:.0%}" for share in (0.02, 0.1, 0.5, 0.9, 0.98))),
+    *(f"valence {valence}" for valence in VALENCES),
+    "valence above 8",
+    *(f"smallest angle at {share:.0%}" for share in (0.05, 0.25, 0.5, 0.75)),
+    *(f"largest angle at {share:.0%}" for share in (0.25, 0.5, 0.75, 0.95)),
+    *(f"bends below {bend}°" for bend in FLAT),
+    *(f"bend at {share:.0%}" for share in (0.1, 0.25, 0.5, 0.75, 0.9)),
+)
+"""Names of what `triangulation_figures` returns, in order."""
+
+
+def triangulation_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
+    """Measure valences, lengths, angles and bends of some faces of a mesh.
+
+    The figures depend on neither size nor pose. Lengths are relative to their mean, angles and bends are in degrees.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with m faces.
+    faces
+        (k,) numbers of the faces, at least one. Of more than MOST_FACES a sample is used.
+
+    Returns
+    -------
+    (29,) figures in the order of FIGURES.
+    """
+    if len(faces) > MOST_FACES:
+        faces = np.sort(np.random.default_rng(0).choice(faces, MOST_FACES, replace=False))
+    corners = mesh.vertices[mesh.faces[faces]]
+    sides = np.roll(corners, -1, axis=1) - corners
+    lengths = np.linalg.norm(sides, axis=2)
+    return np.concatenate(
+        [
+            _side_figures(mesh, faces, lengths),
+            _valence_figures(mesh, faces),
+            _angle_figures(sides, lengths),
+            _bend_figures(mesh, faces),
+        ]
+    )
+
+
+def _side_figures(mesh: Mesh, faces: NDArray[np.intp], lengths: Floats) -> Floats:
+    relative = lengths / max(float(lengths.mean()), np.finfo(float).tiny)
+    single = mesh.topology.edge_faces.counts[mesh.topology.face_edges[faces]] == 1
+    return np.array([single.mean(), relative.std(), *np.quantile(relative, [0.02, 0.1, 0.5, 0.9, 0.98])])
+
+
+def _valence_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
+    """Shares of the corners whose vertex has so many neighbours."""
+    valences = mesh.topology.vertex_neighbors.counts[mesh.faces[faces]]
+    return np.array([*((valences == valence).mean() for valence in VALENCES), (valences > VALENCES[-1]).mean()])
+
+
+def _angle_figures(sides: NDArray[np.float64], lengths: Floats) -> Floats:
+    ahead, back = sides, -np.roll(sides, 1, axis=1)
+    products = np.maximum(lengths * np.roll(lengths, 1, axis=1), np.finfo(float).tiny)
+    cosines = np.einsum("ijk,ijk->ij", ahead, back) / products
+    angles = np.sort(np.degrees(np.arccos(np.clip(cosines, -1, 1))), axis=1)
+    smallest = np.quantile(angles[:, 0], [0.05, 0.25, 0.5, 0.75])
+    return np.concatenate([smallest, np.quantile(angles[:, 2], [0.25, 0.5, 0.75, 0.95])])
+
+
+def _bend_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
+    """Angles to the neighbours across sides that have exactly one; a surface without any counts as flat."""
+    across = mesh.topology.faces_across[faces]
+    rows, columns = np.nonzero(across >= 0)
+    if len(rows) == 0:
+        return np.array([*np.ones(len(FLAT)), *np.zeros(5)])
+    normals = mesh.face_normals
+    bends = np.degrees(angles_between(normals[faces[rows]], normals[across[rows, columns]]))
+    return np.array([*((bends < limit).mean() for limit in FLAT), *np.quantile(bends, [0.1, 0.25, 0.5, 0.75, 0.9])])

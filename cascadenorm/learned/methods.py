@@ -1,0 +1,147 @@
+"""The learned methods, `auto` and `cascade`, and the weights that come with the package."""
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from os import PathLike
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from cascadenorm.detection.gate import Treatment
+from cascadenorm.geometry.safeguards import safeguarded
+from cascadenorm.geometry.segmentation_steps import without_voxel_faces
+from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.drift import without_drift
+from cascadenorm.learned.gated import GatedCascades, read_model
+from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.registry import Parameter, ParameterError, method
+
+Learned = Cascade | GatedCascades
+Model = Annotated[
+    Learned | Path | None, Parameter("weights file that `cascadenorm train` made. Default: the shipped weights")
+]
+TreatAs = Annotated[
+    Treatment | None,
+    Parameter("what the mesh is treated as. Default: decided for each component from how its triangles lie"),
+]
+
+
+@method("auto", source="after Wang, Liu, Tong 2016", family="learned", converges=True)
+def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vectors:
+    """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, in three stages.
+
+    Two networks share the work. One was trained on noise of vertices, the other on what volumes, scanners, cameras and
+    point clouds leave. A gate chooses between them for each connected component from how its triangles lie.
+
+    Formula
+    -------
+    n_f ← unit Σ_i c_i(d_f) n_i,f;   n_i: iterated bilateral filters and normals of smoothed vertices
+    d_f: log(1 - <n_i, n_j> + 1e-4) for all pairs, and context;   c: a network for each stage
+    then the vertices follow, and the next stage starts from them
+
+    Limits
+    ------
+    What is smooth at the scale of the edges counts as shape, unless the triangles show that the surface was measured.
+    Segmentations with thick slices, and noise that folds faces over, stay hard. The networks learned from generated
+    shapes: an error of a kind that none of them has may remain.
+    """
+    start = without_voxel_faces(mesh)
+    network = loaded(model, "auto")
+    if isinstance(network, GatedCascades):
+        vertices = network.vertices(start, network.judged(mesh, treat_as).measured)
+    else:
+        vertices = network.vertices(start)
+    return safeguarded(mesh, without_drift(mesh, vertices))
+
+
+@method("cascade", source="Wang, Liu, Tong 2016", family="learned")
+def cascade(mesh: Mesh, *, model: Model = None) -> Vectors:
+    """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages.
+
+    Formula
+    -------
+    n_f ← unit Σ_i c_i(d_f) n_i,f;   n_i: B-FND, G-FND, σ_s = 1, 2 and σ_r = 0.1, 0.2, 0.35, 0.5, ∞
+    d_f: log(1 - <n_i, n_j> + 1e-4) for all pairs;   c: a network for each of four clusters
+    then the vertices follow, and the next stage starts from them
+
+    Limits
+    ------
+    Its filters reach five mean edge lengths far: heavy noise, and errors that are correlated over many edges, are left
+    in part. The vertex update may fold faces over.
+    """
+    return loaded(model, "cascade").vertices(mesh)
+
+
+def weights_file(name: str, model: str | Path | None = None) -> Path:
+    """Return the file that a learned method reads its weights from: the given one, else the shipped one."""
+    if model is not None:
+        return Path(model)
+    return Path(str(resources.files("cascadenorm"))) / "weights" / f"{name}.safetensors"
+
+
+@cache
+def shipped(name: str) -> Learned:
+    """Return a model that comes with the package, "auto" or "cascade"."""
+    with resources.as_file(resources.files("cascadenorm") / "weights" / f"{name}.safetensors") as path:
+        return read_model(path)
+
+
+def loaded(model: Learned | Path | None, name: str) -> Learned:
+    """Return the networks of a learned method: the given model, else the shipped one."""
+    if isinstance(model, Learned):
+        return model
+    if not isinstance(model, str | PathLike | None):
+        raise ParameterError(f"model is a {type(model).__name__}; it must be the path of a file that `train` made")
+    return shipped(name) if model is None else read_model(model)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Treated:
+    """What `auto` treats a mesh as.
+
+    Parameters
+    ----------
+    treatment
+        What most of the faces are treated as.
+    probability
+        Probability that the gate gives to this treatment, averaged over those faces.
+    share
+        Share of the faces that are treated so; the other components are treated the other way.
+    """
+
+    treatment: Treatment
+    probability: float
+    share: float
+
+    def __str__(self) -> str:
+        """Return a phrase, such as "measured surface, 0.93"."""
+        phrase = f"{self.treatment.replace('-', ' ')}, {self.probability:.2f}"
+        return phrase if self.share == 1 else f"{phrase} ({self.share:.0%} of the faces)"
+
+
+def treated(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Treated | None:
+    """Return what `auto` treats a mesh as; None for a model without a gate.
+
+    Parameters
+    ----------
+    mesh
+        Mesh in which no face is repeated.
+    model, treat_as
+        As given to `auto`.
+    """
+    network = loaded(model, "auto")
+    if not isinstance(network, GatedCascades):
+        return None
+    judged = network.judged(mesh, treat_as)
+    components = mesh.topology.face_components
+    measured = judged.measured[components]
+    mostly = bool(2 * np.count_nonzero(measured) >= len(measured))
+    probabilities = judged.probabilities[components][measured == mostly]
+    mean = float(probabilities.mean())
+    return Treated(
+        treatment="measured-surface" if mostly else "vertex-noise",
+        probability=mean if mostly else 1 - mean,
+        share=float(np.mean(measured == mostly)),
+    )
