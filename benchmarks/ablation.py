@@ -2,7 +2,7 @@
 
     python benchmarks/ablation.py DIR [--count 1000] [--max-faces 4000] [--seeds 0 1 2] [--clusters 1 4] [--keep FOLDER]
 
-Trains each rung of the ladder from configs/cascade.toml to configs/auto.toml, once for each seed and number of
+Trains each rung of the ladder from configs/cascade.toml to configs/surface.toml, once for each seed and number of
 clusters, on the data of `auto` with fewer and smaller shapes. Measures on the pairs in DIR and on generated ones from a
 seed that no training has. Writes docs/ablation.md, and the figures behind it to docs/ablation.json: what stands there
 for the same settings is not trained again. Trainings of a seed share their generated pairs. Pairs and models stay in
@@ -134,7 +134,7 @@ def table(rows: Rows, sets: Sequence[str], data: DatasetConfig) -> str:
         "",
         "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over the seeds. "
         "The first rung has the settings of `configs/cascade.toml`, each adds one thing to the one before, the last "
-        f"has those of `configs/auto.toml`. All are trained on {data.count} shapes like those of `auto`, of at most "
+        f"has those of `configs/surface.toml`. All are trained on {data.count} shapes like those of `auto`, of at most "
         f"{data.max_faces} faces. Public models are those of the validation set of the standard synthetic benchmark; "
         "the others are generated from a seed that no training has: shapes with independent and with correlated error, "
         "depth images, alone or fused, segmentations, levels of tomograms, and surfaces through points. "

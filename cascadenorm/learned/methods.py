@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from cascadenorm.detection.gate import Treatment
+from cascadenorm.detection.spikes import without_spikes
 from cascadenorm.geometry.safeguards import safeguarded
 from cascadenorm.geometry.segmentation_steps import without_voxel_faces
 from cascadenorm.learned.cascade import Cascade
@@ -47,6 +48,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     Segmentations with thick slices, and noise that folds faces over, stay hard. The networks learned from generated
     shapes: an error of a kind that none of them has may remain.
     """
+    mesh = without_spikes(mesh)
     start = without_voxel_faces(mesh)
     network = loaded(model, "auto")
     if isinstance(network, GatedCascades):

@@ -1,0 +1,125 @@
+"""Spikes: single vertices far off a surface that is flat around them, as photogrammetry leaves them."""
+
+import numpy as np
+
+from cascadenorm.geometry.noise_level import noise_level
+from cascadenorm.mesh import Bools, Csr, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import dot, length, row, subtract
+
+HIGH = 1.5
+"""Height of a spike above the mean of its neighbours, in mean distances of the neighbours from it, at least."""
+MOST_NEIGHBORS = 10
+"""Neighbours of a spike, at most: the tip of a tessellated cone has more."""
+FLAT = 0.6
+"""Length of the mean normal of the faces around the neighbours, at least: the surface beneath a spike is nearly flat.
+Faces count alike, or those of a neighbouring spike would outweigh all others."""
+UPRIGHT = 0.6
+"""Cosine of the angle between a spike and the normal of the surface beneath it, at least."""
+ROUNDS = 3
+"""Passes in which spikes are removed."""
+NOISE = 0.02
+"""Noise of the mesh in mean edge lengths, at least: without any noise a spike counts as shape."""
+
+
+def spikes(mesh: Mesh) -> Bools:
+    """Tell which vertices are spikes.
+
+    A spike rises from a neighbourhood that is nearly flat without it, higher than its base is wide. On a mesh
+    without significant noise, and on boundaries, there are none.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with n vertices.
+
+    Returns
+    -------
+    (n,) bool.
+    """
+    topology = mesh.topology
+    found = np.zeros(len(mesh.vertices), bool)
+    parallel_for(len(found), _high_range, mesh.vertices, topology.vertex_neighbors, topology.vertex_faces, found)
+    candidates = np.flatnonzero(found)
+    if len(candidates) == 0 or (noise_level(mesh) or 0.0) < NOISE:
+        return np.zeros(len(mesh.vertices), bool)
+    standing = np.zeros(len(candidates), bool)
+    parallel_for(
+        len(candidates), _standing_range, candidates.astype(np.int32), mesh.vertices, mesh.faces, mesh.face_normals,
+        topology.vertex_neighbors, topology.vertex_faces, standing,
+    )  # fmt: skip
+    found[candidates] = standing
+    return found
+
+
+def without_spikes(mesh: Mesh) -> Mesh:
+    """Move each spike to the mean of its neighbours, and again where neighbours were spikes."""
+    for _ in range(ROUNDS):
+        found = spikes(mesh)
+        if not found.any():
+            break
+        vertices = mesh.vertices.copy()
+        for i in np.flatnonzero(found):
+            vertices[i] = mesh.vertices[mesh.topology.vertex_neighbors.row(i)].mean(axis=0)
+        mesh = mesh.moved(vertices)
+    return mesh
+
+
+@kernel
+def _mean(vertices: Vectors, around: Ints32) -> tuple[float, float, float]:
+    x = y = z = 0.0
+    for j in around:
+        x += vertices[j, 0]
+        y += vertices[j, 1]
+        z += vertices[j, 2]
+    return x / len(around), y / len(around), z / len(around)
+
+
+@kernel
+def _high_range(start: int, stop: int, vertices: Vectors, neighbors: Csr, vertex_faces: Csr, out: Bools) -> None:
+    """Find inner vertices that are high above the mean of their neighbours."""
+    for i in range(start, stop):
+        around = neighbors.indices[neighbors.indptr[i] : neighbors.indptr[i + 1]]
+        faces = vertex_faces.indptr[i + 1] - vertex_faces.indptr[i]
+        out[i] = False
+        if not 3 <= len(around) <= MOST_NEIGHBORS or faces != len(around):
+            continue
+        middle = _mean(vertices, around)
+        radius = 0.0
+        for j in around:
+            radius += length(subtract(row(vertices, j), middle))
+        out[i] = length(subtract(row(vertices, i), middle)) * len(around) > HIGH * radius
+
+
+@kernel
+def _standing_range(
+    start: int,
+    stop: int,
+    candidates: Ints32,
+    vertices: Vectors,
+    faces: Ints32,
+    normals: Vectors,
+    neighbors: Csr,
+    vertex_faces: Csr,
+    out: Bools,
+) -> None:
+    """Tell which candidates stand upright on faces that are nearly in one plane; their own faces do not count."""
+    total = np.empty(3)
+    for c in range(start, stop):
+        i = candidates[c]
+        around = neighbors.indices[neighbors.indptr[i] : neighbors.indptr[i + 1]]
+        total[:] = 0.0
+        count = 0
+        for j in around:
+            for k in range(vertex_faces.indptr[j], vertex_faces.indptr[j + 1]):
+                f = vertex_faces.indices[k]
+                if faces[f, 0] == i or faces[f, 1] == i or faces[f, 2] == i:
+                    continue
+                for d in range(3):
+                    total[d] += normals[f, d]
+                count += 1
+        size = np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)
+        if size < FLAT * count or size == 0.0:
+            out[c] = False
+            continue
+        up = subtract(row(vertices, i), _mean(vertices, around))
+        out[c] = abs(dot(up, (total[0], total[1], total[2]))) > UPRIGHT * size * length(up)
