@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from cascadenorm.baselines.diffusion import Moving, Step, diffuse, flowed
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import (
     Laplacian,
     assemble,
@@ -14,7 +15,6 @@ from cascadenorm.geometry.laplacians import (
     vertex_masses,
 )
 from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add, unit
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[

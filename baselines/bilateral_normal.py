@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.compute.elementary import exp
+from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
-from cascadenorm.mesh.elementary import exp
 from cascadenorm.mesh.vectors import length, row, squared_distance
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 SpatialSpread = Annotated[float, Parameter("spread of the weight over distance", "mean edge lengths", minimum=1e-6)]

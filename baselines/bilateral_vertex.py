@@ -5,10 +5,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import dot, row, squared_distance, subtract
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 CUTOFF = 2.0  # spreads beyond which a neighbour is left out

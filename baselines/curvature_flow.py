@@ -3,9 +3,9 @@
 from typing import Annotated
 
 from cascadenorm.baselines.diffusion import Moving, Scheme, Step, flowed
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import MOLLIFICATION, cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver_of_rings, solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
 
 Scheme = Literal["explicit", "implicit"]

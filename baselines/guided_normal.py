@@ -15,10 +15,10 @@ from cascadenorm.baselines.bilateral_normal import (
 )
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Guidance = Annotated[

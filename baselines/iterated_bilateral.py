@@ -5,8 +5,8 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import spatial_weights
+from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats32, Mesh, kernel, parallel_for
-from cascadenorm.progress import track
 
 LANES = 4
 """Range spreads that are filtered side by side."""

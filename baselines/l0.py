@@ -13,9 +13,9 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.conjugate_gradients import MOST_ITERATIONS, conjugate_gradients
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 FIRST_BETA, LAST_BETA = 1e-3, 1e3

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
 from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import dot, length, row, squared_distance
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[

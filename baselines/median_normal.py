@@ -7,9 +7,9 @@ import numpy as np
 from cascadenorm.baselines.bilateral_normal import Passes
 from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance, subtract
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 Median = Annotated[

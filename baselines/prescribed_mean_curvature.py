@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from cascadenorm.baselines.anisotropic_diffusion import Presmoothing, anisotropic_laplacian, smoothed_normals
 from cascadenorm.baselines.diffusion import Moving, Step, diffuse
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import Region, cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 SMOOTHINGS = 5  # implicit steps that the diffusion of the curvature is made of

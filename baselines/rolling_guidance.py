@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.sparse_solvers import solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 LEAST = 1e-6

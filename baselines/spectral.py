@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.fast_harmonics import fast_harmonics
-from cascadenorm.geometry.harmonics import Harmonics, check_count, manifold_harmonics
+from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
+from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 

@@ -5,9 +5,9 @@ from typing import Annotated
 import numpy as np
 
 from cascadenorm.baselines.diffusion import Moving
+from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Bools, Csr, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import row, scaled, subtract
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, ParameterError, method
 
 LARGEST_GROWTH = 10.0

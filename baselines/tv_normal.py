@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.compute.csr import grouped
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.sparse_solvers import solver
 from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances, unit
-from cascadenorm.mesh.csr import grouped
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
-from cascadenorm.progress import track
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA = 1e-6  # squared mean edges; faces without area get a normal from their neighbours

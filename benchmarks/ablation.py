@@ -23,13 +23,13 @@ import numpy as np
 
 from cascadenorm.data_gen import DatasetConfig, pairs
 from cascadenorm.evaluation.pairs import find_pairs
-from cascadenorm.interop import as_mesh
+from cascadenorm.execution.process_map import Map, side_by_side
 from cascadenorm.io.atomic import write_atomically
-from cascadenorm.learned import training
+from cascadenorm.io.interop import as_mesh
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig, read_config
+from cascadenorm.learned.training import training
 from cascadenorm.mesh import Mesh, Vectors, angles_between, thread_count
-from cascadenorm.workers import Map, side_by_side
 
 ROOT = Path(__file__).parents[1]
 UNSEEN = 1_000_003  # seed of the generated pairs that are measured on

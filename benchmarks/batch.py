@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cascadenorm.interop import save_mesh
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import cascadenorm as cn
-from cascadenorm.evaluation.metrics import measure
+from cascadenorm.geometry.metrics import measure
 from cascadenorm.mesh import Mesh
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))

@@ -25,8 +25,8 @@ from cascadenorm.io import MeshFile
 from cascadenorm.io.content import Content
 from cascadenorm.io.files import NEEDS, output_format
 from cascadenorm.io.files import write as write_file
-from cascadenorm.io.ply import PlyFile
-from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.ply.ply import PlyFile
+from cascadenorm.mesh.polygons import Polygons
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 

@@ -19,12 +19,12 @@ from vtkmodules.vtkFiltersGeneral import vtkDiscreteFlyingEdges3D
 
 import cascadenorm as cn
 from cascadenorm.data_gen.families import FAMILIES
-from cascadenorm.data_gen.fields import Field
-from cascadenorm.data_gen.lattice import grid
-from cascadenorm.data_gen.measured import Measured, beneath
-from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.meshing.lattice import grid
+from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.scanning.measured import Measured, beneath
+from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.execution.process_map import side_by_side
 from cascadenorm.mesh import Mesh, angles_between, thread_count
-from cascadenorm.workers import side_by_side
 
 BEGIN, END = "<!-- extractors: written by benchmarks/extractors.py -->", "<!-- end of extractors -->"
 SHAPES = ("statue", "bracket", "bust", "turned", "creature", "assembly", "wheel", "rock")

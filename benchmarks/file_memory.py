@@ -15,7 +15,7 @@ from pathlib import Path
 from speed import wavy_torus
 
 from cascadenorm import io
-from cascadenorm.interop import save_mesh
+from cascadenorm.io.interop import save_mesh
 
 PAGE = Path(__file__).parents[1] / "docs" / "files.md"
 BEGIN, END = "<!-- memory: written by benchmarks/file_memory.py -->", "<!-- end of memory -->"

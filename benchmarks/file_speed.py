@@ -20,12 +20,12 @@ from environments import interpreter
 from peer_files import LIBRARIES, MISSING
 from speed import wavy_torus
 
-from cascadenorm.interop import save_mesh
 from cascadenorm.io import read, write
 from cascadenorm.io.content import Content
-from cascadenorm.io.ply import PlyFile
-from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.interop import save_mesh
+from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.polygons import Polygons
 
 PACKAGES = ("trimesh", "scipy", "meshio", "pyvista", "open3d", "pymeshlab")
 OURS, *PEERS = LIBRARIES

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from speed import wavy_torus
 
-from cascadenorm.interop import save_mesh
+from cascadenorm.io.interop import save_mesh
 
 METHODS = ("taubin", "bilateral-normal", "auto")
 STEPS = 100, 50

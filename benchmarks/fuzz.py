@@ -1,7 +1,7 @@
 """Damage files and meshes for hours, and keep what breaks a promise: python benchmarks/fuzz.py --minutes N
 
 Every case is a seed. Those that fail are written to a folder, each with its seed, what it was, and where it failed;
-`--seed` runs one of them again. The tests do the same for seconds (tests/test_fuzz.py).
+`--seed` runs one of them again. The tests do the same for seconds (tests/benchmarks/test_fuzz.py).
 """
 
 import argparse

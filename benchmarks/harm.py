@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 import cascadenorm as cn
-from cascadenorm.data_gen.cad_tessellation import cad_part
-from cascadenorm.data_gen.surface import UnfitShapeError
-from cascadenorm.interop import as_mesh
+from cascadenorm.data_gen.meshing.cad_tessellation import cad_part
+from cascadenorm.data_gen.meshing.surface import UnfitShapeError
+from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh, angles_between
 
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 from speed import wavy_torus
 
-from cascadenorm.geometry.fast_harmonics import fast_harmonics
-from cascadenorm.geometry.harmonics import Harmonics, manifold_harmonics
+from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
+from cascadenorm.geometry.spectra.harmonics import Harmonics, manifold_harmonics
 from cascadenorm.mesh import Mesh, thread_count
 
 SIZES = (20_000, 50_000, 100_000, 500_000)  # vertices

@@ -17,13 +17,13 @@ from results import between_markers
 
 import cascadenorm as cn
 from cascadenorm.data_gen.families import FAMILIES, Family
-from cascadenorm.data_gen.measured import Measured
-from cascadenorm.data_gen.noise import displacements
-from cascadenorm.data_gen.points import reconstruction
-from cascadenorm.data_gen.surface import UnfitShapeError, extent_of
-from cascadenorm.data_gen.volumes import tomogram
+from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.scanning.measured import Measured
+from cascadenorm.data_gen.scanning.points import reconstruction
+from cascadenorm.data_gen.scanning.volumes import tomogram
+from cascadenorm.execution.process_map import side_by_side
 from cascadenorm.mesh import thread_count
-from cascadenorm.workers import side_by_side
 
 BEGIN, END = "<!-- levels: written by benchmarks/levels.py -->", "<!-- end of levels -->"
 SEED = 992

@@ -12,10 +12,10 @@ import numpy as np
 from results import between_markers
 
 import cascadenorm as cn
-from cascadenorm.data_gen.noise import displacements
-from cascadenorm.evaluation.metrics import measure
+from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.evaluation.pairs import find_pairs
-from cascadenorm.interop import as_mesh
+from cascadenorm.geometry.metrics import measure
+from cascadenorm.io.interop import as_mesh
 
 LEVELS = (0.0, 0.01, 0.03)  # mean edge lengths
 BEGIN, END = "<!-- low noise: written by benchmarks/low_noise.py -->", "<!-- end of low noise -->"

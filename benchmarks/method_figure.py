@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cascadenorm.interop import as_mesh
 from cascadenorm.io.atomic import write_atomically
+from cascadenorm.io.interop import as_mesh
 from cascadenorm.learned.descriptors import SIGMA_R, SIGMA_S, bilateral_descriptor
 from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.regression import nearest, stage_stack

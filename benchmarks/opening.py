@@ -23,7 +23,7 @@ from browsers import Browser
 from speed import wavy_torus
 from studios import Studio
 
-from cascadenorm.interop import save_mesh
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import thread_count
 
 STEPS = (1000, 500)

@@ -23,7 +23,7 @@ from results import between_markers
 
 import cascadenorm as cn
 from cascadenorm.geometry.nearest import Surface
-from cascadenorm.interop import as_mesh
+from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh
 
 BEGIN, END = "<!-- peers: written by benchmarks/peers.py -->", "<!-- end of peers -->"

@@ -14,7 +14,7 @@ from results import between_markers
 
 import cascadenorm as cn
 from cascadenorm.geometry.nearest import Surface
-from cascadenorm.interop import as_mesh
+from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh, angles_between
 
 BEGIN, END = "<!-- real errors: written by benchmarks/real.py -->", "<!-- end of real errors -->"

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import cascadenorm as cn
-from cascadenorm.data_gen.partitions import LabelledMesh, Partition, label_nets
+from cascadenorm.data_gen.meshing.partitions import LabelledMesh, Partition, label_nets
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 VOXEL, HALF = 0.05, 1.4

@@ -18,11 +18,11 @@ import low_noise
 import method_figure
 
 from cascadenorm.cli import run
-from cascadenorm.digests import file_digest
 from cascadenorm.evaluation.harness import DEFAULT_METHODS
 from cascadenorm.evaluation.pairs import find_pairs
+from cascadenorm.io.digests import file_digest
 from cascadenorm.learned.methods import weights_file
-from cascadenorm.models import SHIPPED
+from cascadenorm.models.models import SHIPPED
 
 PACKAGES = ("cascadenorm", "numpy", "scipy", "numba", "Pillow")
 

@@ -19,7 +19,7 @@ BYTES = 19
 """Bytes of a face in a binary PLY file: 13, and half a vertex of 12."""
 
 REQUESTS = 8
-"""Requests to a store for a file that fits into one part; tests/test_remote_files.py counts them."""
+"""Requests to a store for a file that fits into one part; tests/batch/test_remote_files.py counts them."""
 
 PER_VERTEX = 10
 """Most bytes of a vertex beyond `--memory` in a denoising by patches, as docs/patches.md says."""

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from environments import interpreter
 
-from cascadenorm.interop import save_mesh
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh, thread_count
 
 SIZES = {"10 k faces": (100, 50), "100 k faces": (250, 200), "1 M faces": (1000, 500), "5 M faces": (2500, 1000)}

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cascadenorm.memory import memory_size
+from cascadenorm.execution.memory import memory_size
 
 PAGE = Path(__file__).parents[1] / "docs" / "patches.md"
 BEGIN, END = "<!-- large files: written by benchmarks/streaming.py -->", "<!-- end of large files -->"

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cascadenorm.api import Whole, compare, denoise, denoise_file, methods
+    from cascadenorm.api.api import Whole, compare, denoise, denoise_file, methods
+    from cascadenorm.api.denoised_files import DenoisingSummary
+    from cascadenorm.api.regions import denoise_region_files, denoise_regions
+    from cascadenorm.api.spectra import Spectrum, spectrum
     from cascadenorm.batch.batch import denoise_files
     from cascadenorm.controls import Controls
-    from cascadenorm.denoised_files import DenoisingSummary
     from cascadenorm.errors import (
         CascadenormError,
         ConfigError,
@@ -25,22 +27,20 @@ if TYPE_CHECKING:
         WorkerError,
     )
     from cascadenorm.evaluation.harness import evaluate
-    from cascadenorm.evaluation.metrics import Measures
     from cascadenorm.frontends.progress_bars import progress_bar
-    from cascadenorm.geometry.farthest_points import farthest_points
-    from cascadenorm.geometry.fast_harmonics import fast_harmonics
     from cascadenorm.geometry.geodesics import geodesic_distances
-    from cascadenorm.geometry.harmonics import manifold_harmonics, shape_dna
-    from cascadenorm.geometry.holes import fill_holes
+    from cascadenorm.geometry.holes.filling import fill_holes
+    from cascadenorm.geometry.metrics import Measures
+    from cascadenorm.geometry.spectra.farthest_points import farthest_points
+    from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
+    from cascadenorm.geometry.spectra.harmonics import manifold_harmonics, shape_dna
     from cascadenorm.inspection import Inspection, inspect
     from cascadenorm.io import from_arrays, read, write
     from cascadenorm.learned.config import TrainConfig, read_config
     from cascadenorm.mesh import Mesh
-    from cascadenorm.models import Denoiser, train
-    from cascadenorm.regions import denoise_region_files, denoise_regions
+    from cascadenorm.models.models import Denoiser, train
     from cascadenorm.reports import report
     from cascadenorm.reports.notebook import view
-    from cascadenorm.spectra import Spectrum, spectrum
     from cascadenorm.streaming.streaming import denoise_large_file
 
 __version__ = "0.1.0"
@@ -54,43 +54,43 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "ConfigError": "errors",
     "Controls": "controls",
     "DenoiseError": "errors",
-    "Denoiser": "models",
-    "DenoisingSummary": "denoised_files",
+    "Denoiser": "models.models",
+    "DenoisingSummary": "api.denoised_files",
     "Inspection": "inspection",
-    "Measures": "evaluation.metrics",
+    "Measures": "geometry.metrics",
     "Mesh": "mesh",
     "MeshError": "errors",
     "MissingDependencyError": "errors",
     "OutputError": "errors",
     "ParameterError": "errors",
     "ReadError": "errors",
-    "Spectrum": "spectra",
+    "Spectrum": "api.spectra",
     "TrainConfig": "learned.config",
-    "Whole": "api",
+    "Whole": "api.api",
     "WorkerError": "errors",
-    "compare": "api",
-    "denoise": "api",
-    "denoise_file": "api",
+    "compare": "api.api",
+    "denoise": "api.api",
+    "denoise_file": "api.api",
     "denoise_files": "batch.batch",
     "denoise_large_file": "streaming.streaming",
-    "denoise_region_files": "regions",
-    "denoise_regions": "regions",
+    "denoise_region_files": "api.regions",
+    "denoise_regions": "api.regions",
     "evaluate": "evaluation.harness",
-    "farthest_points": "geometry.farthest_points",
-    "fast_harmonics": "geometry.fast_harmonics",
-    "fill_holes": "geometry.holes",
+    "farthest_points": "geometry.spectra.farthest_points",
+    "fast_harmonics": "geometry.spectra.fast_harmonics",
+    "fill_holes": "geometry.holes.filling",
     "from_arrays": "io",
     "geodesic_distances": "geometry.geodesics",
     "inspect": "inspection",
-    "manifold_harmonics": "geometry.harmonics",
-    "methods": "api",
+    "manifold_harmonics": "geometry.spectra.harmonics",
+    "methods": "api.api",
     "progress_bar": "frontends.progress_bars",
     "read": "io",
     "read_config": "learned.config",
     "report": "reports",
-    "shape_dna": "geometry.harmonics",
-    "spectrum": "spectra",
-    "train": "models",
+    "shape_dna": "geometry.spectra.harmonics",
+    "spectrum": "api.spectra",
+    "train": "models.models",
     "view": "reports.notebook",
     "write": "io",
 }

@@ -137,3 +137,8 @@ class MissingDependencyError(CascadenormError, ImportError):
         self.package, self.extra = package, extra
         self.command = f'pip install "cascadenorm[{extra}]"' if extra else f"pip install {package}"
         self.problem, self.hint = f"{feature} needs {package}, which is not installed", self.command
+
+
+def counted(count: int, one: str, several: str = "") -> str:
+    """Return a count with its noun; the plural is given, or the singular with an s."""
+    return f"{count} {one if count == 1 else several or f'{one}s'}"

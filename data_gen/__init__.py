@@ -12,7 +12,7 @@ from cascadenorm.data_gen.dataset import (
     write_dataset,
 )
 from cascadenorm.data_gen.families import FAMILIES, Family
-from cascadenorm.data_gen.noise import NoiseKind, displacements
+from cascadenorm.data_gen.noise.noise import NoiseKind, displacements
 
 __all__ = [
     "FAMILIES",

@@ -11,15 +11,15 @@ from typing import NamedTuple, get_args
 import numpy as np
 
 from cascadenorm.data_gen.families import FAMILIES, Family, Part
-from cascadenorm.data_gen.laser import LEVELS as LASER_LEVELS
-from cascadenorm.data_gen.measured import Measured
-from cascadenorm.data_gen.noise import NoiseKind, displacements
-from cascadenorm.data_gen.placement import random_rotation
-from cascadenorm.data_gen.relief import log_uniform, relief
-from cascadenorm.data_gen.surface import UnfitShapeError
+from cascadenorm.data_gen.meshing.surface import UnfitShapeError
+from cascadenorm.data_gen.noise.laser import LEVELS as LASER_LEVELS
+from cascadenorm.data_gen.noise.noise import NoiseKind, displacements
+from cascadenorm.data_gen.noise.relief import log_uniform, relief
+from cascadenorm.data_gen.scanning.measured import Measured
+from cascadenorm.data_gen.shapes.placement import random_rotation
+from cascadenorm.execution.process_map import side_by_side
+from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.progress import Progress, silent
-from cascadenorm.workers import side_by_side
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
 LEAST_FACES = 1200  # of fewer, the details of some families would be finer than their triangles

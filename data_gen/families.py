@@ -6,21 +6,21 @@ from typing import Literal
 
 import numpy as np
 
-from cascadenorm.data_gen import cad, organic
-from cascadenorm.data_gen.cad_tessellation import cad_part
-from cascadenorm.data_gen.decimate import thinned
-from cascadenorm.data_gen.engraving import engraved
-from cascadenorm.data_gen.fields import Field
-from cascadenorm.data_gen.fusion import fused
-from cascadenorm.data_gen.measured import Measured
-from cascadenorm.data_gen.points import reconstruction
-from cascadenorm.data_gen.polyhedra import polyhedron
-from cascadenorm.data_gen.relief import log_uniform
-from cascadenorm.data_gen.structured import structured_mesh, subdivided_cage
-from cascadenorm.data_gen.surface import cut_out, extent_of, polygonised
-from cascadenorm.data_gen.tessellation import tessellate
-from cascadenorm.data_gen.views import view
-from cascadenorm.data_gen.volumes import segmentation, tomogram
+from cascadenorm.data_gen.meshing.cad_tessellation import cad_part
+from cascadenorm.data_gen.meshing.decimate import thinned
+from cascadenorm.data_gen.meshing.structured import structured_mesh, subdivided_cage
+from cascadenorm.data_gen.meshing.surface import cut_out, extent_of, polygonised
+from cascadenorm.data_gen.meshing.tessellation import tessellate
+from cascadenorm.data_gen.noise.relief import log_uniform
+from cascadenorm.data_gen.scanning.fusion import fused
+from cascadenorm.data_gen.scanning.measured import Measured
+from cascadenorm.data_gen.scanning.points import reconstruction
+from cascadenorm.data_gen.scanning.views import view
+from cascadenorm.data_gen.scanning.volumes import segmentation, tomogram
+from cascadenorm.data_gen.shapes import cad, organic
+from cascadenorm.data_gen.shapes.engraving import engraved
+from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.polyhedra import polyhedron
 
 FINER = 3.0, 14.0  # times as many faces as are left by decimation
 WIDEST_STEPS = 2.2  # ratio of the steps of a laser scanner, at most

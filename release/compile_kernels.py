@@ -24,7 +24,7 @@ from numba.core import event
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.mesh.shipped_kernels import FOLDER, PROCESSORS
+from cascadenorm.compute.shipped_kernels import FOLDER, PROCESSORS
 
 SCAN = Path(cn.__file__).parent / "demo_data" / "scan" / "noisy.ply"
 FORMATS = ("ply", "obj", "off", "stl", "gltf", "glb")
@@ -53,7 +53,7 @@ def work(check: bool) -> None:
     with compiled() as names:
         exercise()
     if not check:
-        from cascadenorm.mesh.kernel_cache import KernelCache
+        from cascadenorm.compute.kernel_cache import KernelCache
 
         for kept in [one for one in gc.get_objects() if type(one) is KernelCache]:
             kept.ship()

@@ -1,9 +1,15 @@
 """What several files of tests start and end alike."""
 
+import sys
+from pathlib import Path
+
 import pytest
 from studios import Studio
 
-from cascadenorm.interop import save_mesh
+from cascadenorm.io.interop import save_mesh
+
+# tests of one folder may use what those of another make
+sys.path += [str(folder) for folder in sorted(Path(__file__).parent.iterdir()) if folder.is_dir()]
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cascadenorm.data_gen.partitions import LabelledMesh, Partition, segmented
+from cascadenorm.data_gen.meshing.partitions import LabelledMesh, Partition, segmented
 from cascadenorm.mesh import unit
 
 TURN = np.linalg.qr(np.random.default_rng(9).normal(size=(3, 3)))[0]

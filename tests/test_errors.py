@@ -74,11 +74,11 @@ def test_every_class_has_an_exit_code_and_comes_before_its_bases():
 
 def test_errors_are_still_found_where_they_were():
     from cascadenorm.controls import DenoiseError
+    from cascadenorm.execution.process_map import WorkerError
     from cascadenorm.io import OutputError, ReadError
     from cascadenorm.learned.config import ConfigError
     from cascadenorm.mesh import MeshError
     from cascadenorm.registry import ParameterError
-    from cascadenorm.workers import WorkerError
 
     for kind in (DenoiseError, OutputError, ReadError, ConfigError, MeshError, ParameterError, WorkerError):
         assert kind is getattr(errors, kind.__name__) is getattr(cn, kind.__name__)

@@ -8,7 +8,7 @@ from shapes import noisy
 from test_stages import AGREES, RIBBON, SHAPES, difference, patch_sizes, place
 
 import cascadenorm as cn
-from cascadenorm.interop import save_mesh
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 from cascadenorm.streaming import guided, sweeps
 

@@ -12,20 +12,20 @@ from shapes import ball_of_voxels, cube, cubes, grid, icosphere, noisy, torus
 from test_streaming import INWARD, flipped, shuffled, side_by_side, strip
 
 import cascadenorm as cn
+from cascadenorm.api.halo import Halo
 from cascadenorm.cli import run
-from cascadenorm.controls.halo import Halo
-from cascadenorm.geometry import chords, voxel_lattice
+from cascadenorm.detection import chords, voxel_lattice
+from cascadenorm.detection.parts import InMemory, median, nth
+from cascadenorm.detection.segmentation_steps import has_voxel_faces, is_segmentation
+from cascadenorm.detection.voxel_lattice import lattice_share
 from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.geometry.orientation import oriented
-from cascadenorm.geometry.parts import InMemory, median, nth
-from cascadenorm.geometry.safeguards import what_is_bounded
-from cascadenorm.geometry.segmentation_steps import has_voxel_faces, is_segmentation
-from cascadenorm.geometry.voxel_lattice import lattice_share
-from cascadenorm.interop import save_mesh
 from cascadenorm.io.content import Content
-from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.io.stl import StlFile
+from cascadenorm.learned.safeguards import what_is_bounded
 from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.polygons import Polygons
 from cascadenorm.streaming import fitting, ply_rows, stages, streaming
 from cascadenorm.streaming.passes import Passes
 from cascadenorm.streaming.ply_rows import ply_tables

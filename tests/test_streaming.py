@@ -16,13 +16,13 @@ import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
-from cascadenorm.geometry.shells import shells
-from cascadenorm.interop import save_mesh
 from cascadenorm.io.content import Content
-from cascadenorm.io.ply import PlyFile
-from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.interop import save_mesh
+from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.io.stl import RECORD, StlFile
 from cascadenorm.mesh import Mesh, ordered_for_cache
+from cascadenorm.mesh.polygons import Polygons
+from cascadenorm.regions.shells import shells
 from cascadenorm.streaming import fitting, numbering, ply_rows, streaming
 from cascadenorm.streaming.ply_rows import ply_tables
 from cascadenorm.streaming.reordering import quantile

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from shapes import icosphere, noisy
 from test_batch import LINUX
-from test_cluster import cluster  # noqa: F401 - a fixture
+from test_cluster_processes import cluster  # noqa: F401 - a fixture
 from test_stages import RIBBON
 from test_streaming import NORMALS
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.interop import save_mesh
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.streaming import ply_rows, streaming
 from cascadenorm.streaming.patch_files import write_missing
 

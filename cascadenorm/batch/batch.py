@@ -14,23 +14,23 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cascadenorm.api import DEFAULT_METHOD
+from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs, listed
 from cascadenorm.batch.manifest import NAME, Line, Manifest
 from cascadenorm.batch.processes import LocalProcesses, Processes
+from cascadenorm.batch.remote_files import check_writable, is_url
 from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import SCAN, Watched
 from cascadenorm.batch.work import Outcome, Task, work
-from cascadenorm.cluster import folder_of_names
 from cascadenorm.controls.settings import Controls, takes_controls
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
+from cascadenorm.execution.cluster import folder_of_names
+from cascadenorm.execution.memory import FREE, available_memory, memory_size
+from cascadenorm.execution.progress import Listener
 from cascadenorm.io import output_format
 from cascadenorm.io.atomic import remove_unfinished
-from cascadenorm.memory import FREE, available_memory, memory_size
 from cascadenorm.mesh import thread_count
-from cascadenorm.progress import Listener
-from cascadenorm.remote_files import check_writable, is_url
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -24,9 +24,17 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.processes import Work
 from cascadenorm.batch.scheduling import Place
 from cascadenorm.batch.work import Outcome, Task
-from cascadenorm.cluster import ANSWER, PATIENCE, POLL, connected, in_words, without_scheduler, without_workers
 from cascadenorm.errors import WorkerError
-from cascadenorm.memory import available_memory
+from cascadenorm.execution.cluster import (
+    ANSWER,
+    PATIENCE,
+    POLL,
+    connected,
+    in_words,
+    without_scheduler,
+    without_workers,
+)
+from cascadenorm.execution.memory import available_memory
 from cascadenorm.mesh import limit_threads
 
 if TYPE_CHECKING:

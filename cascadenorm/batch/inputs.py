@@ -8,9 +8,9 @@ from os import PathLike
 from pathlib import Path, PurePath
 from typing import NamedTuple
 
+from cascadenorm.batch.remote_files import file_name, files_at, fixed_part, is_url
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import is_mesh_name
-from cascadenorm.remote_files import file_name, files_at, fixed_part, is_url
 
 Sources = str | PathLike[str] | Sequence[str | PathLike[str]]
 """Files, folders, or patterns such as "scans/**/*.ply"; one or several."""

@@ -8,7 +8,7 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.scheduling import Place
 from cascadenorm.batch.work import Outcome, Task
 from cascadenorm.errors import WorkerError
-from cascadenorm.worker_processes import Worker, first_ready
+from cascadenorm.execution.worker_processes import Worker, first_ready
 
 Work = Callable[[Task], Outcome]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cascadenorm.batch.inputs import Job
-from cascadenorm.memory import FACE, PROCESS
+from cascadenorm.execution.memory import FACE, PROCESS
 
 FACE_IN_FILE = {".stl": 50, ".obj": 35, ".off": 30}
 """Bytes of a file for each face at least; in other formats `FEWEST`."""

@@ -12,11 +12,11 @@ import numpy as np
 import cascadenorm
 from cascadenorm.batch.work import Settings
 from cascadenorm.controls.settings import checked
-from cascadenorm.digests import file_digest
 from cascadenorm.errors import ParameterError
+from cascadenorm.execution.progress import Listener
+from cascadenorm.io.digests import file_digest
 from cascadenorm.learned.gated import read_model
 from cascadenorm.learned.methods import weights_file
-from cascadenorm.progress import Listener
 from cascadenorm.registry import find
 
 NO_RESULT = ("threads", "progress")

@@ -10,14 +10,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
-from cascadenorm import api, io
+from cascadenorm import io
+from cascadenorm.api import api
+from cascadenorm.api.denoised_files import DenoisingSummary
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
-from cascadenorm.denoised_files import DenoisingSummary
-from cascadenorm.digests import file_digest
+from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_name, is_url, put
 from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerError
 from cascadenorm.io.atomic import check_output, make_folder
-from cascadenorm.remote_files import ChangedError, exists, fetched, file_name, is_url, put
+from cascadenorm.io.digests import file_digest
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 

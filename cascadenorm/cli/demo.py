@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rich.table import Table
 
-from cascadenorm.api import denoise
-from cascadenorm.interop import as_mesh, save_mesh
+from cascadenorm.api.api import denoise
+from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import make_folder, write_atomically
+from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.mesh import Mesh, angles_between
-from cascadenorm.progress import Progress, silent
 from cascadenorm.render import Camera, Figure, HeatMap, color_bar, png, rasterized, render, side_by_side, stacked
 
 EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.45, 0.4, 0.8), "head": (0.15, 0.15, 1), "scan": None}

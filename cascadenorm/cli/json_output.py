@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TextIO
 
+from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.spectra import Spectrum
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed
-from cascadenorm.denoised_files import DenoisingSummary
-from cascadenorm.evaluation.metrics import Measures
+from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.registry import Method
-from cascadenorm.spectra import Spectrum
 
 if TYPE_CHECKING:
     from cascadenorm.evaluation.harness import Evaluation

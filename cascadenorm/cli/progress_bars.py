@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.progress import BarColumn, ProgressColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
-from cascadenorm.progress import Listener, Progress
+from cascadenorm.execution.progress import Listener, Progress
 
 
 @contextmanager

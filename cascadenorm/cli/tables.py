@@ -10,16 +10,16 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.spectra import Spectrum
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import complain
 from cascadenorm.cli.options import OPTIONS
-from cascadenorm.denoised_files import DenoisingSummary
-from cascadenorm.evaluation.metrics import Measures
+from cascadenorm.errors import counted
+from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import FINDINGS, Inspection
-from cascadenorm.learned.training_log import Pass
-from cascadenorm.messages import counted
+from cascadenorm.learned.training.training_log import Pass
 from cascadenorm.registry import Method, Setting
-from cascadenorm.spectra import Spectrum
 
 if TYPE_CHECKING:  # an evaluation can make data, which takes a third of the start of other commands to import
     from cascadenorm.evaluation.harness import Evaluation

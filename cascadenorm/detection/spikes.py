@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cascadenorm.geometry.noise_level import noise_level
+from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.mesh import Bools, Csr, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import dot, length, row, subtract
 

@@ -10,18 +10,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from cascadenorm.cluster import LOCAL, folder_of_names
-from cascadenorm.cluster_map import side_by_side_on
 from cascadenorm.controls import checked
 from cascadenorm.errors import ParameterError, ReadError
-from cascadenorm.evaluation.metrics import Measures
 from cascadenorm.evaluation.pairs import Pair, Places, find_pairs, with_noise
 from cascadenorm.evaluation.programs import checked_command
 from cascadenorm.evaluation.records import Records
 from cascadenorm.evaluation.runs import COLUMNS, NOISY, Failure, Result, Run, forget, run
-from cascadenorm.progress import Progress, silent
+from cascadenorm.execution.cluster import LOCAL, folder_of_names
+from cascadenorm.execution.cluster_map import side_by_side_on
+from cascadenorm.execution.process_map import side_by_side
+from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.geometry.metrics import Measures
 from cascadenorm.registry import find
-from cascadenorm.workers import side_by_side
 
 __all__ = ["COLUMNS", "DEFAULT_METHODS", "NOISY", "Evaluation", "Failure", "Result", "evaluate"]
 

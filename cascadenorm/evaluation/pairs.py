@@ -11,17 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm import data_gen
-from cascadenorm.cluster_map import side_by_side_on
 from cascadenorm.data_gen import DatasetConfig, write_dataset
-from cascadenorm.data_gen.noise import displacements
-from cascadenorm.data_gen.patches import patch, patches
+from cascadenorm.data_gen.meshing.patches import patch, patches
+from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.errors import MissingDependencyError
+from cascadenorm.execution.cluster_map import side_by_side_on
+from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.orientation import oriented
-from cascadenorm.interop import as_mesh, save_mesh
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
+from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.learned.config import DATA
 from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
-from cascadenorm.progress import Progress, silent
 
 Places = str | PathLike[str] | Iterable[str | PathLike[str]]
 """One path or several."""

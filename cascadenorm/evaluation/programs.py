@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from cascadenorm.errors import DenoiseError, ParameterError
-from cascadenorm.interop import as_mesh, save_mesh
+from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.mesh import Mesh
 
 PLACE = re.compile(r"\{(in|out)(?:\.(\w+))?\}")

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.pairs import Pair
-from cascadenorm.interop import as_mesh
+from cascadenorm.io.interop import as_mesh
 
 Split = Literal["train", "test"]
 SPLITS: tuple[Split, ...] = ("train", "test")

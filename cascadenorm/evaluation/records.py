@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import cascadenorm
-from cascadenorm.digests import file_digest
 from cascadenorm.evaluation.pairs import Pair
-from cascadenorm.interop import save_mesh
 from cascadenorm.io.atomic import make_folder, write_atomically
+from cascadenorm.io.digests import file_digest
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from cascadenorm.progress import Listener
+from cascadenorm.execution.progress import Listener
 
 Result = TypeVar("Result")
 

@@ -3,7 +3,7 @@
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from cascadenorm.api import DEFAULT_METHOD, methods
+from cascadenorm.api.api import DEFAULT_METHOD, methods
 from cascadenorm.frontends.properties import Property, properties
 from cascadenorm.frontends.vtk_filter import INPUTS
 from cascadenorm.registry import Setting

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from cascadenorm.errors import MissingDependencyError
-from cascadenorm.progress import Listener
+from cascadenorm.execution.progress import Listener
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from cascadenorm.api import DEFAULT_METHOD, methods
+from cascadenorm.api.api import DEFAULT_METHOD, methods
 from cascadenorm.controls import CONTROLS
 from cascadenorm.registry import Setting
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import pyvista
 
-from cascadenorm.api import DEFAULT_METHOD, compare
+from cascadenorm.api.api import DEFAULT_METHOD, compare
 from cascadenorm.controls.settings import takes_controls
-from cascadenorm.evaluation.metrics import Measures
+from cascadenorm.execution.progress import Listener
 from cascadenorm.frontends.progress_bars import progress_bar
 from cascadenorm.frontends.vtk_data import denoised
+from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import Inspection, inspect
-from cascadenorm.progress import Listener
 
 NAME = "cascadenorm"
 

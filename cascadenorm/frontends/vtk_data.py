@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkPolyData
 
-from cascadenorm.api import denoise
+from cascadenorm.api.api import denoise
+from cascadenorm.api.regions import denoise_regions
 from cascadenorm.errors import MeshError, ParameterError
-from cascadenorm.interop import as_mesh
-from cascadenorm.regions import denoise_regions
+from cascadenorm.io.interop import as_mesh
 
 
 def denoised(data: Any, settings: Mapping[str, Any]) -> Any:

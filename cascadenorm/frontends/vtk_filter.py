@@ -7,7 +7,7 @@ from vtkmodules.vtkCommonCore import vtkOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
-from cascadenorm.api import DEFAULT_METHOD
+from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.errors import CascadenormError
 from cascadenorm.frontends.properties import settings_of, spelled, with_properties
 from cascadenorm.frontends.vtk_data import denoised

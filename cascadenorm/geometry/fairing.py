@@ -6,10 +6,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors, first_places
-from cascadenorm.progress import track
 from cascadenorm.registry import ParameterError
 
 

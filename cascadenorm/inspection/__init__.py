@@ -1,6 +1,6 @@
 """What is wrong with a mesh, and how noisy it is."""
 
-from cascadenorm.geometry.noise_level import noise_level
+from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.inspection.findings import FINDINGS
 from cascadenorm.inspection.inspection import Inspection, inspect
 from cascadenorm.inspection.source import Found

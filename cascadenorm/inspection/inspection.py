@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.geometry.error_kind import ErrorKind, error_kind
-from cascadenorm.geometry.noise_level import noise_level
+from cascadenorm.detection.error_kind import ErrorKind, error_kind
+from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.inspection.defects import boundary_loop_count, flipped_edges, pinched_vertices, repeats, thin_faces

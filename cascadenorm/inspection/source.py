@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
-from cascadenorm.interop import adapter
+from cascadenorm.io.interop import adapter
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.mesh import face_array, vertex_array
 

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Positions
-from cascadenorm.io.ply import PlyFile
-from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.ply.ply import PlyFile
+from cascadenorm.mesh.polygons import Polygons
 
 
 class ArraysFile(MeshFile):

@@ -10,14 +10,13 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.errors import MeshError
+from cascadenorm.errors import MeshError, counted
 from cascadenorm.io.content import Content, Labels, Positions
-from cascadenorm.io.normals import Normals, renewed_normals
-from cascadenorm.io.polygons import Polygons, triangulate
-from cascadenorm.io.text import blocks
-from cascadenorm.io.welding import weld
+from cascadenorm.io.text.text import blocks
 from cascadenorm.mesh import Mesh, all_in_rows, bad_faces, bad_vertices, first_places, isolated
-from cascadenorm.messages import counted
+from cascadenorm.mesh.normals import Normals, renewed_normals
+from cascadenorm.mesh.polygons import Polygons, triangulate
+from cascadenorm.mesh.welding import weld
 
 Piece = bytes | memoryview
 

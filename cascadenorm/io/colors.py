@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.text import Text
-from cascadenorm.io.tokenizer import Places
+from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.tokenizer import Places
 
 CHANNELS = ("red", "green", "blue", "alpha")
 

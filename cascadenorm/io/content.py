@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError
-from cascadenorm.io.polygons import Polygons
 from cascadenorm.mesh import any_in_rows, first_places
+from cascadenorm.mesh.polygons import Polygons
 
 Positions = NDArray[Any]
 """(k, 3) float32 or float64, as the file holds them."""

@@ -16,18 +16,18 @@ from cascadenorm.io.arrays import ArraysFile
 from cascadenorm.io.atomic import check_output, is_special, write_atomically, write_together
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.glb import GlbFile
-from cascadenorm.io.gltf import GltfContainer, GltfFile
+from cascadenorm.io.gltf.glb import GlbFile
+from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
-from cascadenorm.io.ply import PlyFile
-from cascadenorm.io.polygons import Polygons
+from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.via_trimesh import NEEDS as TRIMESH_NEEDS
 from cascadenorm.io.via_trimesh import trimesh_formats, trimesh_kind, trimesh_outputs
 from cascadenorm.io.vtk import VtkFile, VtuFile, is_installed
 from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.polygons import Polygons
 
 FORMATS: dict[str, type[MeshFile]] = {
     kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile)

@@ -12,13 +12,13 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.hole_patches import Patches
 from cascadenorm.io.materials import textures
-from cascadenorm.io.normals import Normals
-from cascadenorm.io.patches import Patches
-from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.spelling import lines_of, respelled, rows_of
-from cascadenorm.io.text import Text, blocks
-from cascadenorm.io.tokenizer import Places
+from cascadenorm.io.text.spelling import lines_of, respelled, rows_of
+from cascadenorm.io.text.text import Text, blocks
+from cascadenorm.io.text.tokenizer import Places
+from cascadenorm.mesh.normals import Normals
+from cascadenorm.mesh.polygons import Polygons, ranges
 
 KEPT_ELSEWHERE = {
     "vn": "normals",

@@ -11,11 +11,11 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.content import Content
-from cascadenorm.io.normals import Normals
-from cascadenorm.io.polygons import Polygons, ranges
-from cascadenorm.io.spelling import lines_of, respelled, rows_of
-from cascadenorm.io.text import Text
-from cascadenorm.io.tokenizer import Places
+from cascadenorm.io.text.spelling import lines_of, respelled, rows_of
+from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.tokenizer import Places
+from cascadenorm.mesh.normals import Normals
+from cascadenorm.mesh.polygons import Polygons, ranges
 
 MAGIC = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")  # in linear time
 

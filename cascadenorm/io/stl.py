@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.polygons import Polygons, largest_coordinate, triangulate, unit_normals
-from cascadenorm.io.spelling import respelled
-from cascadenorm.io.text import Text, blocks
-from cascadenorm.io.tokenizer import Places
+from cascadenorm.io.text.spelling import respelled
+from cascadenorm.io.text.text import Text, blocks
+from cascadenorm.io.text.tokenizer import Places
 from cascadenorm.mesh import any_in_rows
+from cascadenorm.mesh.polygons import Polygons, largest_coordinate, triangulate, unit_normals
 
 RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEADER = 84  # 80 bytes of anything, then the number of triangles

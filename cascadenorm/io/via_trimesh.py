@@ -11,7 +11,7 @@ from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.io.content import Content
-from cascadenorm.io.polygons import Polygons, triangulate
+from cascadenorm.mesh.polygons import Polygons, triangulate
 
 NEEDS = {
     "3dxml": "lxml networkx",

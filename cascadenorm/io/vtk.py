@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.normals import NORMALS, Normals
-from cascadenorm.io.polygons import Polygons
+from cascadenorm.mesh.normals import NORMALS, Normals
+from cascadenorm.mesh.polygons import Polygons
 
 FACES = ("triangle", "quad", "polygon")
 BESIDE = ("line", "vertex", "polyline", "poly_vertex")

@@ -7,6 +7,7 @@ from os import PathLike, fspath
 from typing import Any
 
 from cascadenorm.baselines.vertex_update import recover_vertices
+from cascadenorm.execution.progress import track
 from cascadenorm.learned.descriptors import (
     CUTOFF,
     ITERATED_PASSES,
@@ -24,7 +25,6 @@ from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage_settings import CHOICES, StageSettings
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.progress import track
 from cascadenorm.registry import ParameterError
 
 FORMAT = "cascadenorm/6"

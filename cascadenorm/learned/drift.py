@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cascadenorm.geometry.averages import averaged
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh.averages import averaged
 
 PASSES = 64
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.averages import averaged, averaged_around
+from cascadenorm.compute.elementary import logf
 from cascadenorm.learned.descriptors import Stack
 from cascadenorm.mesh import Bools, Floats, Floats32, Ints, Ints32, Mesh, in_blocks, kernel, parallel_for, scatter_add
-from cascadenorm.mesh.elementary import logf
+from cascadenorm.mesh.averages import averaged, averaged_around
 
 Array = NDArray[np.float32]
 

@@ -10,12 +10,12 @@ from typing import Annotated
 import numpy as np
 
 from cascadenorm.detection.gate import Treatment
+from cascadenorm.detection.segmentation_steps import without_voxel_faces
 from cascadenorm.detection.spikes import without_spikes
-from cascadenorm.geometry.safeguards import safeguarded
-from cascadenorm.geometry.segmentation_steps import without_voxel_faces
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.gated import GatedCascades, read_model
+from cascadenorm.learned.safeguards import safeguarded
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 

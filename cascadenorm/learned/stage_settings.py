@@ -7,9 +7,9 @@ from typing import get_args
 import numpy as np
 
 from cascadenorm.baselines.vertex_update import Foldovers, Weighting
+from cascadenorm.compute.elementary import expf
 from cascadenorm.learned.descriptors import DESCRIPTORS, Neighborhood
 from cascadenorm.mesh import Floats32, kernel
-from cascadenorm.mesh.elementary import expf
 
 
 def _tanh(x: Floats32, bias: Floats32) -> None:

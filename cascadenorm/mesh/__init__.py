@@ -1,7 +1,6 @@
 """Triangle meshes: arrays, topology, geometry, checks, and threads for the kernels that walk over them."""
 
-from cascadenorm.errors import MeshError
-from cascadenorm.mesh.arrays import (
+from cascadenorm.compute.arrays import (
     Bools,
     Bytes,
     Floats,
@@ -21,8 +20,18 @@ from cascadenorm.mesh.arrays import (
     scatter_add,
     unit,
 )
+from cascadenorm.compute.csr import Csr
+from cascadenorm.compute.kernels import kernel
+from cascadenorm.compute.threads import (
+    in_blocks,
+    limit_threads,
+    one_blas_thread,
+    parallel_for,
+    sums_in_blocks,
+    thread_count,
+)
+from cascadenorm.errors import MeshError
 from cascadenorm.mesh.connectivity import connected_components
-from cascadenorm.mesh.csr import Csr
 from cascadenorm.mesh.frame import Frame, frame_between, frame_of, in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import (
     bad_faces,
@@ -32,17 +41,8 @@ from cascadenorm.mesh.isolation import (
     without_lines,
     without_repeated_faces,
 )
-from cascadenorm.mesh.kernels import kernel
 from cascadenorm.mesh.mesh import Mesh, face_area_vectors
 from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
-from cascadenorm.mesh.threads import (
-    in_blocks,
-    limit_threads,
-    one_blas_thread,
-    parallel_for,
-    sums_in_blocks,
-    thread_count,
-)
 from cascadenorm.mesh.topology import Topology
 
 __all__ = [

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh.arrays import Ints32
-from cascadenorm.mesh.kernels import kernel
+from cascadenorm.compute.arrays import Ints32
+from cascadenorm.compute.kernels import kernel
 
 
 def connected_components(links: NDArray[Any], count: int) -> Ints32:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh.arrays import Vectors, box_of
+from cascadenorm.compute.arrays import Vectors, box_of
 from cascadenorm.mesh.mesh import Mesh
 
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.compute.arrays import all_in_rows
 from cascadenorm.errors import MeshError
-from cascadenorm.mesh.arrays import all_in_rows
 from cascadenorm.mesh.mesh import Mesh, face_array, vertex_array
 
 

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.errors import MeshError
-from cascadenorm.mesh.arrays import Floats, Ints32, Vectors, box_of, first_places, row_distances, row_lengths, unit
-from cascadenorm.mesh.csr import Csr, grouped
-from cascadenorm.mesh.kernels import kernel
-from cascadenorm.mesh.threads import parallel_for
+from cascadenorm.compute.arrays import Floats, Ints32, Vectors, box_of, first_places, row_distances, row_lengths, unit
+from cascadenorm.compute.csr import Csr, grouped
+from cascadenorm.compute.kernels import kernel
+from cascadenorm.compute.threads import parallel_for
+from cascadenorm.errors import MeshError, counted
 from cascadenorm.mesh.topology import Topology
 from cascadenorm.mesh.vectors import area_vector, row, squared_distance
-from cascadenorm.messages import counted
 
 
 class Mesh:

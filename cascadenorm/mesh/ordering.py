@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh.arrays import Floats, Ints, Ints32, Vectors
-from cascadenorm.mesh.csr import Csr
-from cascadenorm.mesh.kernels import kernel
+from cascadenorm.compute.arrays import Floats, Ints, Ints32, Vectors
+from cascadenorm.compute.csr import Csr
+from cascadenorm.compute.kernels import kernel
+from cascadenorm.compute.threads import parallel_for
 from cascadenorm.mesh.mesh import Mesh
-from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology import rows_with
 from cascadenorm.mesh.topology_kernels import sort
 

@@ -5,10 +5,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh.arrays import scatter_add
+from cascadenorm.compute.arrays import scatter_add
+from cascadenorm.compute.csr import Csr, grouped, joined
+from cascadenorm.compute.threads import parallel_for
 from cascadenorm.mesh.connectivity import connected_components
-from cascadenorm.mesh.csr import Csr, grouped, joined
-from cascadenorm.mesh.threads import parallel_for
 from cascadenorm.mesh.topology_kernels import (
     across_range,
     color_vertices,

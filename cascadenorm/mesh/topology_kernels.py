@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh.arrays import Ints, Ints32, doubled
-from cascadenorm.mesh.csr import Csr
-from cascadenorm.mesh.kernels import kernel
+from cascadenorm.compute.arrays import Ints, Ints32, doubled
+from cascadenorm.compute.csr import Csr
+from cascadenorm.compute.kernels import kernel
 
 
 @kernel

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cascadenorm.mesh.arrays import Floats, Index
-from cascadenorm.mesh.kernels import kernel
+from cascadenorm.compute.arrays import Floats, Index
+from cascadenorm.compute.kernels import kernel
 
 Vector = tuple[float, float, float]
 Three = Vector | Floats

@@ -6,9 +6,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from cascadenorm.interop import as_mesh
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import MeshError
 from cascadenorm.render import Figure, png, rasterized, webp
 from cascadenorm.render.figure import DPI

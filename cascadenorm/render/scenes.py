@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.evaluation.fields import QUANTITIES, Field, field
-from cascadenorm.interop import as_mesh
+from cascadenorm.geometry.fields import QUANTITIES, Field, field
+from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh, scale_between, scaled_alike
 from cascadenorm.render import Camera, Figure, HeatMap, Image, color_bar, render, side_by_side, stacked
 from cascadenorm.render.camera import Up

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import cascadenorm
+from cascadenorm.api.denoised_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
-from cascadenorm.denoised_files import DenoisingSummary
-from cascadenorm.digests import file_digest
-from cascadenorm.evaluation.metrics import Measures
+from cascadenorm.errors import counted
+from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import Inspection
+from cascadenorm.io.digests import file_digest
 from cascadenorm.learned.methods import weights_file
-from cascadenorm.messages import counted
 from cascadenorm.registry import find
 from cascadenorm.reports.given import Given
 

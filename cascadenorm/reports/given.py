@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cascadenorm import io
-from cascadenorm.interop import adapter, mesh_of_file, source_name
+from cascadenorm.io.interop import adapter, mesh_of_file, source_name
 from cascadenorm.mesh import Mesh
 
 LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import MissingDependencyError, ParameterError
-from cascadenorm.evaluation.fields import QUANTITIES, Field, Quantity
+from cascadenorm.geometry.fields import QUANTITIES, Field, Quantity
 from cascadenorm.mesh import Mesh, MeshError, scaled_alike
 from cascadenorm.render import Camera, HeatMap, Image, png, rasterized, render, side_by_side, webp
 from cascadenorm.render.pillow import require_pillow

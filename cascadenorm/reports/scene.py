@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.evaluation.fields import Field, Values, fields
+from cascadenorm.geometry.fields import Field, Values, fields
 from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.mesh import Mesh, Vectors, scale_between, scaled_alike
 from cascadenorm.render import Camera

@@ -7,12 +7,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cascadenorm.denoised_files import Denoised, DenoisingSummary
-from cascadenorm.evaluation.metrics import Measures, measure
+from cascadenorm.api.denoised_files import Denoised, DenoisingSummary
+from cascadenorm.errors import counted
+from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError, scaled_alike
-from cascadenorm.messages import counted
 from cascadenorm.registry import find
 from cascadenorm.render import Camera, rasterized, render, side_by_side, webp
 from cascadenorm.render.pillow import require_pillow

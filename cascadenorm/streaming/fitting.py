@@ -6,9 +6,9 @@ from typing import Any
 
 from cascadenorm.controls.settings import checked
 from cascadenorm.errors import CascadenormError, ParameterError, ReadError
+from cascadenorm.execution.memory import FACE, FREE, amount, free_memory
 from cascadenorm.io.atomic import check_output
 from cascadenorm.io.files import beside
-from cascadenorm.memory import FACE, FREE, amount, free_memory
 from cascadenorm.registry import find, registered
 from cascadenorm.streaming.ply_rows import ply_tables
 from cascadenorm.streaming.stages import LEARNED

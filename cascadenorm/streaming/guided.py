@@ -13,8 +13,8 @@ from cascadenorm.baselines.guided_normal import (
     guided_filter,
     guided_normals,
 )
+from cascadenorm.detection.parts import Found, added
 from cascadenorm.errors import ParameterError
-from cascadenorm.geometry.parts import Found, added
 from cascadenorm.mesh import Bools, Csr, Vectors
 from cascadenorm.registry import Method
 from cascadenorm.streaming.layers import Layer

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.parts import median
+from cascadenorm.detection.parts import median
 from cascadenorm.mesh import Frame, Topology
 from cascadenorm.mesh.topology_kernels import color_vertices
 from cascadenorm.streaming.layers import Layer

@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.controls.halo import as_part
-from cascadenorm.geometry.parts import Found, Measure, Part
+from cascadenorm.api.halo import as_part
+from cascadenorm.detection.parts import Found, Measure, Part
+from cascadenorm.execution.process_map import Map
+from cascadenorm.execution.progress import Listener
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors
-from cascadenorm.progress import Listener
 from cascadenorm.streaming.components import write_components
 from cascadenorm.streaming.layers import Layer
 from cascadenorm.streaming.patch_files import write_missing
 from cascadenorm.streaming.store import Store, StoredPatch
-from cascadenorm.workers import Map
 
 VECTOR = np.dtype(("f8", (3,)))
 
@@ -146,7 +146,7 @@ class Passes:
         """How many connected components the mesh has."""
 
     def each(self, name: str, rings: int, measure: Measure) -> Results:
-        """Measure each patch, as `geometry.parts.Surface` has it."""
+        """Measure each patch, as `detection.parts.Surface` has it."""
         return self.run(name, rings, lambda view: measure(view.part))
 
     def run(self, name: str, rings: int, work: Callable[[View], Found | None], cost: float = 0.0) -> Results:

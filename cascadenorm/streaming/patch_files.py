@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 
 from cascadenorm.errors import WorkerError
+from cascadenorm.execution.process_map import Map
 from cascadenorm.io.atomic import write_atomically
-from cascadenorm.workers import Map
 
 
 def write_missing(paths: Sequence[Path], content_of: Callable[[int], bytes], each: Map) -> Iterator[int]:

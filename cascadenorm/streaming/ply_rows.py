@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.ply_header import Element, parse_header
+from cascadenorm.io.ply.header import Element, parse_header
 
 BLOCK = 1 << 18
 """Rows of a block."""

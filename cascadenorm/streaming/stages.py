@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from cascadenorm.baselines.normal_filter_bank import faces_added
+from cascadenorm.detection.parts import Found, added, by_component, median
+from cascadenorm.detection.segmentation_steps import has_voxel_faces, mean_centroids
 from cascadenorm.geometry.foldovers import foldovers, halved_where_flipped, partly_displaced
-from cascadenorm.geometry.parts import Found, added, by_component, median
-from cascadenorm.geometry.safeguards import Bounded, what_is_bounded, within_bounds
-from cascadenorm.geometry.segmentation_steps import has_voxel_faces, mean_centroids
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.descriptors import CUTOFF, DESCRIPTORS, SIGMA_S
@@ -19,6 +18,7 @@ from cascadenorm.learned.drift import PASSES, without_drift
 from cascadenorm.learned.features import CONTEXT_STEPS, ComponentSums
 from cascadenorm.learned.methods import loaded
 from cascadenorm.learned.regression import Regression, stage_stack
+from cascadenorm.learned.safeguards import Bounded, what_is_bounded, within_bounds
 from cascadenorm.mesh import Vectors
 from cascadenorm.registry import Method
 from cascadenorm.streaming.layers import Layer
@@ -157,7 +157,7 @@ def _facts(passes: Passes, name: str, positions: Layer | None) -> Facts:
 
 
 def _safeguarded(passes: Passes, last: Layer | None) -> Callable[[View], Vectors]:
-    """Take out the drift of the vertices, and take back what `geometry.safeguards.safeguarded` does."""
+    """Take out the drift of the vertices, and take back what `learned.safeguards.safeguarded` does."""
     exact, untold, voxel_faces = what_is_bounded(passes)
     wanted = passes.positions("wanted")
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.polygons import largest_coordinate, unit_normals
 from cascadenorm.io.stl import HEADER, RECORD
+from cascadenorm.mesh.polygons import largest_coordinate, unit_normals
 from cascadenorm.streaming.ply_rows import BLOCK, ELSEWHERE, PlyTables, ply_tables, write_tables
 from cascadenorm.streaming.tiles import Buckets
 
@@ -51,7 +51,7 @@ def check_triangles(path: Path) -> None:
 
 
 def welded(path: Path, folder: Path, span: int) -> PlyTables:
-    """Join the corners of triangles that are at one place, as `io.welding.weld` does; vertices are in their order.
+    """Join the corners of triangles that are at one place, as `mesh.welding.weld` does; vertices are in their order.
 
     Parameters
     ----------

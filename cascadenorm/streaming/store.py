@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.controls.halo import Halo, Patch, Whole
+from cascadenorm.api.halo import Halo, Patch, Whole
 from cascadenorm.errors import ReadError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.io.atomic import write_atomically

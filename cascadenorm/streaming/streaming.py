@@ -17,17 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cascadenorm
-from cascadenorm.api import denoise
-from cascadenorm.cluster import LOCAL, folder_of_names
-from cascadenorm.cluster_map import on_cluster
-from cascadenorm.controls.apply import controlled, in_words
-from cascadenorm.controls.halo import check_local, check_local_controls
+from cascadenorm.api.api import denoise
+from cascadenorm.api.apply import controlled, in_words
+from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.halo import check_local, check_local_controls
 from cascadenorm.controls.settings import Controls, checked, takes_controls
-from cascadenorm.denoised_files import DenoisingSummary
 from cascadenorm.errors import MeshError, OutputError, ParameterError
+from cascadenorm.execution.cluster import LOCAL, folder_of_names
+from cascadenorm.execution.cluster_map import on_cluster
+from cascadenorm.execution.memory import PROCESS, memory_size
+from cascadenorm.execution.process_map import Map
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.files import beside
-from cascadenorm.memory import PROCESS, memory_size
 from cascadenorm.mesh import Mesh, limit_threads, one_blas_thread, thread_count
 from cascadenorm.registry import Method, find
 from cascadenorm.streaming.guided import guided_steps
@@ -38,7 +39,6 @@ from cascadenorm.streaming.stages import LEARNED, learned_steps
 from cascadenorm.streaming.stl_records import check_triangles, moved_records, welded
 from cascadenorm.streaming.store import Store, StoredPatch
 from cascadenorm.streaming.sweeps import WIDTH
-from cascadenorm.workers import Map
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

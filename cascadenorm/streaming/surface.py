@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.geometry.orientation import patches
-from cascadenorm.geometry.shells import share_walls
 from cascadenorm.mesh import Bools, Frame, Ints, Mesh, connected_components
+from cascadenorm.regions.shells import share_walls
 from cascadenorm.streaming.ply_rows import ELSEWHERE, PlyTables
 from cascadenorm.streaming.tiles import Buckets
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from cascadenorm.errors import MeshError
+from cascadenorm.execution.progress import Listener
 from cascadenorm.io.files import is_mesh_name
-from cascadenorm.progress import Listener
 from cascadenorm.studio import saving
 from cascadenorm.studio.settings import form
 from cascadenorm.studio.workbench import Workbench

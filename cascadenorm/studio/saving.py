@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.controls.apply import in_words
+from cascadenorm.api.apply import in_words
+from cascadenorm.api.denoised_files import Opened, written_file
 from cascadenorm.controls.settings import Controls
-from cascadenorm.denoised_files import Opened, written_file
 from cascadenorm.errors import OutputError
+from cascadenorm.execution.progress import Listener
 from cascadenorm.io.atomic import check_output, write_together
 from cascadenorm.io.files import check_target
-from cascadenorm.progress import Listener
 from cascadenorm.reports.facts import command_line, python_call
 from cascadenorm.studio.painting import has_paint
 from cascadenorm.studio.settings import Chosen

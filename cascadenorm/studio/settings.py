@@ -5,9 +5,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cascadenorm.api import DEFAULT_METHOD
+from cascadenorm.api.api import DEFAULT_METHOD
+from cascadenorm.api.selection import FILES
 from cascadenorm.controls import CONTROLS
-from cascadenorm.controls.selection import FILES
 from cascadenorm.controls.settings import Controls, checked
 from cascadenorm.errors import ParameterError
 from cascadenorm.registry import Method, Setting, by_family, find

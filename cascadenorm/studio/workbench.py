@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.controls.apply import controlled, step_key
-from cascadenorm.controls.selection import selected
+from cascadenorm.api.apply import controlled, step_key
+from cascadenorm.api.selection import selected
 from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import CascadenormError, MeshError
-from cascadenorm.interop import mesh_of_file
+from cascadenorm.execution.progress import Listener
 from cascadenorm.io.files import beside
+from cascadenorm.io.interop import mesh_of_file
 from cascadenorm.mesh import Vectors, limit_threads
-from cascadenorm.progress import Listener
 from cascadenorm.reports.display import display
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.scene import Comparison, scene

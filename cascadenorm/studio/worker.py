@@ -12,8 +12,8 @@ from threading import Thread
 from time import monotonic
 from typing import Any, NamedTuple
 
-from cascadenorm.child_processes import end_with_parent, interrupts_blocked
 from cascadenorm.errors import CascadenormError, OutputError, ParameterError
+from cascadenorm.execution.child_processes import end_with_parent, interrupts_blocked
 from cascadenorm.studio.names import spelled
 
 INTERVAL = 0.1

@@ -6,7 +6,7 @@ from typing import Any
 
 from command_pages import table
 
-from cascadenorm.models import named
+from cascadenorm.models.models import named
 
 MODELS = ("auto", "cascade")
 

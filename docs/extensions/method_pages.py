@@ -9,11 +9,11 @@ import numpy as np
 from command_pages import table
 
 import cascadenorm as cn
-from cascadenorm.data_gen import fields, organic
-from cascadenorm.data_gen.noise import displacements
-from cascadenorm.data_gen.surface import extent_of
-from cascadenorm.data_gen.tessellation import tessellate
-from cascadenorm.data_gen.views import view
+from cascadenorm.data_gen.meshing.surface import extent_of
+from cascadenorm.data_gen.meshing.tessellation import tessellate
+from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.scanning.views import view
+from cascadenorm.data_gen.shapes import fields, organic
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import Method, Setting, by_family
 from cascadenorm.render import rasterized, render, side_by_side, stacked, webp

@@ -13,10 +13,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cascadenorm as cn
-from cascadenorm.data_gen import organic
-from cascadenorm.data_gen.noise import displacements
-from cascadenorm.data_gen.surface import extent_of
-from cascadenorm.data_gen.tessellation import tessellate
+from cascadenorm.data_gen.meshing.surface import extent_of
+from cascadenorm.data_gen.meshing.tessellation import tessellate
+from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.shapes import organic
 from cascadenorm.render import HeatMap, render
 
 rng = np.random.default_rng(4)

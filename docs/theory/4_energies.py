@@ -15,10 +15,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cascadenorm as cn
-from cascadenorm.data_gen import fields
-from cascadenorm.data_gen.noise import displacements
-from cascadenorm.data_gen.surface import extent_of
-from cascadenorm.data_gen.tessellation import tessellate
+from cascadenorm.data_gen.meshing.surface import extent_of
+from cascadenorm.data_gen.meshing.tessellation import tessellate
+from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.shapes import fields
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.render import render
 

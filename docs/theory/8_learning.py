@@ -17,10 +17,10 @@ from scipy.cluster.vq import kmeans2
 
 import cascadenorm as cn
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
-from cascadenorm.data_gen import fields
-from cascadenorm.data_gen.noise import displacements
-from cascadenorm.data_gen.surface import extent_of
-from cascadenorm.data_gen.tessellation import tessellate
+from cascadenorm.data_gen.meshing.surface import extent_of
+from cascadenorm.data_gen.meshing.tessellation import tessellate
+from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.shapes import fields
 from cascadenorm.render import HeatMap, render
 
 SPREADS = (0.2, 0.35, 0.5, 0.8, np.inf)

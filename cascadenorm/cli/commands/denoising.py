@@ -19,7 +19,7 @@ from cascadenorm.cli.options import (
     parameter_values,
     takes_controls,
 )
-from cascadenorm.messages import counted
+from cascadenorm.errors import counted
 
 
 @app.command()
@@ -52,7 +52,7 @@ def denoise(
     **controls: Any,
 ) -> None:
     """Denoise a mesh file; by default into <stem>_denoised<suffix> beside it."""
-    from cascadenorm import api
+    from cascadenorm.api import api
     from cascadenorm.cli import json_output, progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
@@ -246,7 +246,7 @@ def denoise_regions(
     **controls: Any,
 ) -> None:
     """Denoise mesh files whose walls coincide, as those of a segmentation do: shared walls stay shared."""
-    from cascadenorm import regions
+    from cascadenorm.api import regions
     from cascadenorm.cli import json_output, progress_bars, tables
 
     parameters = parameter_values(settings, model)
@@ -310,8 +310,8 @@ def fill_holes(
     force: Force = False,
 ) -> None:
     """Fill the holes of a mesh with patches as dense as the mesh around; existing vertices and faces stay."""
+    from cascadenorm.api.filled_files import fill_holes_file
     from cascadenorm.cli import tables
-    from cascadenorm.filled_files import fill_holes_file
     from cascadenorm.io.files import beside
 
     target = beside(source, "filled") if output is None else output

@@ -34,7 +34,7 @@ def compare(
     as_json: Json = False,
 ) -> None:
     """Measure a mesh against the ground truth."""
-    from cascadenorm import api
+    from cascadenorm.api import api
     from cascadenorm.cli import json_output, tables
 
     judged = sys.stdin.buffer if mesh == "-" else mesh
@@ -66,7 +66,7 @@ def spectrum(
     as_json: Json = False,
 ) -> None:
     """Print the lowest eigenvalues of the Laplacian of a mesh, its shape DNA, and its distance from that of another."""
-    from cascadenorm import spectra
+    from cascadenorm.api import spectra
     from cascadenorm.cli import json_output, tables
 
     if scale not in ("area", "keep"):
@@ -248,7 +248,7 @@ def methods(
     name: Annotated[str | None, typer.Argument(help="Show this method's parameters.")] = None, *, as_json: Json = False
 ) -> None:
     """List the methods, or the parameters of one."""
-    from cascadenorm import api
+    from cascadenorm.api import api
     from cascadenorm.cli import json_output, tables
     from cascadenorm.registry import find
 

@@ -7,7 +7,7 @@ import typer
 
 from cascadenorm.cli.app import app
 from cascadenorm.cli.options import Force, Scheduler, takes_controls
-from cascadenorm.messages import counted
+from cascadenorm.errors import counted
 
 
 @app.command()
@@ -69,10 +69,10 @@ def train(
     """Train a cascade on generated shapes; an interrupted training resumes when it is started again."""
     from dataclasses import replace
 
-    from cascadenorm import models
     from cascadenorm.cli import progress_bars
     from cascadenorm.learned.config import QUICK, TrainConfig, read_config
-    from cascadenorm.learned.launch import is_main
+    from cascadenorm.learned.training.launch import is_main
+    from cascadenorm.models import models
 
     if config is not None and quick:
         raise typer.BadParameter("--quick and --config exclude each other, since --quick has its own settings")
@@ -107,8 +107,8 @@ def train_gate(
     **controls: Any,
 ) -> None:
     """Learn when `auto` uses which of two trained networks, and write both with the gate to one file."""
-    from cascadenorm import models
     from cascadenorm.cli import progress_bars
+    from cascadenorm.models import models
 
     with progress_bars.progress_tasks(log=True) as progress:
         models.train_gate(vertex, surface, output, seed=seed, force=force, progress=progress, **controls)
@@ -132,16 +132,16 @@ def show_model(
     force: Force = False,
 ) -> None:
     """Print the card of a model as JSON: training data, settings, validation error."""
-    from cascadenorm import models
     from cascadenorm.cli import json_output, tables
-    from cascadenorm.learned.training_log import read_passes
+    from cascadenorm.learned.training.training_log import read_passes
+    from cascadenorm.models import models
 
     if curves is not None:
         tables.print_curves(read_passes(curves))
         return
     if hub is not None:
         from cascadenorm.io.atomic import write_atomically
-        from cascadenorm.model_cards import hub_card
+        from cascadenorm.models.model_cards import hub_card
 
         write_atomically(hub, [hub_card(model).encode()], force=force)
         return
@@ -157,7 +157,7 @@ def export_onnx(
     force: Force = False,
 ) -> None:
     """Write the networks of a model as ONNX files, one per stage; docs/models.md documents inputs and outputs."""
-    from cascadenorm import models
+    from cascadenorm.models import models
 
     for path in models.export_onnx(models.named(model), folder, force=force):
         print(path)

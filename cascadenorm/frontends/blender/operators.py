@@ -7,8 +7,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.api import denoise
-from cascadenorm.errors import CascadenormError
+from cascadenorm.api.api import denoise
+from cascadenorm.errors import CascadenormError, counted
+from cascadenorm.execution.progress import Listener, report_to
 from cascadenorm.frontends.blender.panel import draw_settings
 from cascadenorm.frontends.blender.properties import chosen, declarations, label
 from cascadenorm.frontends.blender.surfaces import (
@@ -23,8 +24,6 @@ from cascadenorm.frontends.blender.surfaces import (
 from cascadenorm.frontends.jobs import Cancelled, Job
 from cascadenorm.inspection import inspect
 from cascadenorm.inspection.findings import FINDINGS
-from cascadenorm.messages import counted
-from cascadenorm.progress import Listener, report_to
 
 Work = Callable[[Listener], Any]
 

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from cascadenorm.api import DEFAULT_METHOD, methods
+from cascadenorm.api.api import DEFAULT_METHOD, methods
 from cascadenorm.controls import CONTROLS
 from cascadenorm.frontends.properties import Property, properties, settings_of
 

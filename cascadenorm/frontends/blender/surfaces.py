@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import MeshError, ParameterError
-from cascadenorm.io.normals import Normals, renewed_normals
+from cascadenorm.mesh.normals import Normals, renewed_normals
 
 RESULT = "Denoised"
 """Name of the shape key that holds a result."""

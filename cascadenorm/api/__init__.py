@@ -1,0 +1,1 @@
+"""What users call: meshes, files and regions denoised, compared, filled."""

@@ -1,0 +1,197 @@
+"""Denoising and comparing meshes of any kind: files, arrays, and the meshes of other libraries."""
+
+from __future__ import annotations
+
+import time
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import cascadenorm.baselines
+import cascadenorm.learned.methods  # noqa: F401 - both register their methods
+from cascadenorm.api.apply import controlled
+from cascadenorm.api.denoised_files import Denoised, DenoisingSummary, opened_file, written_file
+from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
+from cascadenorm.api.selection import welded
+from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
+from cascadenorm.controls.weights import selected_faces
+from cascadenorm.geometry.metrics import Measures, measure
+from cascadenorm.io.interop import adapter, as_mesh
+from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated, limit_threads
+from cascadenorm.mesh.welding import weld
+from cascadenorm.registry import Method, find, registered
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+DEFAULT_METHOD = "auto"
+
+AnyMesh = TypeVar("AnyMesh")
+
+
+@overload  # with the controls alone, for editors; parameters of the method are those of the last two
+def denoise(mesh: AnyMesh, faces: None = None, *, method: str = ..., **controls: Unpack[Controls]) -> AnyMesh: ...
+@overload
+def denoise(mesh: ArrayLike, faces: ArrayLike, *, method: str = ..., **controls: Unpack[Controls]) -> NDArray[Any]: ...
+@overload
+def denoise(mesh: AnyMesh, faces: None = None, *, method: str = ..., **parameters: Any) -> AnyMesh: ...
+@overload
+def denoise(mesh: ArrayLike, faces: ArrayLike, *, method: str = ..., **parameters: Any) -> NDArray[Any]: ...
+@takes_controls
+def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_METHOD, **parameters: Any) -> Any:
+    """Denoise a mesh; the input is never changed, and the result is of the same type.
+
+    Parameters
+    ----------
+    mesh : vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, vtk,
+        open3d or meshio, of which copies of a vertex at seams stay together; or the path of a file
+    faces : (m, 3) integers in 0 … n - 1
+    method : one of `methods()`
+    parameters : of the method, as `methods()` lists them, such as `iterations=5` or, for the learned methods,
+        `model=path`
+
+    For the path of a file, mask, fixed, only and creases may be given by names in the file, as in `denoise_file`.
+
+    Returns
+    -------
+    For arrays the new vertices, (n, 3), float32 if they are given so; for an object a copy with its attributes; for a
+    path the path of a new file beside it, `<stem>_denoised<suffix>`, as `denoise_file` writes it
+
+    Raises
+    ------
+    MeshError : no valid mesh; its subclass ReadError where a file cannot be read
+    ParameterError : an unknown method or parameter, a value out of range, a mask of the wrong shape
+    OutputError : the file to be written exists already, or cannot be written
+    MissingDependencyError : a package for the format is not installed
+    """
+    controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
+    chosen = find(method)
+    with limit_threads(controls["threads"]):
+        if faces is not None:
+            return _denoised(chosen, mesh, faces, parameters, controls)
+        if isinstance(mesh, str | PathLike):
+            return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).summary.output)
+        if isinstance(mesh, Mesh):
+            return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls))
+        return _denoised_object(chosen, mesh, parameters, controls)
+
+
+@takes_controls
+def denoise_file(
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None = None,
+    *,
+    method: str = DEFAULT_METHOD,
+    format: str | None = None,
+    force: bool = False,
+    parameters: dict[str, Any] | None = None,
+    **controls: Unpack[Controls],
+) -> DenoisingSummary:
+    """Denoise a mesh file; everything in it but positions and normals is kept.
+
+    Parameters
+    ----------
+    source : path, or a binary stream
+    output : path, whose extension selects the format, or a binary stream; None is `<stem>_denoised<suffix>` beside the
+        source
+    method : one of `methods()`
+    format : that of a stream, such as "stl"; None is that of the source. The extension of a path decides for it
+    force : replace an existing file
+    parameters : of the method
+
+    Controls count the vertices and triangles of `read(source).mesh`. Given by names, they count the vertices of the
+    file, from 0; where it splits a vertex at a seam, the smallest weight of the copies counts.
+
+    Returns
+    -------
+    What was done; faces that were isolated keep their places in the file
+
+    Raises
+    ------
+    ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`; nothing is written then
+    """
+    return denoised_file(
+        source, output, method=method, format=format, force=force, parameters=parameters, **controls
+    ).summary
+
+
+def denoised_file(
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None = None,
+    *,
+    method: str = DEFAULT_METHOD,
+    format: str | None = None,
+    force: bool = False,
+    parameters: dict[str, Any] | None = None,
+    **controls: Unpack[Controls],
+) -> Denoised:
+    """Denoise a mesh file as `denoise_file` does; the meshes are returned as well."""
+    every = checked(controls)
+    with limit_threads(every["threads"]):
+        return _denoised_file(find(method), source, output, parameters or {}, every, format=format, force=force)
+
+
+def methods() -> dict[str, Method]:
+    """Return every method by name, with its source and its parameters, their units, ranges and defaults."""
+    return registered()
+
+
+def compare(mesh: Any, *others: Any) -> Measures:
+    """Measure a mesh against the true one.
+
+    Call it with two meshes of any kind that `denoise` takes, `compare(mesh, reference)`, or with arrays,
+    `compare(vertices, faces, true_vertices)`, and `true_faces` last where they differ.
+    """
+    if len(others) == 1:
+        return measure(as_mesh(mesh), as_mesh(others[0]))
+    if len(others) not in (2, 3):
+        raise TypeError("compare takes (mesh, reference) or (vertices, faces, true_vertices[, true_faces])")
+    return measure(Mesh(mesh, others[0]), Mesh(others[1], others[-1] if len(others) == 3 else others[0]))
+
+
+def _denoised(
+    method: Method, vertices: ArrayLike, faces: ArrayLike, parameters: dict[str, Any], controls: Controls
+) -> NDArray[Any]:
+    given = np.asarray(vertices)
+    dtype = given.dtype if given.dtype.kind == "f" else np.dtype(np.float64)
+    if controls["on_bad"] == "error":
+        return controlled(method, Mesh(vertices, faces), parameters, controls, dtype=dtype)
+    mesh = isolated(vertices, faces)
+    if controls["only"] is not None:  # counts the bad faces as well
+        good = ~bad_faces(vertices, faces)
+        controls = {**controls, "only": selected_faces(controls["only"], len(good))[good]}
+    denoised = controlled(method, mesh, parameters, controls, dtype=dtype)
+    return np.where(bad_vertices(given)[:, None], given, denoised)
+
+
+def _denoised_object(method: Method, mesh: Any, parameters: dict[str, Any], controls: Controls) -> Any:
+    """Denoise a mesh of another library, of which copies of vertices at seams stay together."""
+    kind = adapter(mesh)
+    vertices, faces = kind.arrays(mesh)
+    within = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
+    joined = faces.astype(np.int64)
+    welds, first = weld(vertices, joined[within])
+    joined[within] = welds[joined[within]]
+    denoised = _denoised(method, vertices[first], joined, parameters, welded(controls, welds))[welds]
+    return kind.with_vertices(mesh, np.where(denoised == vertices, vertices, denoised))  # -0 stays -0
+
+
+def _denoised_file(
+    method: Method,
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None,
+    parameters: dict[str, Any],
+    controls: Controls,
+    *,
+    format: str | None = None,
+    force: bool,
+) -> Denoised:
+    method.checked(parameters)
+    opened = opened_file(source, output, controls, format=format, force=force)
+    start = time.perf_counter()
+    vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
+    seconds = time.perf_counter() - start
+    return written_file(opened, vertices, method, parameters, controls, seconds=seconds, force=force)

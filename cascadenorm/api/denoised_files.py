@@ -1,0 +1,207 @@
+"""Mesh files that are denoised: read, written with other vertices, and what was done to them."""
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm import io
+from cascadenorm.api.apply import in_words
+from cascadenorm.api.selection import selected
+from cascadenorm.controls.displacement import framed_length
+from cascadenorm.controls.settings import Controls
+from cascadenorm.detection.error_kind import ErrorKind, error_kind
+from cascadenorm.errors import ReadError
+from cascadenorm.io.atomic import check_output, is_special
+from cascadenorm.io.files import beside, check_extension, check_target
+from cascadenorm.io.interop import mesh_of_file, source_name
+from cascadenorm.learned.methods import Treated, treated
+from cascadenorm.mesh import (
+    Mesh,
+    Vectors,
+    in_frame,
+    ordered_for_cache,
+    row_lengths,
+    without_lines,
+    without_repeated_faces,
+)
+from cascadenorm.registry import Method
+
+
+@dataclass(frozen=True, kw_only=True)
+class DenoisingSummary:
+    """What was done to a file.
+
+    Parameters
+    ----------
+    source, output : names of the files, or of the streams
+    method, parameters : what was applied, and the parameters that were given
+    strength : as given
+    controls : the other controls that decide on the result, as given; arrays by their shape alone
+    vertices, faces : counts; vertices that the file splits at seams count once
+    isolated_vertices, isolated_faces : vertices that are not finite, and further faces, that were left as they are
+    moved : vertices with another position
+    mean_displacement, largest_displacement : over all vertices, in mean edge lengths
+    seconds : of the method, without reading and writing
+    error : the kind of error that was found; None where the method is not `auto`, or nothing was to be taken away
+    treated_as : what `auto` treated the mesh as; None for other methods
+    left_out : what the source holds and the format of the output cannot, in words
+    """
+
+    source: str
+    output: str
+    method: str
+    parameters: dict[str, Any]
+    strength: float
+    controls: dict[str, Any]
+    vertices: int
+    faces: int
+    isolated_vertices: int
+    isolated_faces: int
+    moved: int
+    mean_displacement: float
+    largest_displacement: float
+    seconds: float
+    error: ErrorKind | None
+    treated_as: Treated | None
+    left_out: tuple[str, ...]
+
+
+class Denoised(NamedTuple):
+    """What was done to a file, with the file as it was read and as it was written."""
+
+    summary: DenoisingSummary
+    before: io.MeshFile
+    after: io.MeshFile
+
+
+class Opened(NamedTuple):
+    """A file that was read, and where it will be written.
+
+    Parameters
+    ----------
+    format : of the output
+    mesh : n vertices
+    controls : over the mesh, where they were given by names in the file
+    """
+
+    source: str | PathLike[str] | BinaryIO
+    output: str | PathLike[str] | BinaryIO
+    format: str
+    file: io.MeshFile
+    mesh: Mesh
+    controls: Controls
+
+
+def opened_file(
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None,
+    controls: Controls,
+    *,
+    format: str | None = None,
+    force: bool,
+) -> Opened:
+    """Read a file to be denoised; everything that can be refused before reading is refused before."""
+    output = _checked_output(source, output, format, force=force)
+    file = io.read(source)
+    if controls["on_bad"] == "isolate":
+        file = file.isolating()
+    chosen = io.output_format(output, format or file.format)
+    check_target(file, output, format=chosen, force=force)
+    mesh = mesh_of_file(file, source_name(source))
+    return Opened(source, output, chosen, file, mesh, selected(controls, file))
+
+
+def written_file(
+    opened: Opened,
+    vertices: NDArray[np.float64],
+    method: Method,
+    parameters: dict[str, Any],
+    controls: Controls,
+    *,
+    seconds: float,
+    force: bool,
+) -> Denoised:
+    """Write a file with other vertices of its mesh, (n, 3), and return what was done; controls as they were given."""
+    source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
+
+    # Formats with whole numbers need the limit to round within it
+    small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow where coordinates are huge
+    with np.errstate(over="ignore"):
+        framed = framed_length("max_displacement", controls["max_displacement"], small, exponent)
+        limit = float(np.ldexp(framed, exponent))
+    try:
+        moved = file.with_vertices(vertices, limit=limit)
+        left_out = io.write(moved, output, format=opened.format, force=force)
+    except ReadError as error:  # a fault of the source that only other formats need to know
+        raise error.within(source_name(source)) from error.__cause__
+
+    moves = np.ldexp(vertices - mesh.vertices, -exponent)
+    lengths = row_lengths(moves)
+    in_edges = lengths / small.mean_edge_length if small.mean_edge_length > 0 else lengths
+    summary = DenoisingSummary(
+        source=source_name(source),
+        output=source_name(output),
+        method=method.name,
+        parameters=parameters,
+        strength=controls["strength"],
+        controls=in_words(controls),
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        isolated_vertices=int(file.bad_vertices.sum()),
+        isolated_faces=int(file.left_out.sum()),
+        moved=int((lengths > 0).sum()),
+        mean_displacement=float(in_edges.mean()),
+        largest_displacement=float(in_edges.max()),
+        seconds=seconds,
+        **_found(method, small, exponent, moves, parameters, controls["strength"]),
+        left_out=tuple(left_out),
+    )
+    return Denoised(summary, file, moved)
+
+
+def _found(
+    method: Method, small: Mesh, exponent: int, moves: Vectors, parameters: dict[str, Any], strength: float
+) -> dict[str, Any]:
+    """Tell the kind of error from what `auto` removed, and what it treated the mesh as.
+
+    Parameters
+    ----------
+    small, exponent
+        The mesh in its frame.
+    moves
+        (n, 3) displacements of the vertices there, of which a strength below 1 applied only a share.
+    """
+    if method.name != "auto" or not strength:
+        return {"error": None, "treated_as": None}
+    order = ordered_for_cache(without_repeated_faces(small))
+    removed = moves[order.numbers] / min(strength, 1.0)
+    return {
+        "error": error_kind(order.mesh, order.mesh.vertices + removed, exponent=exponent),
+        "treated_as": treated(order.mesh, **method.with_defaults(parameters)),
+    }
+
+
+def _checked_output(
+    source: str | PathLike[str] | BinaryIO,
+    output: str | PathLike[str] | BinaryIO | None,
+    format: str | None,
+    *,
+    force: bool,
+) -> str | PathLike[str] | BinaryIO:
+    """Return where to write; raises OutputError where that is impossible or not allowed."""
+    if output is None:
+        if not isinstance(source, str | PathLike):
+            raise TypeError("a stream has no place for its output: give one")
+        output = beside(Path(source), "denoised")
+        check_output(output, force=force)
+    elif isinstance(output, str | PathLike):
+        check_output(Path(output), force=force)
+        if not is_special(output):
+            check_extension(source, output)
+    elif format is not None:
+        io.output_format(output, format)
+    return output

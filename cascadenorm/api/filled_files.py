@@ -1,0 +1,53 @@
+"""Mesh files whose holes are filled."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cascadenorm import io
+from cascadenorm.geometry.holes.filling import fill_holes
+from cascadenorm.geometry.laplacians import Order
+from cascadenorm.io.atomic import check_output
+from cascadenorm.io.files import check_extension, extensible
+from cascadenorm.io.hole_patches import Patches
+from cascadenorm.io.interop import mesh_of_file, source_name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filling:
+    """What was added to a file.
+
+    Parameters
+    ----------
+    faces, added : triangles that were there, and further ones
+    left_out : what the source holds and the output does not, in words
+    """
+
+    faces: int
+    added: int
+    left_out: tuple[str, ...]
+
+
+def fill_holes_file(
+    source: Path, output: Path, *, order: Order = 2, max_edges: int | None = None, force: bool = False
+) -> Filling:
+    """Fill the holes of a mesh file, as `fill_holes` does; what is there stays, and the patches get values like it.
+
+    PLY and OBJ keep all that they hold, in other formats what is kept is what another format could take over.
+
+    Raises
+    ------
+    ReadError, MeshError, ParameterError, OutputError : nothing is written then
+    """
+    check_output(output, force=force)
+    check_extension(source, output)
+    read = io.read(source)
+    format = io.output_format(output, read.format)
+    mesh_of_file(read, source_name(source))
+    file, lost = extensible(read)
+    filled = fill_holes(file.mesh, order=order, max_edges=max_edges)
+    added = len(filled.faces) - len(file.mesh.faces)
+    if added:
+        left_out = lost + io.write(file.with_patches(Patches(file, filled)), output, format=format, force=force)
+    else:
+        left_out = io.write(read, output, format=format, force=force)
+    return Filling(faces=len(file.mesh.faces), added=added, left_out=tuple(dict.fromkeys(left_out)))

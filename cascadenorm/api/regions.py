@@ -1,0 +1,220 @@
+"""Several meshes denoised together, whose walls coincide as those of the regions of a segmentation do."""
+
+import time
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.api.api import DEFAULT_METHOD
+from cascadenorm.api.apply import controlled
+from cascadenorm.api.denoised_files import DenoisingSummary, opened_file, written_file
+from cascadenorm.api.selection import welded
+from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
+from cascadenorm.errors import MeshError, ParameterError
+from cascadenorm.io.atomic import make_folder
+from cascadenorm.io.interop import adapter
+from cascadenorm.mesh import Bools, Ints, Mesh, limit_threads
+from cascadenorm.mesh.welding import weld
+from cascadenorm.regions.coincidence import coincident, joined
+from cascadenorm.registry import Method, find
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+
+class Given(NamedTuple):
+    """A mesh as it was given, its copies of vertices at seams joined.
+
+    Parameters
+    ----------
+    given : what the caller holds
+    vertices : its (k, 3) vertices
+    welds : (k,) the vertex of `mesh` that each is
+    mesh : n vertices
+    """
+
+    given: Any
+    vertices: NDArray[Any]
+    welds: NDArray[np.int32]
+    mesh: Mesh
+
+    @classmethod
+    def of(cls, given: Any) -> "Given":
+        """Take a pair of arrays, a `Mesh`, or a mesh of another library."""
+        if isinstance(given, Mesh):
+            return cls(given, given.vertices, np.arange(len(given.vertices), dtype=np.int32), given)
+        if isinstance(given, tuple | list) and len(given) == 2:
+            vertices, mesh = np.asarray(given[0]), Mesh(*given)
+            return cls(given, vertices, np.arange(len(vertices), dtype=np.int32), mesh)
+        vertices, faces = adapter(given).arrays(given)
+        checked_faces = Mesh(vertices, faces).faces.astype(np.int64)
+        welds, first = weld(vertices, checked_faces)
+        return cls(given, vertices, welds, Mesh(vertices[first], welds[checked_faces]))
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type of the result."""
+        return self.vertices.dtype if self.vertices.dtype.kind == "f" else np.dtype(np.float64)
+
+    def moved(self, vertices: NDArray[Any]) -> Any:
+        """Return what the caller holds with other vertices of `mesh`."""
+        if isinstance(self.given, Mesh):
+            return self.given.moved(vertices)
+        if isinstance(self.given, tuple | list):
+            return vertices
+        copies = vertices[self.welds]
+        return adapter(self.given).with_vertices(self.given, np.where(copies == self.vertices, self.vertices, copies))
+
+
+@takes_controls
+def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **parameters: Any) -> list[Any]:
+    """Denoise meshes whose walls coincide, such as the regions of a segmentation; shared walls stay shared.
+
+    Vertices of different meshes that coincide within rounding count as one, and move to one place, to the last bit.
+    Meshes that share no vertex with others are denoised as `denoise` does.
+
+    Parameters
+    ----------
+    meshes : each a pair of arrays, vertices (n, 3) and faces (m, 3); or a `cascadenorm.Mesh`, or a mesh of trimesh,
+        pyvista, vtk, open3d or meshio
+    method : one of `methods()`
+    parameters : of the method
+
+    Controls with a value for each vertex, each face or each edge are refused here; `denoise_region_files` takes names.
+
+    Returns
+    -------
+    For each mesh what `denoise` returns for it: the new vertices, or a copy of the mesh
+
+    Raises
+    ------
+    MeshError, ParameterError : as in `denoise`
+    """
+    controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
+    for name in ("mask", "fixed", "only", "creases"):
+        given: Any = controls[name]
+        if np.ndim(given) or isinstance(given, str | PathLike):
+            raise ParameterError("applies to a single mesh, and several are given", parameter=name)
+    every = [Given.of(mesh) for mesh in meshes]
+    with limit_threads(controls["threads"]):
+        moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
+    return [one.moved(vertices) for one, vertices in zip(every, moved, strict=True)]
+
+
+@takes_controls
+def denoise_region_files(
+    sources: str | PathLike[str] | Sequence[str | PathLike[str]],
+    folder: str | PathLike[str] | None = None,
+    *,
+    method: str = DEFAULT_METHOD,
+    force: bool = False,
+    parameters: dict[str, Any] | None = None,
+    **controls: "Unpack[Controls]",
+) -> list[DenoisingSummary]:
+    """Denoise mesh files whose walls coincide, as `denoise_regions` does; each keeps all but positions and normals.
+
+    Parameters
+    ----------
+    sources : paths, or a single one
+    folder : where each file is written under its own name; None: `<stem>_denoised<suffix>` beside the source
+    method : one of `methods()`
+    force : replace existing files
+    parameters : of the method
+
+    Controls are given by names, which refer to each file.
+
+    Returns
+    -------
+    What was done to each file; seconds are those of all together
+
+    Raises
+    ------
+    ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`
+    """
+    every, chosen, given = checked(controls), find(method), parameters or {}
+    chosen.checked(given)
+    with limit_threads(every["threads"]):
+        paths = [sources] if isinstance(sources, str | PathLike) else sources
+        targets = [None if folder is None else Path(folder) / Path(path).name for path in paths]
+        if folder is not None:
+            make_folder(Path(folder))
+        opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
+        start = time.perf_counter()
+        regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]
+        moved = _together(chosen, regions, given)
+        seconds = time.perf_counter() - start
+        return [
+            written_file(file, vertices, chosen, given, every, seconds=seconds, force=force).summary
+            for file, vertices in zip(opened, moved, strict=True)
+        ]
+
+
+class Region(NamedTuple):
+    """A mesh, the controls over its vertices and faces, and the type of the result."""
+
+    mesh: Mesh
+    controls: Controls
+    dtype: np.dtype[Any]
+
+
+def _together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[NDArray[Any]]:
+    """Return the new vertices of each region, in its type; groups of meshes that share vertices move together."""
+    if not regions:
+        raise MeshError("no meshes are given", hint="give at least one")
+    out: list[NDArray[Any]] = [np.empty(0)] * len(regions)
+    first, groups = coincident([region.mesh for region in regions])
+    owners = np.repeat(groups, [len(region.mesh.vertices) for region in regions])
+    for group in np.unique(groups):
+        mine, rows = np.flatnonzero(groups == group).tolist(), np.flatnonzero(owners == group)
+        found = _group(method, [regions[i] for i in mine], np.searchsorted(rows, first[rows]), parameters)
+        for i, vertices in zip(mine, found, strict=True):
+            out[i] = vertices
+    return out
+
+
+def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[NDArray[Any]]:
+    """Return the new vertices of regions of one group; `first` is the first vertex that each coincides with."""
+    if len(regions) == 1:
+        only = regions[0]
+        return [controlled(method, only.mesh, parameters, only.controls, dtype=only.dtype)]
+
+    # One mesh, in the coarsest of the types, so that each can hold what comes out
+    whole = joined([region.mesh for region in regions], first)
+    over = welded(_concatenated(regions), whole.vertices.astype(np.int32))
+    coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
+    moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest)
+
+    # To each mesh its vertices; those that did not move keep their own bits
+    still = (moved == whole.mesh.vertices.astype(coarsest)).all(axis=1)
+    ends = np.cumsum([len(region.mesh.vertices) for region in regions])[:-1]
+    return [
+        np.where(still[rows][:, None], region.mesh.vertices, moved[rows]).astype(region.dtype)
+        for region, rows in zip(regions, np.split(whole.vertices, ends), strict=True)
+    ]
+
+
+def _concatenated(regions: Sequence[Region]) -> Controls:
+    """Return the controls of all meshes as those of one, its vertices and faces one mesh after the other."""
+    one = regions[0].controls.copy()
+    if one["mask"] is not None:
+        one["mask"] = np.concatenate([np.asarray(region.controls["mask"]) for region in regions])
+    if one["fixed"] is not None:
+        one["fixed"] = np.concatenate([_chosen(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
+    if one["only"] is not None:
+        one["only"] = np.concatenate([_chosen(r.controls["only"], len(r.mesh.faces)) for r in regions])
+    if np.ndim(cast(ArrayLike, one["creases"])):
+        starts = np.cumsum([0, *(len(region.mesh.vertices) for region in regions)])
+        pairs = [np.asarray(r.controls["creases"]) + start for r, start in zip(regions, starts, strict=False)]
+        one["creases"] = np.concatenate(pairs)
+    return one
+
+
+def _chosen(given: Any, count: int) -> Bools:
+    """Return (count,) bool for what is given so, or by indices."""
+    chosen = np.zeros(count, bool)
+    chosen[np.asarray(given)] = True
+    return chosen

@@ -1,0 +1,1 @@
+"""Loops over arrays, compiled and on all threads; nothing here knows of meshes."""

@@ -1,0 +1,146 @@
+"""Types of arrays, and what is done to their rows."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.compute.kernels import kernel
+from cascadenorm.compute.threads import parallel_for, sums_in_blocks
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Ints = NDArray[np.int64]
+Ints32 = NDArray[np.int32]
+Index = int | np.integer[Any]
+"""One of an index array, or a count, in kernels, which are compiled for each type of it."""
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+Vectors = NDArray[np.float64]
+"""(k, 3) float64: positions, normals or displacements."""
+
+
+def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vectors:
+    """Scale each row to length 1; rows of length zero become `otherwise`, or stay zero."""
+    scaled = np.zeros(vectors.shape)
+    rows = (-1, vectors.shape[-1])
+    zeros = parallel_for(
+        math.prod(vectors.shape[:-1]), _unit_range, np.ascontiguousarray(vectors).reshape(rows), scaled.reshape(rows)
+    )
+    if otherwise is None or not any(zeros):
+        return scaled
+    return np.where(scaled.any(axis=-1, keepdims=True), scaled, otherwise)
+
+
+def all_in_rows(flags: Bools) -> Bools:
+    """Tell of each row whether all of its flags are set, (k,); in a tenth of the time of `all(axis=1)` on three."""
+    return np.asarray(np.logical_and.reduce(flags.T.copy()))
+
+
+def any_in_rows(flags: Bools) -> Bools:
+    """Tell of each row whether one of its flags is set, (k,); as fast as `all_in_rows`."""
+    return np.asarray(np.logical_or.reduce(flags.T.copy()))
+
+
+def box_of(points: NDArray[Any]) -> tuple[Floats, Floats]:
+    """Return the corners, (3,), of the bounding box of points; in a seventh of the time of `min(axis=0)`."""
+    columns = points.T
+    return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
+
+
+def row_lengths(vectors: Vectors) -> Floats:
+    """Return (k,) the length of each row."""
+    out = np.empty(len(vectors))
+    parallel_for(len(out), _length_range, vectors, out)
+    return out
+
+
+def row_distances(points: Vectors, pairs: Ints32) -> Floats:
+    """Return (k,) the distance of the two points of each pair, (k, 2)."""
+    out = np.empty(len(pairs))
+    parallel_for(len(out), _distance_range, points, pairs, out)
+    return out
+
+
+def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
+    """Angles in radians between unit rows that belong together, less those where one is zero; accurate at any angle."""
+    proper = any_in_rows(ours != 0) & any_in_rows(theirs != 0)
+    if not proper.all():
+        ours, theirs = ours[proper], theirs[proper]
+    return np.asarray(2 * np.arctan2(row_lengths(ours - theirs), row_lengths(ours + theirs)))
+
+
+def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: int) -> Floats:
+    """Add rows to the places that their indices name: out[index[i]] += values[i].
+
+    Parameters
+    ----------
+    index : (k,), each in 0 … length - 1
+    values : (k, …) numbers
+
+    Returns
+    -------
+    (length, …) float64; zero where no index points
+    """
+    columns = math.prod(values.shape[1:])
+    values = np.ascontiguousarray(values, np.result_type(values, np.float32))
+    rows = values.reshape(len(index), columns)
+
+    def add(start: int, stop: int, out: Floats) -> None:
+        _scatter_add(np.ascontiguousarray(index[start:stop], np.int64), rows[start:stop], out)
+
+    return sums_in_blocks(len(index), (length, columns), add).reshape(length, *values.shape[1:])
+
+
+@kernel
+def _unit_range(start: int, stop: int, vectors: Floats, out: Floats) -> int:
+    """Scale rows to length 1 but those without one, which are counted."""
+    zeros = 0
+    for i in range(start, stop):
+        total = vectors[i, 0] * vectors[i, 0]
+        for d in range(1, vectors.shape[1]):
+            total += vectors[i, d] * vectors[i, d]
+        size = np.sqrt(total)
+        if size > 0:
+            for d in range(vectors.shape[1]):
+                out[i, d] = vectors[i, d] / size
+        else:
+            zeros += 1
+    return zeros
+
+
+@kernel
+def _length_range(start: int, stop: int, vectors: Vectors, out: Floats) -> None:
+    for i in range(start, stop):
+        out[i] = np.sqrt(vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2)
+
+
+@kernel
+def _distance_range(start: int, stop: int, points: Vectors, pairs: Ints32, out: Floats) -> None:
+    for i in range(start, stop):
+        p, q = pairs[i]
+        x, y, z = points[q, 0] - points[p, 0], points[q, 1] - points[p, 1], points[q, 2] - points[p, 2]
+        out[i] = np.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def _scatter_add(index: Ints, values: Floats, out: Floats) -> None:
+    for i in range(len(index)):
+        for column in range(values.shape[1]):
+            out[index[i], column] += values[i, column]
+
+
+@kernel
+def doubled(values: Ints32) -> Ints32:
+    """Return values with room for as many more behind them; in a loop, since a slice takes two seconds to compile."""
+    larger = np.empty(2 * len(values), np.int32)
+    for i in range(len(values)):
+        larger[i] = values[i]
+    return larger
+
+
+def first_places(bad: Bools) -> str:
+    """Name the first few true places: '17, 18, 40, …'."""
+    places = np.flatnonzero(bad)
+    return ", ".join(map(str, places[:3])) + (", …" if len(places) > 3 else "")

@@ -1,0 +1,165 @@
+"""What kind of error a mesh has, told from where its vertices lie and from what a method takes away."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.detection.segmentation_steps import has_voxel_faces, is_segmentation
+from cascadenorm.detection.voxel_lattice import Lattice, lattice_of_grey_values, lattice_of_mask
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import row, squared_distance
+
+Kind = Literal["none", "independent", "correlated", "segmentation", "volume", "depth image"]
+"""Kinds of error.
+
+`none`: too little to matter. `independent`: the vertices err independently. `correlated`: alike over several edges.
+`segmentation`: steps of a binary mask. `volume`: a level of a grey volume, as of a tomogram or of fused depth images.
+`depth image`: one sheet that is seen from one side.
+"""
+
+CLEAN = 0.01
+"""Mean edge lengths, root mean square: less counts as no error."""
+OPEN = 0.3, 0.5
+"""|Σ A n| / Σ A from which a mesh may be, and is, seen from one side; a hemisphere has 0.5."""
+INDEPENDENT = 1.0
+"""Mean edge lengths: a shorter correlation is that of independent noise."""
+UNSURE = 0.7, 1.5
+"""Mean edge lengths: between them the correlation does not tell the kinds apart."""
+PAIRS = 4000
+"""Vertices, evenly spaced in their order, around which the correlation is measured."""
+FARTHEST = 12.0
+"""Mean edge lengths up to which it is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorKind:
+    """The kind of error of a mesh, with its figures.
+
+    Parameters
+    ----------
+    kind : see Kind
+    sure : whether the figures leave no other kind
+    size : root mean square of the displacement along the normals, in mean edge lengths of the denoised mesh
+    length : over which the error is alike, in mean edge lengths: where the autocorrelation falls to 1/e; None where
+        there is no error
+    voxel : edges of a voxel along the axes of its lattice, in the unit of the mesh; None where no lattice was found
+    """
+
+    kind: Kind
+    sure: bool
+    size: float
+    length: float | None
+    voxel: tuple[float, float, float] | None
+
+    def __str__(self) -> str:
+        """Say it in a phrase, such as "independent noise of 0.2 edges"."""
+        unsure = "" if self.sure else "perhaps "
+        if self.kind == "none":
+            return "no significant error"
+        edges = f"of {self.size:.2g} edges"
+        if self.kind == "independent":
+            return f"{unsure}independent noise {edges}"
+        if self.kind == "correlated":
+            return f"{unsure}error {edges} that is correlated over about {self.length:.2g} edges"
+        if self.kind == "depth image":
+            return f"{unsure}a depth image, with an error {edges}"
+        voxels = " with voxels of " + " × ".join(f"{side:.3g}" for side in self.voxel) if self.voxel else ""
+        if self.kind == "segmentation":
+            return f"{unsure}steps {edges} of a binary segmentation{voxels}"
+        return f"{unsure}error {edges} of a surface out of a grey volume{voxels}"
+
+
+def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind:
+    """Tell the kind of error from where the vertices of a mesh lie and from where a method moves them.
+
+    Parameters
+    ----------
+    mesh : n vertices
+    denoised : (n, 3), by the method that is trusted most
+    exponent : the mesh was scaled by 2**-exponent; voxels are told in its former unit
+    """
+    used, true = mesh.topology.used_vertices, mesh.moved(denoised)
+    error = np.einsum("ij,ij->i", mesh.vertices - denoised, true.vertex_normals)[used]
+    edge = true.mean_edge_length  # that of the input grows with noise
+    size = float(np.sqrt(np.mean(error**2)) / edge) if edge > 0 and len(error) else 0.0
+    if size < CLEAN:
+        return ErrorKind(kind="none", sure=True, size=size, length=None, voxel=None)
+    length = correlation_length(denoised[used] / edge, error)
+    openness = float(np.linalg.norm(mesh.area_vectors.sum(axis=0)) / mesh.area)
+    kind: Kind
+    if (lattice := lattice_of_mask(mesh)) is not None:
+        kind, sure = "segmentation", True
+    elif (lattice := lattice_of_grey_values(mesh)) is not None:
+        kind, sure = "volume", True
+    elif is_segmentation(mesh):  # whose voxels are not known, after surface nets or decimation
+        kind, sure = "segmentation", has_voxel_faces(mesh)
+    elif openness > OPEN[0]:
+        kind, sure = "depth image", openness > OPEN[1]
+    else:
+        kind, sure = "independent" if length < INDEPENDENT else "correlated", not UNSURE[0] < length < UNSURE[1]
+    return ErrorKind(
+        kind=kind, sure=sure, size=size, length=length, voxel=None if lattice is None else _voxel(lattice, exponent)
+    )
+
+
+def _voxel(lattice: Lattice, exponent: int) -> tuple[float, float, float] | None:
+    a, b, c = np.ldexp(np.linalg.norm(lattice, axis=1), exponent).tolist()
+    return (a, b, c) if np.isfinite([a, b, c]).all() else None
+
+
+def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
+    """Distance at which the autocorrelation of values at points falls to 1/e, linearly between bins of one edge.
+
+    Parameters
+    ----------
+    points : (n, 3), in mean edge lengths
+    values : (n,), not all zero
+    """
+    # bins of each centre, in the order of the points along the axis of their largest extent
+    axis = int(np.argmax(np.ptp(points, axis=0)))
+    order = np.argsort(points[:, axis], kind="stable")
+    chosen = np.zeros(len(points), bool)
+    chosen[np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64)] = True
+    centers = np.flatnonzero(chosen[order])
+    binned = np.zeros((2, len(centers), int(FARTHEST) + 1))
+    parallel_for(len(centers), _bins_range, centers, points[order], axis, values[order], *binned, smallest=64)
+    counts, sums = binned.sum(axis=1)
+    means = sums / np.maximum(counts, 1)
+    known = np.flatnonzero(counts[1:]) + 1
+    correlation = np.concatenate([[1.0], means[known] / np.mean(values**2)])
+    at = np.concatenate([[0.0], known.astype(np.float64)])
+    below = np.flatnonzero(correlation < np.exp(-1))
+    if len(below) == 0:
+        return FARTHEST
+    i = int(below[0])
+    share = (correlation[i - 1] - np.exp(-1)) / (correlation[i - 1] - correlation[i])
+    return float(at[i - 1] + share * (at[i] - at[i - 1]))
+
+
+@kernel
+def _bins_range(
+    start: int,
+    stop: int,
+    centers: Ints,
+    points: Vectors,
+    axis: int,
+    values: Floats,
+    counts: Floats,
+    sums: Floats,
+) -> None:
+    """Count the points behind each centre by their rounded distance, and add up products of their values and its own.
+
+    The points ascend along the axis, so those that are near lie side by side; a pair counts for the one before.
+    """
+    for i in range(start, stop):
+        center = centers[i]
+        k = center + 1
+        while k < len(points) and points[k, axis] - points[center, axis] <= FARTHEST:
+            squared = squared_distance(row(points, k), row(points, center))
+            if squared <= FARTHEST * FARTHEST:
+                distance = int(np.rint(np.sqrt(squared)))  # the first neighbours are in bin 1
+                counts[i, distance] += 1
+                sums[i, distance] += values[center] * values[k]
+            k += 1

@@ -1,0 +1,205 @@
+"""Whether a mesh lies on a lattice, and the lattice of the voxels that it was extracted from."""
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.detection.parts import AT_ONCE, Found, Part, Surface, in_parts
+from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.vectors import Vector, row, subtract
+
+Lattice = NDArray[np.float64]
+"""(3, 3), its rows the edges of a voxel."""
+
+MOST_EDGES = 20_000
+"""Edges that are looked at, evenly spaced in their order."""
+STEP = 2e-3
+"""Mean edge lengths: differences between vertices that agree to this are the same."""
+RESOLUTION = 0.02
+"""Median edge lengths: edges that agree to this are the same where a lattice is only suspected."""
+FARTHEST = 1e6  # multiples of it that are told apart: three numbers below 2^20 make one key
+FREQUENT = 64
+"""Vectors that hold nearly all edges of a mesh on a lattice: binary marching cubes have some fifty."""
+FEWEST = 1000  # edges of a mesh that can be told to lie on a lattice
+DIRECTIONS = 80
+"""Kinds of edges at most; marching cubes make about 50 on a mask, counting both directions once."""
+COVERED = 0.9
+"""Share of the edges that these have to be."""
+IN_CELLS = 0.05
+"""Share of the vertices that may lie in the middle of cells, where marching cubes put one if cells are ambiguous."""
+ON_NODES = 0.5
+"""Share of the vertices that lie on a plane of nodes across each axis; marching cubes put two thirds there."""
+
+
+def lattice_share(mesh: Mesh | Surface) -> float:
+    """Share of the edges that the most frequent vectors hold; near 1 where vertices lie on a lattice, else near 0."""
+    parts = in_parts(mesh).each("lattice", 1, _vectors)
+    edges, kinds = (sum(int(found[name]) for _, found in parts) for name in ("edges", "kinds"))
+    if edges < FEWEST:
+        return 0.0
+    groups, most = -(-kinds // AT_ONCE), np.empty(0, np.int64)
+    for group in range(groups):  # each kind of vector is in one
+        chosen = [_of_group(found, group, groups) for _, found in parts]
+        counts = chosen[0][1]
+        if len(chosen) > 1:
+            _, kind = np.unique(np.concatenate([keys for keys, _ in chosen]), return_inverse=True)
+            counts = np.bincount(kind.ravel(), np.concatenate([counts for _, counts in chosen])).astype(np.int64)
+        most = np.sort(np.concatenate([most, counts]))[-FREQUENT:]
+    return float(most.sum() / edges)
+
+
+def _of_group(found: Found, group: int, groups: int) -> tuple[Ints, Ints]:
+    """Return the keys of some kinds of vectors, and how many edges have each."""
+    mine = slice(None) if groups == 1 else found["keys"] % groups == group
+    return found["keys"][mine], found["counts"][mine]
+
+
+def _vectors(part: Part) -> Found:
+    """Count the edges of a part, and the vectors along them by what they are rounded to."""
+    mesh = part.mesh
+    edges = mesh.topology.edges[part.edges]
+    size = RESOLUTION * mesh.median_edge_length
+    if size == 0:
+        return {"edges": np.array(0), "kinds": np.array(0), "keys": np.empty(0, int), "counts": np.empty(0, int)}
+    keys = np.empty(len(edges), np.int64)
+    parallel_for(len(edges), _edge_key_range, mesh.vertices, edges, size, keys)
+    keys, counts = np.unique(keys, return_counts=True)
+    return {"edges": np.array(len(edges)), "kinds": np.array(len(keys)), "keys": keys, "counts": counts}
+
+
+def lattice_of_mask(mesh: Mesh) -> Lattice | None:
+    """Find the voxels of a binary mask that marching cubes meshed, at any rotation; None for any other mesh.
+
+    Vertices lie in the middle of the edges of the lattice, so that edges of the mesh are sums of halves of these, of
+    which there are few; and relative to one vertex the others are at three places of a half-lattice.
+    """
+    edge = mesh.mean_edge_length
+    if not edge > 0:
+        return None
+    vectors = _distinct_edges(mesh, edge)
+    if vectors is None:
+        return None
+    sums = np.concatenate([vectors, *(vectors + sign * vectors[:, None] for sign in (1, -1))], axis=None)
+    candidates = _different(sums.reshape(-1, 3), edge)
+    used = mesh.vertices[mesh.topology.used_vertices]
+    offsets = used[:: max(1, len(used) // 2000)] - used[0]
+    for lattice in _orthogonal_triples(candidates):
+        if _in_the_middle_of_edges(offsets, lattice):
+            return lattice
+    return None
+
+
+def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
+    """Vectors along edges, each direction once; None where there are too many kinds."""
+    ends = mesh.topology.edges[:: max(1, len(mesh.topology.edges) // MOST_EDGES)]
+    vectors = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
+    keys, sign = _keys(vectors, STEP * edge)
+    _, number, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    common = np.argsort(-counts, kind="stable")[:DIRECTIONS]
+    if counts[common].sum() < COVERED * len(keys):
+        return None
+    totals = scatter_add(number.ravel(), vectors * sign, len(counts))
+    return np.asarray((totals / counts[:, None])[common])
+
+
+def _keys(vectors: Vectors, size: float) -> tuple[Ints, Ints]:
+    """Number vectors by the multiples of a size that they are rounded to, the same for opposite ones.
+
+    Returns
+    -------
+    the numbers, (n,), in the order of the coordinates, and the sign, (n, 1), that makes a vector the one of its number
+    """
+    keys, sign = np.empty(len(vectors), np.int64), np.empty((len(vectors), 1), np.int64)
+    parallel_for(len(vectors), _key_range, np.ascontiguousarray(vectors), size, keys, sign)
+    return keys, sign
+
+
+@kernel
+def _key(vector: Vector, size: float) -> tuple[int, int]:
+    """Number of a vector, and its sign: that of its first coordinate that is not zero."""
+    key = sign = 0
+    for d in range(3):
+        cell = int(np.rint(min(max(vector[d] / size, -FARTHEST), FARTHEST)))
+        if sign == 0:
+            sign = int(np.sign(cell))
+        key = key * (1 << 21) + cell * sign
+    return key, sign
+
+
+@kernel
+def _key_range(start: int, stop: int, vectors: Vectors, size: float, keys: Ints, sign: Ints) -> None:
+    for i in range(start, stop):
+        keys[i], sign[i, 0] = _key(row(vectors, i), size)
+
+
+@kernel
+def _edge_key_range(start: int, stop: int, vertices: Vectors, edges: Ints32, size: float, keys: Ints) -> None:
+    for e in range(start, stop):
+        keys[e] = _key(subtract(row(vertices, edges[e, 1]), row(vertices, edges[e, 0])), size)[0]
+
+
+def _different(vectors: Vectors, edge: float) -> Vectors:
+    """Vectors of which none is zero or another's negative, shortest first."""
+    _, first = np.unique(_keys(vectors, 4 * STEP * edge)[0], return_index=True)
+    kept = vectors[first]
+    lengths = np.linalg.norm(kept, axis=1)
+    kept, lengths = kept[lengths > 0.1 * edge], lengths[lengths > 0.1 * edge]
+    return np.asarray(kept[np.argsort(lengths, kind="stable")])
+
+
+def _orthogonal_triples(vectors: Vectors) -> list[Lattice]:
+    """Triples of perpendicular vectors among the shortest, by the volume that they span."""
+    few = vectors[:200]
+    lengths = np.linalg.norm(few, axis=1)
+    perpendicular = np.abs(few @ few.T) < 0.01 * np.outer(lengths, lengths)
+    triples = []
+    for a, b in combinations(range(len(few)), 2):
+        if perpendicular[a, b]:
+            third = np.flatnonzero(perpendicular[a] & perpendicular[b])
+            triples += [(a, b, int(c)) for c in third[third > b]]
+    triples.sort(key=lambda triple: float(np.prod(lengths[list(triple)])))
+    return [few[list(triple)] for triple in triples[:2000]]
+
+
+def _in_the_middle_of_edges(offsets: Vectors, lattice: Lattice) -> bool:
+    """Whether vertices, relative to one of them, lie where the middles of the edges of a lattice do."""
+    halves = 2 * offsets @ np.linalg.inv(lattice)
+    near = np.round(halves)
+    if np.abs(halves - near).max() > 0.05:
+        return False
+    places, counts = np.unique(near.astype(np.int64) % 2, axis=0, return_counts=True)
+    places = places[counts > IN_CELLS * len(near)]
+    if len(places) != 3:  # an edge along each axis
+        return False
+    return bool((np.abs(places[:, None] - places[None]).sum(axis=2)[np.triu_indices(3, 1)] == 2).all())
+
+
+def lattice_of_grey_values(mesh: Mesh) -> Lattice | None:
+    """Find the voxels of a grey volume that lies along the axes; None for any other mesh.
+
+    Marching cubes put each vertex on an edge of the lattice, where two of its coordinates are those of nodes.
+    """
+    edge = mesh.mean_edge_length
+    used = mesh.vertices[mesh.topology.used_vertices]
+    if not edge > 0 or len(used) < 100:
+        return None
+    spacings = [_comb(used[:, axis], edge) for axis in range(3)]
+    if any(spacing is None for spacing in spacings):
+        return None
+    return np.diag(np.array(spacings, np.float64))
+
+
+def _comb(values: NDArray[np.float64], edge: float) -> float | None:
+    """Spacing of the values that many vertices share, if these are evenly spaced and most vertices have one."""
+    cells, counts = np.unique(np.round(values / (STEP * edge)).astype(np.int64), return_counts=True)
+    shared = counts > 8 * max(1.0, np.median(counts))
+    if shared.sum() < 4 or counts[shared].sum() < ON_NODES * len(values):
+        return None
+    gaps = np.diff(cells[shared]) * STEP * edge
+    gaps = gaps[gaps > 0.2 * edge]
+    if len(gaps) < 3:
+        return None
+    spacing = float(np.median(gaps))
+    near = np.abs(gaps / spacing - np.round(gaps / spacing)) < 0.02
+    return spacing if near.mean() > 0.9 else None

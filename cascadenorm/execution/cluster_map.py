@@ -1,0 +1,163 @@
+"""Work on many items by the workers of a Dask cluster, as `process_map.side_by_side` has it done by processes here."""
+
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from itertools import islice
+from threading import Event, Lock
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+import cascadenorm
+from cascadenorm.errors import ParameterError, WorkerError
+from cascadenorm.execution.cluster import (
+    ANSWER,
+    LOCAL,
+    PATIENCE,
+    POLL,
+    connected,
+    in_words,
+    without_scheduler,
+    without_workers,
+)
+from cascadenorm.execution.memory import FREE, available_memory
+from cascadenorm.execution.process_map import Map, done_by
+from cascadenorm.mesh import limit_threads
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+AHEAD = 2
+"""Items for each worker that are begun before the result of the first is taken: results wait in the workers' memory."""
+
+
+class _Here(NamedTuple):
+    """What a worker must have in common with this process; the folder where names of files are relative."""
+
+    version: str
+    folder: str | None
+
+
+class _Raised(NamedTuple):
+    """An error of the work, to be told from those of the cluster."""
+
+    error: Exception
+
+
+@contextmanager
+def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[Map]:
+    """Connect to a cluster for the block; its workers do the work of each item, whichever of them die.
+
+    Dask gives the items of a worker that is lost to others, and those whose results were lost with it. A process works
+    on one item at a time, on one thread.
+
+    Parameters
+    ----------
+    scheduler : address, or "local" for a cluster on this machine
+    workers : processes of the cluster on this machine
+    folder : where workers must run, because names of files are relative; None where that does not matter
+
+    Raises
+    ------
+    MissingDependencyError, ParameterError : as `connected` says; several workers are asked for at an address
+    WorkerError : an item has ended several workers, the scheduler or all workers are gone, or a worker cannot be used
+    """
+    if scheduler != LOCAL and workers > 1:
+        raise ParameterError(
+            f"is {workers}; at {scheduler} all workers of the cluster work", parameter="workers", hint="leave it out"
+        )
+    memory = int(FREE * available_memory() / workers)
+    with connected(scheduler, workers=workers, threads=1, memory=memory) as client:
+        yield partial(_mapped, client, scheduler, _Here(cascadenorm.__version__, folder))
+
+
+@contextmanager
+def side_by_side_on(scheduler: str | None, *, workers: int, folder: str | None) -> Iterator[None]:
+    """Have `process_map.side_by_side` work on a cluster for the block, as `on_cluster` does; here where there is none."""
+    if scheduler is None:
+        yield
+        return
+    with on_cluster(scheduler, workers=workers, folder=folder) as each, done_by(each):
+        yield
+
+
+def _mapped(
+    client: "Client", scheduler: str, here: _Here, work: Callable[[Item], Result], items: Iterable[Item], /
+) -> Iterator[Result]:
+    """Do the work of each item; the results come in order."""
+    left = iter(items)
+    begun: deque[Future[Any]] = deque()
+    try:
+        while True:
+            wanted = AHEAD * max(1, _workers(client, scheduler)) - len(begun)
+            for item in islice(left, max(0, wanted)):
+                begun.append(client.submit(_do, here, work, item, pure=False))
+            if not begun:
+                return
+            found = _result(client, scheduler, begun[0])
+            begun.popleft().release()
+            if isinstance(found, _Raised):
+                raise found.error
+            yield found
+    finally:
+        for future in begun:
+            future.release()
+
+
+def _do(here: _Here, work: Callable[[Item], Result], item: Item) -> Result | _Raised:
+    """Do the work of an item, in a worker."""
+    from distributed import get_worker
+
+    name, folder = get_worker().address, os.getcwd()
+    if here.version != cascadenorm.__version__:
+        raise WorkerError(f"the worker {name} has cascadenorm {cascadenorm.__version__}, and here is {here.version}")
+    if here.folder not in (None, folder):
+        raise WorkerError(f"the worker {name} runs in {folder}, where relative names mean others: give absolute ones")
+    with _one_at_a_time, limit_threads(1), threadpool_limits(1):
+        try:
+            return work(item)
+        except Exception as error:
+            return _Raised(error)
+
+
+_one_at_a_time = Lock()
+"""Held by the thread of a worker that works: limits of libraries are those of the process, and so is its memory."""
+
+
+def _result(client: "Client", scheduler: str, future: "Future[Any]") -> Any:
+    """Wait for what an item has come to, for as long as there are workers."""
+    from distributed import TimeoutError as Late
+
+    in_use, done = time.monotonic(), Event()
+    future.add_done_callback(lambda _: done.set())
+    while True:
+        try:
+            if done.wait(POLL):
+                return future.result(timeout=ANSWER)
+        except Late:  # the worker that had the result is lost, and another begins again
+            pass
+        except WorkerError:
+            raise
+        except Exception as error:  # whatever Dask raises
+            raise WorkerError(
+                f"the cluster at {scheduler} did not do the work: {in_words(error)}",
+                hint="where workers have ended, memory may be short there",
+            ) from None
+        now = time.monotonic()
+        in_use = now if _workers(client, scheduler) else in_use
+        if now > in_use + PATIENCE:
+            raise without_workers(scheduler, PATIENCE)
+
+
+def _workers(client: "Client", scheduler: str) -> int:
+    try:
+        return len(client.nthreads())
+    except Exception as error:  # of the connection
+        raise without_scheduler(scheduler, error) from None

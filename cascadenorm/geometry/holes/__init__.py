@@ -1,0 +1,1 @@
+"""Holes of a mesh, found and closed."""

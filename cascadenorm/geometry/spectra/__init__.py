@@ -1,0 +1,1 @@
+"""Eigenfunctions of the Laplacian of a mesh."""

@@ -1,0 +1,1 @@
+"""glTF, with its buffers in one file or in several."""

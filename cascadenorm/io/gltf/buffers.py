@@ -1,0 +1,118 @@
+"""The buffers of a glTF document: in the file, as text in its JSON, or in files beside it."""
+
+import base64
+import binascii
+import os
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import Piece
+from cascadenorm.io.text.text import blocks
+
+EMBEDDED = "data:application/octet-stream;base64,"
+
+
+class Buffers:
+    """The buffers that hold vertices, end to end in the order in which they are asked for.
+
+    Parameters
+    ----------
+    declared : as the document lists them
+    chunk : the buffer that a GLB file carries, if it does
+    folder : where buffers lie that are files of their own; None for a stream
+
+    Attributes
+    ----------
+    data : the buffers, end to end
+    """
+
+    def __init__(self, declared: list[dict[str, Any]], chunk: Piece | None, folder: Path | None) -> None:
+        self.declared, self._chunk, self._folder = declared, chunk, folder
+        self.data: Piece = b""
+        self._places: dict[int, tuple[int, int]] = {}
+
+    def place(self, number: int) -> tuple[int, int]:
+        """Return where a buffer begins and ends in `data`; raises ReadError where it is not to be had."""
+        if number not in self._places:
+            found = self._load(number)
+            self._places[number] = len(self.data), len(self.data) + len(found)
+            self.data = b"".join([self.data, found]) if self.data else found
+        return self._places[number]
+
+    def changed(self, data: bytearray) -> dict[int, Piece]:
+        """Return by number the buffers that differ in other data, as views of it."""
+        before, after, places = memoryview(self.data), memoryview(data), self._places.items()
+        return {n: after[begin:end] for n, (begin, end) in places if _differ(before[begin:end], after[begin:end])}
+
+    def files_with(self, places: NDArray[np.int64]) -> list[int]:
+        """Return the numbers of those that are files of their own and hold one of these bytes; places ascending."""
+        return sorted(
+            number
+            for number, (begin, end) in self._places.items()
+            if relative_name(self.declared[number].get("uri")) is not None
+            and np.searchsorted(places, begin) < np.searchsorted(places, end)
+        )
+
+    def _load(self, number: int) -> Piece:
+        uri = self.declared[number].get("uri") if number >= 0 else None
+        if uri is None:
+            if number == 0 and self._chunk is not None:
+                return self._chunk
+            raise ReadError(f"buffer {number} of the glTF document has no data: export the file again")
+        if uri.startswith("data:"):
+            return _embedded(uri, number)
+        name = relative_name(uri)
+        if name is None:
+            raise ReadError(
+                f"buffer {number} is at {uri[:200]!r}, and only relative file names are read: put it beside this file"
+            )
+        if self._folder is None:
+            raise ReadError(
+                f"the vertices are in another file, {name!r}, which cannot be found from a stream: "
+                "give the name of the glTF file, or export it as GLB"
+            )
+        if not os.path.isfile(self._folder / name):
+            raise ReadError(f"the vertices are in {name!r}, which does not exist beside this file: put it there")
+        try:
+            return (self._folder / name).read_bytes()
+        except OSError as error:
+            raise ReadError(f"{name!r}, which holds the vertices, cannot be read: {error.strerror or error}") from None
+
+
+def relative_name(uri: str | None) -> str | None:
+    """Return the name, relative to the document, of the file that a URI stands for; None if for something else."""
+    if uri is None:
+        return None
+    try:
+        parts = urlsplit(uri)
+    except ValueError:
+        return None
+    name = unquote(parts.path, errors="surrogateescape")
+    absolute = parts.scheme or parts.netloc or name.startswith(("/", "\\")) or not name
+    return None if absolute else name
+
+
+def _differ(one: memoryview, other: memoryview) -> bool:
+    """Whether equally long views differ; a block at a time, as most that do differ in the first."""
+    return any(bytes(one[block]) != bytes(other[block]) for block in blocks(len(one)))
+
+
+def embedded(data: Piece, like: str = "") -> str:
+    """Return the URI that holds data as text, of the same kind as another one."""
+    head = like.partition(",")[0] + "," if like.startswith("data:") else EMBEDDED
+    return head + base64.b64encode(data).decode()
+
+
+def _embedded(uri: str, number: int) -> bytes:
+    head, _, text = uri.partition(",")
+    if not head.endswith(";base64"):
+        raise ReadError(f"buffer {number} is embedded as {head[:60]!r}, not in base64: export the file again")
+    try:
+        return base64.b64decode(text + "=" * (-len(text) % 4), validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise ReadError(f"buffer {number} is embedded in invalid base64 ({error}): get a complete copy") from None

@@ -1,0 +1,67 @@
+"""A glTF document made from a mesh."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.content import Content
+from cascadenorm.mesh import box_of
+from cascadenorm.mesh.polygons import triangulate
+
+TEXTURE = ("s", "t")
+KINDS = {"u1": 5121, "u4": 5125, "f4": 5126}
+TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+
+def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
+    """Return a document of one mesh with colours and texture coordinates of vertices, its buffer, and what is lost."""
+    triangles, _ = triangulate(content.positions, content.polygons)
+    positions = content.single_positions().astype("<f4", copy=False)
+    arrays = {"POSITION": positions}
+    colors = channels(content.vertex_values)
+    if colors:
+        opaque = np.full(len(positions), 255, np.uint8)
+        arrays["COLOR_0"] = np.stack([colors.get(name, opaque) for name in CHANNELS], axis=1)
+    textured = all(name in content.vertex_values for name in TEXTURE)
+    if textured:
+        s, t = (content.vertex_values[name] for name in TEXTURE)
+        arrays["TEXCOORD_0"] = np.stack([s, 1 - t], axis=1).astype("<f4")  # glTF counts from the top
+    taken = (*colors, *(TEXTURE if textured else ()))
+    lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in taken]
+    lost += [f"face property '{name}'" for name in content.face_values]
+    if (content.polygons.counts != 3).any():
+        lost.append("polygons (cut into triangles)")
+    if (positions != content.positions).any():
+        lost.append("digits of the positions beyond single precision")
+    return *_assembled(arrays, triangles.astype("<u4").reshape(-1, 1)), lost
+
+
+def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
+    """Return a document whose one mesh has these attributes, and its buffer."""
+    parts = [*arrays.values(), indices]
+    starts = np.cumsum([0, *(part.nbytes for part in parts)]).tolist()
+    accessors = [
+        {"bufferView": i, "componentType": KINDS[part.dtype.str[1:]], "count": len(part), "type": TYPES[part.shape[1]]}
+        for i, part in enumerate(parts)
+    ]
+    position = next(iter(arrays.values()))
+    if len(position):
+        lower, upper = box_of(position)
+        accessors[0] |= {"min": lower.tolist(), "max": upper.tolist()}
+    if "COLOR_0" in arrays:
+        accessors[list(arrays).index("COLOR_0")]["normalized"] = True
+    primitive = {"attributes": {name: i for i, name in enumerate(arrays)}, "indices": len(arrays)}
+    views = [{"buffer": 0, "byteOffset": a, "byteLength": part.nbytes} for a, part in zip(starts, parts, strict=False)]
+    document = {
+        "asset": {"version": "2.0", "generator": "cascadenorm"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [primitive]}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": starts[-1]}],
+    }
+    return document, b"".join(np.ascontiguousarray(part).view(np.uint8).data for part in parts)

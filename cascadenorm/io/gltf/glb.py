@@ -1,0 +1,71 @@
+"""GLB, the binary container of glTF: the JSON, and the first buffer behind it."""
+
+import json
+import struct
+from collections.abc import Iterable
+from typing import Any
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import Piece
+from cascadenorm.io.gltf.gltf import GltfContainer
+
+MAGIC = b"glTF"
+JSON, BIN = b"JSON", b"BIN\0"
+
+
+class GlbFile(GltfContainer):
+    """A GLB file; chunks of other kinds are kept."""
+
+    format = "glb"
+
+    def _unpacked(self) -> tuple[bytes, Piece | None]:
+        chunks = dict(reversed(list(_chunks(self.data))))  # of equal ones the first counts
+        if JSON not in chunks:
+            raise ReadError("this GLB file has no JSON chunk: it is damaged; get a complete copy")
+        return bytes(chunks[JSON]), chunks.get(BIN)
+
+    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
+        replaced: dict[bytes, Piece] = {JSON: text + b" " * (-len(text) % 4)}
+        return _joined(self.data, replaced if chunk is None else {**replaced, BIN: chunk})
+
+    @classmethod
+    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
+        text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")
+        text += b" " * (-len(text) % 4)
+        body: list[Piece] = [struct.pack("<I4s", len(text), JSON), text]
+        if chunk is not None:
+            padding = bytes(-len(chunk) % 4)
+            body += [struct.pack("<I4s", len(chunk) + len(padding), BIN), chunk, padding]
+        return [_header(body), *body]
+
+
+def _header(body: list[Piece]) -> bytes:
+    return MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body)))
+
+
+def _chunks(data: bytes) -> Iterable[tuple[bytes, memoryview]]:
+    """Return the chunks of a GLB file by their names; raises ReadError where it is cut or of another version."""
+    if data[:4] != MAGIC or len(data) < 20:
+        raise ReadError("this is not a GLB file: it does not begin with 'glTF', or ends within its header")
+    version, length = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise ReadError(f"this GLB file has version {version}; only version 2 is supported: export it again")
+    if length > len(data):
+        raise ReadError(f"the GLB header declares {length} bytes, but the file has {len(data)}: it is truncated")
+    at = 12
+    while at + 8 <= length:
+        size, name = struct.unpack_from("<I4s", data, at)
+        if at + 8 + size > length:
+            raise ReadError(f"the chunk at byte {at} declares {size} bytes and runs past the end: the file is damaged")
+        yield name, memoryview(data)[at + 8 : at + 8 + size]
+        at += 8 + size
+
+
+def _joined(data: bytes, replaced: dict[bytes, Piece]) -> list[Piece]:
+    """Return the file with the first chunks of these names replaced, in pieces."""
+    body: list[Piece] = []
+    for name, chunk in _chunks(data):
+        new = replaced.pop(name, chunk)
+        body += [struct.pack("<I4s", len(new), name), new]
+    (length,) = struct.unpack_from("<I", data, 8)
+    return [_header(body), *body, data[length:]]

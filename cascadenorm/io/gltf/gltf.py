@@ -1,0 +1,314 @@
+"""glTF 2: positions and normals are replaced in its buffers, all else stays.
+
+Positions are those of the meshes themselves, before the transforms of the nodes that show them; skins, morph
+targets and animations apply to the moved vertices as they did before.
+"""
+
+import copy
+import json
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.content import Content, Labels, Positions
+from cascadenorm.io.gltf.accessors import STORED, Accessors, Vectors
+from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
+from cascadenorm.io.gltf.document import document_of
+from cascadenorm.io.gltf.json_text import JsonText
+from cascadenorm.io.gltf.json_text import Path as JsonPath
+from cascadenorm.io.gltf.scene import Shape, content_of
+from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
+from cascadenorm.mesh.normals import Normals
+from cascadenorm.mesh.polygons import Polygons, strips
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+"""Beside which positions may lie uncompressed as well; who moves these alone changes nothing that is shown."""
+
+
+class Primitive(NamedTuple):
+    """Triangles of one material.
+
+    Parameters
+    ----------
+    mesh : number of the mesh that it belongs to
+    material : number of its material; None where it has none
+    attributes : name -> accessor
+    positions, normals : where they are in the buffers; no normals, or one for each position
+    triangles : (m, 3) rows of both
+    """
+
+    mesh: int
+    material: int | None
+    attributes: dict[str, int]
+    positions: Vectors
+    normals: Vectors
+    triangles: NDArray[np.int64]
+
+
+class GltfContainer(MeshFile):
+    """A glTF document of any number of meshes, in one of its containers; positions are float32."""
+
+    @abstractmethod
+    def _unpacked(self) -> tuple[bytes, Piece | None]:
+        """Return the JSON, and the buffer that the container carries, if it does; raises ReadError."""
+
+    @abstractmethod
+    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
+        """Return the container with other JSON, and another buffer, in pieces."""
+
+    @classmethod
+    @abstractmethod
+    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
+        """Return a container, in pieces, for a document and its first buffer where that has no content of its own."""
+
+    def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
+        text, chunk = self._unpacked()
+        with _explained():
+            self._json = JsonText(text)
+            return self._parse_document(self._json.document, chunk)
+
+    def _parse_document(self, document: Any, chunk: Piece | None) -> tuple[NDArray[np.float32], Polygons]:
+        extensions = [*document.get("extensionsRequired", []), *document.get("extensionsUsed", [])]
+        used = [name for name in COMPRESSED if name in extensions]
+        if used:
+            raise ReadError(f"this glTF file is compressed ({used[0]}): export it without compression")
+        self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
+        self._accessors = Accessors(document, self._buffers)
+        self._primitives = [
+            self._primitive(number, primitive)
+            for number, mesh in enumerate(document.get("meshes", []))
+            for primitive in mesh["primitives"]
+            if "POSITION" in primitive["attributes"]
+        ]
+        self._stored = Vectors.joined([p.positions for p in self._primitives])
+        self._stored_normals = Vectors.joined([p.normals for p in self._primitives])
+        places = np.concatenate([self._stored.at, self._stored_normals.at])
+        order = np.argsort(places, kind="stable")  # merges the two, each of which ascends
+        self._moving_files = self._buffers.files_with(places[order])
+        if (places[order][1:] < np.concatenate([self._stored.ends, self._stored_normals.ends])[order][:-1]).any():
+            raise ReadError("positions and normals of this glTF file overlap in their buffer: export it again")
+        if (self._stored.kinds != 0).any():  # whole numbers
+            self.moving_loses = ("precision beyond that of the integers that store the positions",)
+        self.parts, kinds = self._meshes_of_positions(), self._stored.kinds
+        mixed = bool((kinds[1:] != kinds[:-1]).any())
+        parts = np.zeros(1, np.int64) if self.parts is None else self.parts
+        if mixed and len(np.unique(parts * len(STORED) + kinds)) > len(np.unique(parts)):
+            raise ReadError(
+                "a mesh of this glTF file stores positions in several component types, so seams would open: "
+                "export it with one"
+            )
+        self._corner_normals = _stacked(
+            [
+                self._stored_normals.rows_of(p.normals, p.triangles)
+                if len(p.normals.at)
+                else np.broadcast_to(np.int64(-1), p.triangles.shape)
+                for p in self._primitives
+            ]
+        )
+        triangles = _stacked([self._stored.rows_of(p.positions, p.triangles) for p in self._primitives])
+        return self._stored.read(self._buffers.data), Polygons.from_rows(triangles)
+
+    def _meshes_of_positions(self) -> NDArray[np.int64] | None:
+        """Return (k,) the mesh that each position belongs to, of those that share it the first; None for one mesh."""
+        if len({primitive.mesh for primitive in self._primitives}) < 2:
+            return None
+        meshes = np.zeros(len(self._stored.at), np.int64)
+        for primitive in reversed(self._primitives):
+            meshes[self._rows(primitive)] = primitive.mesh
+        return meshes
+
+    def _primitive(self, mesh: int, primitive: dict[str, Any]) -> Primitive:
+        attributes = primitive["attributes"]
+        positions = self._accessors.vectors(attributes["POSITION"])
+        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else Vectors.joined([])
+        count = len(positions.at)
+        triangles = self._triangles(primitive, count)
+        if (triangles >= count).any():
+            raise ReadError(
+                f"a face references vertex {triangles.max()} of {count}, counted from 0: the glTF file is damaged; "
+                "get a complete copy"
+            )
+        return Primitive(
+            mesh,
+            primitive.get("material"),
+            attributes,
+            positions,
+            normals if len(normals.at) == count else Vectors.joined([]),
+            triangles,
+        )
+
+    def _triangles(self, primitive: dict[str, Any], vertex_count: int) -> NDArray[np.int64]:
+        """Return the (m, 3) vertices of the triangles of a primitive, counted from 0 within it."""
+        mode = primitive.get("mode", TRIANGLES)
+        if mode not in (TRIANGLES, STRIP, FAN):
+            return np.zeros((0, 3), np.int64)
+        corners = np.arange(vertex_count)
+        if "indices" in primitive:
+            found = self._accessors.values(primitive["indices"])
+            if found.dtype.kind != "u" or found.shape[1] != 1:
+                raise ReadError("the vertex indices of this glTF file are not integers: export it again")
+            corners = found[:, 0].astype(np.int64)
+        if mode == STRIP:
+            return strips(np.array([len(corners)]), corners).corners.reshape(-1, 3)
+        if mode == FAN:
+            fan = np.stack([np.repeat(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
+            return fan[~repeats_vertex(fan)]
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+
+    def _rows(self, primitive: Primitive) -> NDArray[np.int64]:
+        return self._stored.rows_of(primitive.positions, np.arange(len(primitive.positions.at)))
+
+    def _storable(self, positions: Positions) -> Positions:
+        """Return positions rounded to the whole numbers in which the file stores them, if it does."""
+        if (self._stored.kinds == 0).all():
+            return positions
+        finite = all_in_rows(np.isfinite(positions))
+        data = bytearray(self._buffers.data)
+        self._stored.put(data, positions, finite)
+        return np.where(finite[:, None], self._stored.read(data), positions)
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        return self._replaced({})[0]
+
+    def _replaced(self, names: dict[int, str]) -> tuple[Iterable[Piece], dict[int, Piece]]:
+        """Return the container, in pieces, and the changed buffers that are files, which get these names.
+
+        Buffers that are files and get no name are put into the JSON.
+        """
+        data = bytearray(self._buffers.data)
+        self._stored.put(data, self.positions, any_in_rows(self._changed))
+        stored = self._stored_normals.read(data)
+        if len(stored):
+            normals, renewed = self._renewed(Normals(stored, self._corner_normals))
+            self._stored_normals.put(data, normals, renewed)
+        values, chunk, files = self._new_bounds(data), None, dict[int, Piece]()
+        for number, content in self._buffers.changed(data).items():
+            uri = self._buffers.declared[number].get("uri")
+            if uri is None:
+                chunk = content
+            elif number in names:
+                files[number] = content
+                values["buffers", number, "uri"] = quote(names[number], errors="surrogateescape")
+            else:
+                values["buffers", number, "uri"] = embedded(content, uri)
+        return self._packed(self._json.replaced(values), chunk), files
+
+    def _new_bounds(self, data: bytearray) -> dict[JsonPath, Any]:
+        """Return the least and largest coordinates of positions and normals that have changed."""
+        values: dict[JsonPath, Any] = {}
+        for primitive in self._primitives:
+            for name, places in ("POSITION", primitive.positions), ("NORMAL", primitive.normals):
+                vectors, before = places.raw(data), places.raw(self._buffers.data)
+                if not ((vectors != before) & ~np.isnan(before)).any():
+                    continue
+                finite = all_in_rows(np.isfinite(vectors))
+                if finite.any():
+                    lower, upper = box_of(vectors if finite.all() else vectors[finite])
+                    path = "accessors", primitive.attributes[name]
+                    values |= {(*path, "min"): lower.tolist(), (*path, "max"): upper.tolist()}
+        return values
+
+    def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
+        """Return what is written for this file at a path: buffers that changed and are files get files beside it."""
+        if not self.has_moved:
+            return super().files(path)
+        names = {n: beside.with_name(part_name.format(beside.name)) for n, beside in self._buffer_names(path).items()}
+        pieces, buffers = self._replaced({number: beside.name for number, beside in names.items()})
+        return {**{names[number]: [content] for number, content in buffers.items()}, path: pieces}
+
+    def may_write(self, path: Path) -> list[Path]:
+        """Return the paths that `files` may have, for other positions as well."""
+        return [*self._buffer_names(path).values(), path]
+
+    def _buffer_names(self, path: Path) -> dict[int, Path]:
+        numbers = self._moving_files
+        return {n: path.with_name(f"{path.stem}{f'_{n}' if len(numbers) > 1 else ''}.bin") for n in numbers}
+
+    def refers_to(self) -> dict[str, bool]:
+        """Return the names of images, and of buffers, which are needed, that are files and stay as they are."""
+        document = self._json.document
+        replaced = self._moving_files if self.has_moved else []
+        buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in replaced]
+        images = {relative_name(part.get("uri")): False for part in document.get("images", [])}
+        names = {**images, **{relative_name(part.get("uri")): True for part in buffers}}
+        return {name: needed for name, needed in names.items() if name is not None}
+
+    def face_labels(self) -> list[Labels]:
+        """Return the names of meshes and of materials."""
+        owner = np.repeat(np.arange(len(self._primitives)), [len(p.triangles) for p in self._primitives])
+        labels = []
+        with _explained():
+            for kind, numbers in (
+                ("mesh", [p.mesh for p in self._primitives]),
+                ("material", [p.material for p in self._primitives]),
+            ):
+                declared = self._json.document.get("meshes" if kind == "mesh" else "materials", [])
+                names = np.array(["" if n is None else declared[n].get("name", "") for n in numbers], str)
+                labels.append(Labels(kind, names, np.where(names[owner] == "", -1, owner)))
+        return labels
+
+    def repacked(self, kind: type["GltfContainer"]) -> "GltfContainer":
+        """Return this file in the other container, with all that is in it."""
+        here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
+        document, chunk = copy.deepcopy(here._json.document), None
+        if document.get("buffers"):
+            begin, end = here._buffers.place(0)
+            chunk = here._buffers.data[begin:end]
+            document["buffers"][0].pop("uri", None)
+        return kind(b"".join(kind._made(document, chunk)), self.folder)
+
+    def _read_content(self) -> Content:
+        with _explained():
+            shapes = [Shape(p.mesh, p.attributes, self.positions[self._rows(p)], p.triangles) for p in self._primitives]
+            return content_of(self._json.document, self._accessors, shapes)
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
+        """Write content with the colours and texture coordinates of vertices."""
+        document, buffer, lost = document_of(content)
+        return cls._made(document, buffer), lost
+
+
+def _stacked(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Put parts, (m, 3) each, one behind the other; a single one is returned as it is."""
+    return parts[0] if len(parts) == 1 else np.concatenate([np.zeros((0, 3), np.int64), *parts])
+
+
+@contextmanager
+def _explained() -> Iterator[None]:
+    """Turn what goes wrong in a document of an unexpected form into a ReadError."""
+    try:
+        yield
+    except ReadError:
+        raise
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
+        raise ReadError(
+            f"the JSON of this file is not valid glTF 2 ({type(error).__name__}: {error}): export the file again"
+        ) from None
+
+
+class GltfFile(GltfContainer):
+    """A glTF file of JSON, with buffers in it or beside it."""
+
+    format = "gltf"
+
+    def _unpacked(self) -> tuple[bytes, Piece | None]:
+        return self.data, None
+
+    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
+        return [text]
+
+    @classmethod
+    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
+        if chunk is not None:
+            document["buffers"][0]["uri"] = embedded(chunk)
+        return [json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")]

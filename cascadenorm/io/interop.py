@@ -1,0 +1,221 @@
+"""Meshes of any kind: files, and meshes of other libraries, of which copies with other vertices are made.
+
+No other library is imported here: one whose mesh is handed in has been imported already.
+"""
+
+import copy
+from collections.abc import Callable
+from importlib import import_module
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm import io
+from cascadenorm.mesh import Mesh, MeshError
+from cascadenorm.mesh.normals import NORMALS, Normals, renewed_normals
+from cascadenorm.mesh.welding import weld
+
+
+class Adapter(NamedTuple):
+    """How to take vertices and triangles out of a mesh of another library, and copy it with other vertices."""
+
+    arrays: Callable[[Any], tuple[NDArray[Any], NDArray[Any]]]
+    with_vertices: Callable[[Any, NDArray[Any]], Any]
+
+
+def adapter(mesh: object) -> Adapter:
+    """Return the adapter for a mesh object.
+
+    Raises
+    ------
+    MeshError : a kind of object that is not known
+    """
+    hint = (
+        "pass vertices and faces as arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or "
+        "meshio"
+    )
+    for kind in type(mesh).__mro__:
+        library, *inside = kind.__module__.split(".")
+        if library == "open3d" and "t" in inside:
+            raise MeshError("tensor meshes of open3d are not supported: pass mesh.to_legacy()")
+        if (library, kind.__name__) in ADAPTERS:
+            return ADAPTERS[library, kind.__name__]
+        if (library, kind.__name__) in CONVERSIONS:
+            hint = f"pass {CONVERSIONS[library, kind.__name__]}"
+            break
+    kind = type(mesh)
+    raise MeshError(f"{kind.__module__}.{kind.__qualname__} is not a supported kind of mesh", hint=hint)
+
+
+def as_mesh(source: Any) -> Mesh:
+    """Return the triangles of a file, a stream or a mesh of any library."""
+    if isinstance(source, Mesh):
+        return source
+    if isinstance(source, str | PathLike) or hasattr(source, "read"):
+        return mesh_of_file(io.read(source), source_name(source))
+    return Mesh(*adapter(source).arrays(source))
+
+
+def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
+    """Write triangles to a new file in the format of its extension."""
+    io.write(io.from_arrays(mesh.vertices, mesh.faces), path, force=force)
+
+
+def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
+    """Return the triangles of a file that was read; errors begin with its name."""
+    try:
+        return file.mesh
+    except io.ReadError:
+        raise
+    except MeshError as error:
+        raise error.within(name) from None
+
+
+def source_name(source: str | PathLike[str] | BinaryIO) -> str:
+    """Return what messages call a file or a stream."""
+    return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))
+
+
+def _trimesh_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
+    moved = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.copy()  # the vertices of a primitive are fixed
+    moved.vertices = vertices
+    return moved
+
+
+def _pyvista_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    others = mesh.n_verts or mesh.n_lines or mesh.n_strips or not mesh.is_all_triangles
+    if others and _has_faces(mesh):
+        raise MeshError("the PolyData has cells that are not triangles: call its triangulate() first")
+    return np.asarray(mesh.points), np.asarray(mesh.regular_faces).reshape(-1, 3)
+
+
+def _pyvista_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
+    moved = mesh.copy(deep=True)
+    moved.points = vertices
+    _renew_vtk_normals(moved, *_pyvista_arrays(mesh), vertices)
+    return moved
+
+
+def _has_faces(mesh: Any) -> bool:
+    """Whether a vtkPolyData is more than points and lines, which are refused where any mesh without faces is."""
+    return bool(mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips())
+
+
+def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    numpy_of = import_module("vtkmodules.util.numpy_support").vtk_to_numpy
+    polygons = mesh.GetPolys()
+    others = mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3)
+    if others and _has_faces(mesh):
+        raise MeshError(
+            "the vtkPolyData has cells that are not triangles: apply vtkTriangleFilter to it, in ParaView Triangulate"
+        )
+    points = numpy_of(mesh.GetPoints().GetData()) if mesh.GetNumberOfPoints() else np.empty((0, 3))
+    return points, numpy_of(polygons.GetConnectivityArray()).reshape(-1, 3)
+
+
+def _vtk_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
+    moved = mesh.NewInstance()
+    moved.DeepCopy(mesh)
+    if len(vertices):
+        vtk_of = import_module("vtkmodules.util.numpy_support").numpy_to_vtk
+        moved.GetPoints().SetData(vtk_of(np.ascontiguousarray(vertices), deep=True))
+    _renew_vtk_normals(moved, *_vtk_arrays(mesh), vertices)
+    return moved
+
+
+def _renew_vtk_normals(moved: Any, points: NDArray[Any], triangles: NDArray[Any], vertices: NDArray[Any]) -> None:
+    """Write the normals of a vtkPolyData anew whose triangles have moved from points to vertices."""
+    numpy_support = import_module("vtkmodules.util.numpy_support")
+    each = np.repeat(np.arange(len(triangles))[:, None], 3, axis=1)
+    for data, corners in ((moved.GetPointData(), triangles), (moved.GetCellData(), each)):
+        arrays = [data.GetNormals(), *map(data.GetArray, NORMALS)]
+        for array in {array.GetName(): array for array in arrays if array is not None}.values():
+            stored = numpy_support.vtk_to_numpy(array)
+            if stored.ndim == 2 and stored.shape[1] == 3:
+                stored[:] = _renewed(stored, corners, points, triangles, vertices)
+                array.Modified()
+
+
+def _renewed(
+    values: NDArray[Any],
+    corners: NDArray[Any],
+    points: NDArray[Any],
+    triangles: NDArray[Any],
+    vertices: NDArray[Any],
+) -> NDArray[Any]:
+    """Return stored normals anew, in their type, where triangles have moved from points to vertices."""
+    faces = triangles.astype(np.int64)
+    welds, _ = weld(points, faces)
+    normals, _ = renewed_normals(Normals(values, corners.astype(np.int64)), faces, welds, points, vertices)
+    return normals.astype(values.dtype)
+
+
+def _open3d_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    return np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+
+
+def _open3d_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
+    moved = copy.deepcopy(mesh)
+    moved.vertices = type(mesh.vertices)(vertices)
+    if mesh.has_vertex_normals():
+        moved.compute_vertex_normals()
+    elif mesh.has_triangle_normals():
+        moved.compute_triangle_normals()
+    return moved
+
+
+def _meshio_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    other = sorted({block.type for block in mesh.cells} - {"triangle", "line", "vertex"})
+    if other:
+        raise MeshError(f"the meshio mesh has cells of type {', '.join(other)}: only triangles can be denoised")
+    blocks = [block.data for block in mesh.cells if block.type == "triangle"]
+    return mesh.points, np.concatenate(blocks) if blocks else np.empty((0, 3), np.int64)
+
+
+def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
+    moved = copy.deepcopy(mesh)
+    moved.points = vertices
+    points, triangles = _meshio_arrays(mesh)
+
+    def renewed(values: Any, corners: NDArray[Any]) -> NDArray[Any]:
+        return _renewed(np.asarray(values), corners, points, triangles, vertices)
+
+    for name in NORMALS:
+        if name in moved.point_data:
+            moved.point_data[name] = renewed(moved.point_data[name], triangles)
+        if name in moved.cell_data:
+            flat = [i for i, block in enumerate(mesh.cells) if block.type == "triangle"]
+            stored = np.concatenate([moved.cell_data[name][i] for i in flat])
+            normals = renewed(stored, np.repeat(np.arange(len(stored))[:, None], 3, axis=1))
+            ends = np.cumsum([len(mesh.cells[i].data) for i in flat])[:-1]
+            for i, part in zip(flat, np.split(normals, ends), strict=True):
+                moved.cell_data[name][i] = part
+    if all(name in moved.point_data for name in ("nx", "ny", "nz")):  # as PLY names them
+        stored = np.stack([moved.point_data[name] for name in ("nx", "ny", "nz")], axis=1)
+        moved.point_data.update(zip(("nx", "ny", "nz"), renewed(stored, triangles).T, strict=True))
+    return moved
+
+
+ADAPTERS = {
+    ("trimesh", "Trimesh"): Adapter(_trimesh_arrays, _trimesh_moved),
+    ("pyvista", "PolyData"): Adapter(_pyvista_arrays, _pyvista_moved),
+    ("vtkmodules", "vtkPolyData"): Adapter(_vtk_arrays, _vtk_moved),
+    ("open3d", "TriangleMesh"): Adapter(_open3d_arrays, _open3d_moved),
+    ("meshio", "Mesh"): Adapter(_meshio_arrays, _meshio_moved),
+}
+
+CONVERSIONS = {
+    ("numpy", "ndarray"): "the faces too, as a second array",
+    ("builtins", "list"): "the faces too, as a second array",
+    ("trimesh", "Scene"): "scene.to_mesh()",
+    ("pyvista", "UnstructuredGrid"): "its surface, grid.extract_surface().triangulate()",
+    ("vtkmodules", "vtkUnstructuredGrid"): "its surface, by vtkGeometryFilter and vtkTriangleFilter",
+}
+"""How to get a mesh from other objects, in words."""

@@ -1,0 +1,286 @@
+"""PLY: a header, then tables in text or in either byte order; any element, property and comment is kept."""
+
+import os
+import re
+from collections.abc import Iterable
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.colors import CHANNELS
+from cascadenorm.io.content import Content, Positions
+from cascadenorm.io.hole_patches import Patches
+from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
+from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
+from cascadenorm.io.ply.table import Body, Column, Kind, columns
+from cascadenorm.io.text.spelling import respelled
+from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.tokenizer import splice
+from cascadenorm.mesh.normals import Normals
+from cascadenorm.mesh.polygons import Polygons, strips
+
+XYZ, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
+CORNERS = ("vertex_indices", "vertex_index")
+WORD = 8  # bytes for each number of a text body
+
+Replaced = tuple[str, tuple[str, ...], NDArray[Any], NDArray[np.bool_]]
+"""Element, properties, and their values side by side with those to be replaced."""
+
+
+class PlyFile(MeshFile):
+    """A PLY file; positions in float stay float32, those in double or in an integer type are float64."""
+
+    format = "ply"
+
+    def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        data = self.data
+        self.header = header = parse_header(data)
+        self._text = None if header.byte_order else Text(data, start=header.length)
+        self._body: Body = data
+        if self._text is not None:
+            numbers = self._text.numbers_at(self._text.starts, self._text.ends)
+            self._body = numbers.astype("<f8", copy=False).view(np.uint8).data
+        self._columns: dict[tuple[str, str], Column] = {}
+        self._ends: dict[str, int] = {}
+        start = header.length if header.byte_order else 0
+        for element in header.elements:
+            kinds = [_kind(p, header.byte_order) for p in element.properties]
+            found, start = columns(self._body, element, start, kinds)
+            self._ends[element.name] = start
+            for p, column in zip(element.properties, found, strict=True):
+                self._columns.setdefault((element.name, p.name), column)
+        return self._positions(), self._polygons()
+
+    def _property(self, element: str, name: str) -> Property | None:
+        found = [p for e in self.header.elements if e.name == element for p in e.properties if p.name == name]
+        return found[0] if found else None
+
+    def _read(self, element: str, names: Iterable[str]) -> NDArray[Any] | None:
+        """Return the values of single-number properties side by side, or None where the file lacks one."""
+        properties = [self._property(element, name) for name in names]
+        if any(p is None or p.count_kind is not None for p in properties):
+            return None
+        return np.stack([self._columns[element, p.name].read(self._body) for p in properties if p is not None], axis=1)
+
+    def _positions(self) -> NDArray[Any]:
+        values = self._read("vertex", XYZ)
+        if values is None:
+            raise ReadError("the PLY header has no element 'vertex' with the properties x, y and z: this is not a mesh")
+        declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
+        if self._text is not None and declared == {"f4"}:  # the text may say more than its header admits
+            words = np.concatenate([np.asarray(self._columns["vertex", name].offsets) // WORD for name in XYZ])
+            short = self._text.significant_digits(words) <= 9 and not (np.abs(values) > np.finfo(np.float32).max).any()
+            return values.astype(np.float32 if short else np.float64)
+        return values.astype(np.float32 if declared == {"f4"} else np.float64)
+
+    def _storable(self, positions: Positions) -> Positions:
+        """Return positions rounded in the coordinates that the file holds in single precision beside double ones."""
+        single = [p is not None and p.kind == "f4" for p in (self._property("vertex", name) for name in XYZ)]
+        if positions.dtype == np.float32 or self._text is not None or not any(single):
+            return positions
+        return np.where(single, positions.astype(np.float32), positions)
+
+    def _polygons(self) -> Polygons:
+        for name in CORNERS:
+            if ("face", name) in self._columns and len(self._columns["face", name].offsets):
+                column = self._columns["face", name]
+                counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
+                return Polygons.from_counts(counts, _whole(column.read(self._body)))
+            if ("tristrips", name) in self._columns:
+                column = self._columns["tristrips", name]
+                counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
+                return strips(counts, _whole(column.read(self._body)))
+        return Polygons.from_rows(np.zeros((0, 3), np.int64))
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
+            wider = PlyFile(self._widened())
+            wider.positions = self.positions
+            return wider.pieces()
+        replaced: list[Replaced] = [("vertex", XYZ, self.positions, self._changed)]
+        of_faces = np.broadcast_to(self.triangle_polygons[:, None], self.triangles.shape)
+        corners = {"vertex": self.triangles, "face": of_faces}
+        for element, used in corners.items():
+            values = self._read(element, NORMAL)
+            if values is not None:
+                normals, renewed = self._renewed(Normals(values, used))
+                replaced.append((element, NORMAL, normals, np.repeat(renewed[:, None], 3, axis=1)))
+        if self._text is not None:
+            return self._spliced(self._text, replaced)
+        body = bytearray(self._body)
+        for element, names, values, chosen in replaced:
+            for axis, name in enumerate(names):
+                self._columns[element, name].put(body, values[:, axis], chosen[:, axis])
+        return [memoryview(body)]
+
+    def _widened(self) -> bytes:
+        """Return the file with positions of integer types turned into double."""
+        parts = []  # places, sizes and new bytes
+        for name in XYZ:
+            declared = self._property("vertex", name)
+            assert declared is not None
+            if declared.kind[0] == "f":
+                continue
+            begin, stop = declared.place
+            parts.append((np.array([begin]), stop - begin, np.array([b"double"], "S8")))
+            if self._text is None:
+                column = self._columns["vertex", name]
+                doubles = column.read(self._body).astype(self.header.byte_order + "f8")
+                parts.append((column.places(), column.kind.itemsize, doubles.view("S8")))
+        place = np.concatenate([places for places, _, _ in parts])
+        order = np.argsort(place)
+        end = (place + np.concatenate([np.full(len(places), size) for places, size, _ in parts]))[order]
+        letters = np.concatenate([new for _, _, new in parts])[order].view(np.uint8)
+        begins = np.arange(0, len(letters), 8)
+        stops = begins + np.where(end < self.header.length, len(b"double"), 8)
+        out = np.empty(len(self.data) + len(letters), np.uint8)
+        size = splice(np.frombuffer(self.data, np.uint8), place[order], end, letters, begins, stops, out)
+        return out[:size].tobytes()
+
+    def _spliced(self, text: Text, replaced: list[Replaced]) -> Iterable[Piece]:
+        tables = []
+        for element, names, values, chosen in replaced:
+            for axis, name in enumerate(names):
+                declared = self._property(element, name)
+                assert declared is not None
+                words = np.asarray(self._columns[element, name].offsets)[chosen[:, axis]] // WORD
+                kind = np.float32 if declared.kind == "f4" and values.dtype != np.float64 else np.float64
+                tables.append((words, values[chosen[:, axis], axis].astype(kind)))
+        return respelled(text, *tables)
+
+    def with_patches(self, patches: Patches) -> "PlyFile":
+        """Return this file with further vertices and triangles; of its bytes only the two numbers of rows change.
+
+        Numbers of vertices are blended between those around, where they are floating-point numbers or colours; other
+        numbers, and those of faces, are of the nearest vertex or face. Lists besides the corners are empty.
+
+        Raises
+        ------
+        OutputError : the type in which faces reference vertices has no number for the last ones
+        """
+        if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
+            return PlyFile(self._widened(), self.folder).with_patches(patches)
+        header, inserted = self.data[: self.header.length], []
+        end_of_line = next(end for end in (b"\r\n", b"\n", b"\r") if end in header)
+        for element in self.header.elements:
+            if element.name == "vertex":
+                rows, values = len(patches.positions), self._patch_vertices(element, patches)
+            elif element.name in ("face", "tristrips") and any(p.name in CORNERS for p in element.properties):
+                rows, values = len(patches.triangles), self._patch_faces(element, patches)
+            else:
+                continue
+            count = re.search(
+                rb"[\r\n][ \t]*element[ \t]+" + re.escape(element.name.encode("latin-1")) + rb"[ \t]+(\d+)", header
+            )
+            assert count is not None
+            inserted.append((*count.span(1), b"%d" % (element.rows + rows)))
+            if self._text is None:
+                end, new = self._ends[element.name], binary_rows(element, values, self.header.byte_order)
+            else:
+                end = int(self._text.ends[self._ends[element.name] // WORD - 1])
+                new = b"".join(end_of_line + row for row in text_rows(element, values))
+            inserted.append((end, end, new))
+        parts, last = [], 0
+        for begin, end, new in sorted(inserted):
+            parts += [self.data[last:begin], new]
+            last = end
+        return PlyFile(b"".join([*parts, self.data[last:]]), self.folder)
+
+    def _patch_vertices(self, element: Element, patches: Patches) -> list[NDArray[Any]]:
+        """Return the values of further vertices by property, (a, 1), or (a, 0) for a list."""
+        own = dict(zip(XYZ, patches.positions.T, strict=True))
+        normals = self._read("vertex", NORMAL)
+        if normals is not None:
+            own |= zip(NORMAL, patches.vertex_normals(normals).T, strict=True)
+        found = []
+        for p in element.properties:
+            values = np.zeros((len(patches.positions), 0))
+            if p.count_kind is None:
+                stored = self._columns["vertex", p.name].read(self._body)
+                blends = p.kind[0] == "f" or p.name in CHANNELS
+                one = own[p.name] if p.name in own else (patches.blended if blends else patches.nearest)(stored)
+                values = (one if p.kind[0] == "f" else np.rint(one))[:, None]
+            found.append(values)
+        return found
+
+    def _patch_faces(self, element: Element, patches: Patches) -> list[NDArray[Any]]:
+        """Return the values of further faces by property: (b, 3) corners, (b, 1) numbers, (b, 0) for other lists."""
+        count = len(patches.triangles)
+        normals = self._read(element.name, NORMAL) if element.name == "face" else None
+        own = {} if normals is None else dict(zip(NORMAL, patches.face_normals(normals).T, strict=True))
+        found = []
+        for p in element.properties:
+            values: NDArray[Any] = np.zeros((count, 0 if p.count_kind else 1))
+            if p.name in CORNERS and p.count_kind:
+                values = patches.triangles
+                if p.kind[0] != "f" and patches.triangles.max(initial=0) > np.iinfo(p.kind).max:
+                    raise OutputError(
+                        f"the file stores vertex indices as {NAMES[p.kind]}, too small for the added vertices: "
+                        "write another format, or convert the file first"
+                    )
+            elif p.count_kind is None and element.name == "face":
+                stored = self._columns["face", p.name].read(self._body)
+                values = own.get(p.name, stored[patches.polygons])[:, None]
+            found.append(values)
+        return found
+
+    def refers_to(self) -> dict[str, bool]:
+        """Return the names of textures that a comment gives."""
+        found = re.findall(rb"^comment[ \t]+TextureFile[ \t]+([^\r\n]*\S)", self.data[: self.header.length], re.M)
+        return dict.fromkeys(map(os.fsdecode, found), False)
+
+    def _read_content(self) -> Content:
+        values = {}
+        left_out = []
+        for element in self.header.elements:
+            for p in element.properties:
+                known = (element.name == "vertex" and p.name in XYZ) or (element.name != "vertex" and p.name in CORNERS)
+                if element.name in ("vertex", "face") and p.count_kind is None and not known:
+                    with np.errstate(invalid="ignore"):  # a text may hold more than its header admits
+                        found = self._columns[element.name, p.name].read(self._body).astype(p.kind)
+                    values[element.name, p.name] = found
+                elif not known:
+                    left_out.append(f"property '{p.name}' of '{element.name}'")
+        if b"comment" in self.data[: self.header.length]:
+            left_out.append("comments")
+        per = {e: {name: v for (of, name), v in values.items() if of == e} for e in ("vertex", "face")}
+        return Content(self.positions, self.polygons, per["vertex"], per["face"], tuple(left_out))
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
+        """Write content as binary little-endian PLY."""
+        vertex = fields_of({**dict(zip(XYZ, content.positions.T, strict=True)), **content.vertex_values})
+        face, counts = fields_of(content.face_values), content.polygons.counts
+        length = "u1" if counts.max(initial=0) < 256 else "<i4"
+        lines = [
+            *["ply", "format binary_little_endian 1.0", f"element vertex {len(content.positions)}"],
+            *[f"property {NAMES[v.dtype.str[1:]]} {name}" for name, v in vertex.items()],
+            *[f"element face {len(counts)}", f"property list {NAMES[length[-2:]]} int vertex_indices"],
+            *[f"property {NAMES[v.dtype.str[1:]]} {name}" for name, v in face.items()],
+            *["end_header", ""],
+        ]
+        vertex_rows = joined_columns(list(vertex.values()))
+        return chain(["\n".join(lines).encode()], vertex_rows, face_rows(content.polygons, length, face)), []
+
+
+def _kind(p: Property, byte_order: str) -> Kind:
+    if not byte_order:
+        number = np.dtype("<f8")
+        return Kind(number, None if p.count_kind is None else number)
+    length = None if p.count_kind is None else np.dtype(byte_order + p.count_kind)
+    return Kind(np.dtype(byte_order + p.kind), length)
+
+
+def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
+    """Return vertex numbers as integers; raises ReadError where they are none."""
+    if values.dtype.kind == "f":
+        bad = ~((values == np.rint(values)) & (np.abs(values) < 2**53))
+        if bad.any():
+            raise ReadError(
+                f"a face references vertex {values[bad][0]}, which is not a whole number: export the file again"
+            )
+    return values.astype(np.int64)

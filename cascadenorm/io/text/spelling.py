@@ -1,0 +1,114 @@
+"""Numbers as text, with the fewest digits from which their type gets them back, laid out as Python and numpy do."""
+
+from collections.abc import Iterator
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+from cascadenorm.io.base import Piece
+from cascadenorm.io.text.text import Text, blocks
+from cascadenorm.io.text.tokenizer import Places, commas, splice
+from cascadenorm.mesh import Ints, any_in_rows
+
+PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
+"""From where to where numbers have no exponent; orjson writes those beyond in another way."""
+
+
+def respelled(text: Text, *tables: tuple[Places, NDArray[Any]]) -> Iterator[Piece]:
+    """Return a text, in pieces, with words replaced by numbers.
+
+    Parameters
+    ----------
+    tables : (k,) words, ascending and in no other table, and (k,) numbers, spelled as those of their type
+    """
+    table_of, waiting = np.zeros(len(text.starts), np.int8), [values for _, values in tables]
+    for table, (words, _) in enumerate(tables, 1):
+        table_of[words] = table
+    last = 0
+    for block in blocks(len(table_of)):
+        replaced = np.flatnonzero(table_of[block])
+        if not len(replaced):
+            continue
+
+        # where the new spelling of each word is
+        letters, begins, stops = b"", np.empty(len(replaced), np.int64), np.empty(len(replaced), np.int64)
+        for table, values in enumerate(waiting):
+            own = table_of[block][replaced] == table + 1
+            count = np.count_nonzero(own)
+            if not count:
+                continue
+            spelled, first, after = _spelled(values[:count])
+            begins[own], stops[own] = first + len(letters), after + len(letters)
+            letters, waiting[table] = letters + spelled, values[count:]
+
+        # the text up to the last of them
+        starts, ends = text.starts[block][replaced] - last, text.ends[block][replaced] - last
+        part = text.bytes[last : last + int(ends[-1])]
+        out = np.empty(len(part) + len(letters), np.uint8)
+        size = splice(part, starts, ends, np.frombuffer(letters, np.uint8), begins, stops, out)
+        yield out[:size].data
+        last += len(part)
+    yield memoryview(text.data)[last:]
+
+
+def _spelled(values: NDArray[Any]) -> tuple[bytes, Ints, Ints]:
+    """Spell some numbers, (k,): letters, and where in them each number begins and stops."""
+    letters = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1] + b","  # between [ and ]
+    stops = np.empty(len(values), np.int64)
+    commas(np.frombuffer(letters, np.uint8), stops)
+    begins = np.concatenate([np.zeros(1, np.int64), stops[:-1] + 1])
+    beyond = np.flatnonzero(_beyond(values))
+    words = [_word(value) for value in values[beyond]]  # behind the others
+    stops[beyond] = len(letters) + np.cumsum([len(word) for word in words], dtype=np.int64)
+    begins[beyond] = stops[beyond] - [len(word) for word in words]
+    return b"".join([letters, *words]), begins, stops
+
+
+def rows_of(values: NDArray[Any]) -> list[bytes]:
+    """Spell the rows of a table, with spaces between the numbers."""
+    parts = [_row_text(values[block], b"\n").split(b"\n") for block in blocks(len(values), values.shape[1])]
+    return list(chain(*parts))
+
+
+def lines_of(keyword: bytes, *tables: NDArray[Any]) -> bytes:
+    """Spell tables side by side, a line for each row, which begins with the keyword if that is not empty."""
+    begin = b"\n" + keyword + b" " if keyword else b"\n"
+    if len(tables) == 1:  # the rows of a block at once, in half the time
+        rows = [_row_text(tables[0][block], begin) for block in blocks(len(tables[0]), tables[0].shape[1])]
+    else:
+        rows = [b" ".join(words) for words in zip(*map(rows_of, tables), strict=True)]
+    return (begin.join([b"", *rows]) + b"\n").removeprefix(b"\n")
+
+
+def _row_text(values: NDArray[Any], between: bytes) -> bytes:
+    """Spell the rows of a table that has some, with spaces between the numbers and a line break between the rows."""
+    text = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # between [[ and ]]
+    text = text.replace(b"],[", between).replace(b",", b" ")
+    beyond = np.flatnonzero(any_in_rows(_beyond(values)))
+    if len(beyond):
+        rows = text.split(between)
+        for row in beyond.tolist():
+            rows[row] = b" ".join(map(_word, values[row]))
+        text = between.join(rows)
+    return text
+
+
+def _native(values: NDArray[Any]) -> NDArray[Any]:
+    """Return values as orjson takes them."""
+    return np.ascontiguousarray(values, values.dtype.newbyteorder("="))
+
+
+def _beyond(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which numbers are not finite, or have an exponent."""
+    if values.dtype not in PLAIN:
+        return np.zeros(values.shape, bool)
+    least, large = PLAIN[values.dtype]
+    size = np.abs(values)
+    return np.asarray(~(((size >= least) & (size < large)) | (size == 0)))
+
+
+def _word(value: Any) -> bytes:
+    return str(value).encode() if value.dtype == np.float32 else repr(value.item()).encode()

@@ -1,0 +1,133 @@
+"""Text files as words with known places, so that single numbers can be replaced and nothing else."""
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.text.tokenizer import Places, begins_with, cut, decimals
+from cascadenorm.mesh import parallel_for
+
+NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries spell it
+BLOCK = 1 << 18  # words worked on at a time
+SPACE = 32  # all white space is at most this, and each word but the last has some behind it
+
+
+class Text:
+    """The words of a text, and the lines that have any; a word that begins with # ends its line.
+
+    Attributes
+    ----------
+    data : the text, as it came
+    starts, ends : (w,) places of the words; of half the size, int32, in texts below 2 GiB
+    first, stop : (l,) the first word of each line, and the one after its last
+    """
+
+    def __init__(self, data: bytes, *, start: int = 0, continued: bool = False) -> None:
+        self.data = data
+        self.bytes = np.frombuffer(data, np.uint8)
+        continued = continued and b"\\" in data
+        kind = np.int32 if len(data) < 2**31 else np.int64
+        most = 2 + sum(int(np.count_nonzero(self.bytes[part] <= SPACE)) for part in blocks(len(data)))
+        empty: list[Places] = [np.empty(most, kind) for _ in range(3)]  # memory that stays untouched is not taken
+        starts, ends, borders = empty
+        words, lines = cut(self.bytes, start, continued, starts, ends, borders)
+        borders[lines] = words
+        self.starts = starts[:words]
+        self.ends = ends[:words]
+        self.first = borders[:lines]
+        self.stop = borders[1 : lines + 1]
+
+    def lines_with(self, keyword: bytes) -> Places:
+        """Return the lines whose first word is the keyword, in lower case or in capitals."""
+        found = np.empty(len(self.first), bool)
+        letters = np.frombuffer(keyword, np.uint8)
+        parallel_for(len(found), begins_with, self.bytes, self.starts, self.ends, self.first, letters, found)
+        return np.flatnonzero(found)
+
+    def line_number(self, place: int) -> int:
+        """Return the line of the file, counted from 1, in which a byte lies."""
+        before = self.data[: int(place)]
+        return 1 + before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
+
+    def word(self, index: int) -> bytes:
+        """Return a word."""
+        return self.data[int(self.starts[index]) : int(self.ends[index])]
+
+    def significant_digits(self, words: Places) -> int:
+        """Return the largest number of significant digits among the words, of which a thousand or so are looked at."""
+        sample = words[:: max(1, len(words) // 1000)]
+        places = zip(self.starts[sample].tolist(), self.ends[sample].tolist(), strict=True)
+        mantissas = (re.split(rb"[eE]", self.data[start:end])[0] for start, end in places)
+        return max((len(re.sub(rb"\D", b"", word).strip(b"0")) for word in mantissas), default=0)
+
+    def columns(self, lines: Places, count: int, *, start: int = 1) -> Places:
+        """Return the words of each line from the one numbered `start`, (l, count); raises ReadError where too few."""
+        self.require(lines, np.full(len(lines), start + count))
+        return self.first[lines][:, None] + np.arange(start, start + count, dtype=self.first.dtype)
+
+    def require(self, lines: Places, words: Places) -> None:
+        """Raise ReadError at the first line that has fewer words than it needs."""
+        short = np.flatnonzero(self.stop[lines] - self.first[lines] < words)
+        if len(short):
+            line = lines[short[0]]
+            raise ReadError(
+                f"line {self.line_number(self.starts[self.first[line]])} has "
+                f"{self.stop[line] - self.first[line]} values and needs {words[short[0]]}: "
+                "the file is truncated there, or damaged; get a complete copy"
+            )
+
+    def numbers(self, words: Places) -> NDArray[np.float64]:
+        """Return the numbers that words spell; raises ReadError at the first that is none."""
+        return self.numbers_at(self.starts[words], self.ends[words])
+
+    def numbers_at(self, starts: Places, ends: Places, *, lax: bool = False) -> NDArray[np.float64]:
+        """Return the numbers at places; what is no number is nan where lax, else raises ReadError."""
+        values, simple = np.empty(starts.size), np.empty(starts.size, bool)
+        starts, ends, shape = starts.ravel(), ends.ravel(), starts.shape
+        parallel_for(len(values), decimals, self.bytes, starts, ends, values, simple)
+        odd = np.flatnonzero(~simple)
+        values[odd] = [
+            self._number(*place, lax) for place in zip(starts[odd].tolist(), ends[odd].tolist(), strict=True)
+        ]
+        return values.reshape(shape)
+
+    def integers(self, words: Places) -> NDArray[np.int64]:
+        """Return the whole numbers that words spell; raises ReadError at the first that is none."""
+        return self.integers_at(self.starts[words], self.ends[words])
+
+    def integers_at(self, starts: Places, ends: Places) -> NDArray[np.int64]:
+        """Return the whole numbers at places; raises ReadError at the first that is none."""
+        flat_starts, flat_ends, integers = starts.ravel(), ends.ravel(), np.empty(starts.size, np.int64)
+        for block in blocks(starts.size):
+            values = self.numbers_at(flat_starts[block], flat_ends[block])
+            bad = np.flatnonzero(~((values == np.rint(values)) & (np.abs(values) < 2**53)))
+            if len(bad):
+                start, end = int(flat_starts[block][bad[0]]), int(flat_ends[block][bad[0]])
+                raise ReadError(f"line {self.line_number(start)}: {_shown(self.data[start:end])} is not a whole number")
+            integers[block] = values
+        return integers.reshape(starts.shape)
+
+    def _number(self, start: int, end: int, lax: bool) -> float:
+        word = self.data[start:end]
+        try:
+            return float(word)
+        except ValueError:
+            if lax or NOT_FINITE.fullmatch(word):
+                return np.nan
+            raise ReadError(
+                f"line {self.line_number(start)}: {_shown(word)} is not a number: "
+                "correct this line, or export the file again"
+            ) from None
+
+
+def _shown(word: bytes) -> str:
+    return repr(word[:40].decode("latin-1"))
+
+
+def blocks(count: int, width: int = 1) -> Iterator[slice]:
+    """Cut 0 … count, of so many words each, into parts of which only one at a time needs memory for its work."""
+    size = max(BLOCK // max(width, 1), 1)
+    return (slice(start, start + size) for start in range(0, count, size))

@@ -1,0 +1,104 @@
+"""Limits on vertex displacement: a model moves no vertex farther than the noise around it explains."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cascadenorm.detection.chords import chord_residuals, local_noise
+from cascadenorm.detection.parts import Found, InMemory, Part, Surface, by_component
+from cascadenorm.detection.segmentation_steps import has_voxel_faces
+from cascadenorm.geometry.foldovers import without_flips
+from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
+
+NOISES = 30.0
+"""Times the estimated noise around it that a vertex may move. Of independent noise 4 times are enough; of an error that
+is alike over several edges, or of an edge that a reconstruction has rounded, the estimate sees a fifteenth."""
+FEWEST = 8
+"""Edges with two faces of a component, of which fewer tell nothing of its noise; a tetrahedron has 6."""
+HEIGHTS = 4.0
+"""Times the height of the tallest face around it that a vertex may move."""
+
+
+def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
+    """Return vertices with displacements taken back as far as the bounds ask for.
+
+    No vertex moves farther than `displacement_bounds`, and no face flips, except to undo foldovers in the input (see
+    `without_flips`).
+
+    Parameters
+    ----------
+    mesh : the input, n vertices
+    vertices : (n, 3), where a model wants them
+
+    Returns
+    -------
+    (n, 3)
+    """
+    return without_flips(mesh, within_bounds(mesh, vertices))
+
+
+def within_bounds(mesh: Mesh, vertices: Vectors, bounded: "Bounded | None" = None) -> Vectors:
+    """Return vertices, (n, 3), of which none has moved farther than `displacement_bounds`."""
+    displacement = vertices - mesh.vertices
+    length = row_lengths(displacement)
+    bounds = displacement_bounds(mesh, bounded)
+    far = length > bounds
+    moved = vertices.copy()
+    moved[far] = mesh.vertices[far] + (bounds[far] / length[far])[:, None] * displacement[far]
+    return moved
+
+
+class Bounded(NamedTuple):
+    """What bounds depend on beyond what is around a vertex.
+
+    Parameters
+    ----------
+    untold
+        (c,) connected components with too few edges to estimate their noise.
+    voxel_faces
+        Whether the mesh consists of the faces of voxels.
+    """
+
+    untold: Bools
+    voxel_faces: bool
+
+
+def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
+    """Return how far each vertex may move.
+
+    The bound is the least of NOISES times the noise estimated around the vertex (see `local_noise`) and HEIGHTS times
+    the height of its tallest face. On components with fewer than FEWEST edges between two faces, around vertices
+    without such an edge, and on the faces of voxels, there is no estimate, and the height alone counts.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with n vertices.
+    bounded
+        Facts about the mesh that this one is a part of. Computed from `mesh` if None.
+
+    Returns
+    -------
+    (n,) lengths in mesh units; 0 for vertices without a face.
+    """
+    tallest = np.zeros(len(mesh.vertices))
+    np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))
+    bounded = bounded or what_is_bounded(InMemory(mesh))
+    noise = local_noise(mesh, chord_residuals(mesh))
+    noise[mesh.faces[bounded.untold[mesh.topology.face_components]]] = np.inf
+    if bounded.voxel_faces:  # along their edges the normals of both ends agree
+        noise[:] = np.inf
+    return np.minimum(NOISES * noise, HEIGHTS * tallest)
+
+
+def what_is_bounded(surface: Surface) -> Bounded:
+    """Return what the bounds depend on."""
+    edges = by_component(surface.each("interior edges", 1, _interior_edges), surface.components)["edges"]
+    return Bounded(edges < FEWEST, has_voxel_faces(surface))
+
+
+def _interior_edges(part: Part) -> Found:
+    """Count the edges with two faces of each component of a part, (c,)."""
+    topology = part.mesh.topology
+    label = part.components[topology.face_components[topology.face_pairs[part.interior_edges, 0]]]
+    return {"edges": np.bincount(label, minlength=len(part.components))}

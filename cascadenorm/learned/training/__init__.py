@@ -1,0 +1,1 @@
+"""Training of the networks; only modules in here import torch."""

@@ -1,0 +1,63 @@
+"""What a training keeps on disk, so that it can go on after an interruption."""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+from safetensors import numpy as safetensors
+
+from cascadenorm.data_gen import Pair
+from cascadenorm.learned.cascade import FORMAT
+from cascadenorm.learned.config import ConfigError, TrainConfig
+from cascadenorm.learned.training.launch import is_main
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that the result of a training depends on."""
+    return {name: version(name) for name in ("cascadenorm", "numpy", "scikit-learn", "torch")}
+
+
+def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
+    """Make the folder for this config, these pairs and this version, or see that it is theirs."""
+    checkpoint.mkdir(parents=True, exist_ok=True)
+    digest = sha256()
+    for pair in own:
+        for array in (pair.noisy.vertices, pair.clean.vertices, pair.clean.faces):
+            digest.update(array.tobytes())
+    note = checkpoint / "config.json"
+    made_with = {"format": FORMAT, **versions()}
+    text = json.dumps(asdict(config) | {"own": digest.hexdigest(), "made_with": made_with}, indent=1, sort_keys=True)
+    if note.exists() and note.read_text(encoding="utf-8") != text:
+        raise ConfigError(
+            f"{checkpoint} holds a training with other settings or another version: remove it, or name another folder"
+        )
+    _write_whole(note, text.encode())
+
+
+def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write what all processes have; the first one alone does."""
+    if is_main():
+        write(path, arrays)
+
+
+def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write what this process alone has."""
+    _write_whole(path, safetensors.save(dict(arrays)))  # a full disk is an OSError, as anywhere
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    """Write as a whole or not at all, so that a file that exists is finished."""
+    unfinished = path.with_suffix(".partial")
+    unfinished.write_bytes(content)
+    os.replace(unfinished, path)
+
+
+def read(path: Path) -> dict[str, NDArray[Any]]:
+    """Return what was written, or nothing."""
+    return safetensors.load_file(path) if path.exists() else {}

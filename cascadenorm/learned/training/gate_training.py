@@ -1,0 +1,149 @@
+"""Training of the gate: which of two networks serves a generated mesh better, learned from how its triangles lie."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.ensemble import ExtraTreesClassifier
+from sklearn.model_selection import KFold
+
+from cascadenorm.data_gen import FAMILIES, DatasetConfig, pair
+from cascadenorm.detection.gate import THRESHOLD, Gate
+from cascadenorm.detection.triangulation import triangulation_figures
+from cascadenorm.execution.process_map import side_by_side
+from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.drift import without_drift
+from cascadenorm.learned.gated import GatedCascades
+from cascadenorm.learned.training import checkpoints
+from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, thread_count
+
+MOST_WEIGHT = 15.0  # degrees between the results of the networks, by which a mesh counts at most
+LEAST_WEIGHT = 0.02
+FOLDS = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateConfig:
+    """Everything that decides what the training of a gate makes.
+
+    Parameters
+    ----------
+    seed
+        Of the trees; that of the meshes is data.seed.
+    trees
+        Number of trees.
+    least
+        Fewest meshes at a leaf.
+    data
+        Noisy meshes, drawn with another seed than those that the networks were trained on.
+    """
+
+    seed: int = 0
+    trees: int = 200
+    least: int = 4
+    data: DatasetConfig = field(
+        default_factory=lambda: DatasetConfig(seed=1_000_099, count=2500, min_faces=1500, max_faces=4000, relief=0.15)
+    )
+
+
+class Compared(NamedTuple):
+    """A generated mesh: the figures of its triangles, the angles in degrees that both networks leave, its family."""
+
+    figures: Floats
+    vertex: float
+    surface: float
+    family: str
+
+
+def compared(vertex: Cascade, surface: Cascade, config: DatasetConfig, index: int) -> Compared:
+    """Run both networks on a generated mesh."""
+    made = pair(config, index)
+    known = made.normals.any(axis=1)
+    left = [_angle(made.noisy, cascade, made.normals, known) for cascade in (vertex, surface)]
+    figures = triangulation_figures(made.noisy, np.arange(len(made.noisy.faces)))
+    return Compared(figures, left[0], left[1], made.family)
+
+
+def _angle(mesh: Mesh, cascade: Cascade, normals: Vectors, known: NDArray[np.bool_]) -> float:
+    denoised = mesh.moved(without_drift(mesh, cascade.vertices(mesh)))
+    return float(np.degrees(angles_between(denoised.face_normals[known], normals[known]).mean()))
+
+
+def train_gate(vertex: Cascade, surface: Cascade, config: GateConfig, *, progress: Progress = silent) -> GatedCascades:
+    """Learn which of two networks serves a mesh better, and join them.
+
+    Parameters
+    ----------
+    progress
+        Called as meshes are compared.
+
+    Returns
+    -------
+    The model. Its card has the mean angles of both networks, of the gate's choice in cross-validation and of the
+    better network, for each family.
+    """
+    rows: list[Compared] = []
+    with side_by_side(thread_count()) as each:
+        for row in each(partial(compared, vertex, surface, config.data), range(config.data.count)):
+            rows.append(row)
+            progress("meshes for the gate", len(rows), config.data.count)
+    figures = np.array([row.figures for row in rows]).astype(np.float32)
+    angles = np.array([(row.vertex, row.surface) for row in rows])
+    better = angles[:, 1] < angles[:, 0]
+    weights = np.minimum(np.abs(angles[:, 0] - angles[:, 1]), MOST_WEIGHT) + LEAST_WEIGHT
+    chosen = np.empty(len(rows), bool)
+    for learned, tested in KFold(FOLDS, shuffle=True, random_state=config.seed).split(figures):
+        part = fitted_gate(config, figures[learned], better[learned], weights[learned])
+        chosen[tested] = [part.probability(row) >= THRESHOLD for row in figures[tested]]
+    families = np.array([row.family for row in rows])
+    card = {
+        "model": "extremely randomised trees over figures of the triangulation (Geurts, Ernst, Wehenkel 2006)",
+        "made_with": checkpoints.versions(),
+        "threshold": THRESHOLD,
+        "mean_angles_deg": _mean_angles(families, angles, chosen),
+        "config": asdict(config),
+    }
+    return GatedCascades(vertex, surface, fitted_gate(config, figures, better, weights), card)
+
+
+def _mean_angles(families: NDArray[Any], angles: Floats, chosen: NDArray[np.bool_]) -> Mapping[str, dict[str, float]]:
+    """Mean angles of each family and of all meshes."""
+    columns = {
+        "vertex": angles[:, 0],
+        "surface": angles[:, 1],
+        "chosen": np.where(chosen, angles[:, 1], angles[:, 0]),
+        "better": angles.min(axis=1),
+    }
+    means = {}
+    for name in (*(family for family in FAMILIES if family in families), "all"):
+        mine = (families == name) | (name == "all")
+        means[name] = {column: round(float(values[mine].mean()), 2) for column, values in columns.items()}
+    return means
+
+
+def fitted_gate(config: GateConfig, figures: Floats, measured: NDArray[np.bool_], weights: Floats) -> Gate:
+    """Fit the trees and take them out of scikit-learn."""
+    forest = ExtraTreesClassifier(
+        config.trees, min_samples_leaf=config.least, max_features=0.2, random_state=config.seed
+    )
+    forest.fit(figures, measured, sample_weight=weights)
+    roots, parts = [], []
+    for tree in (estimator.tree_ for estimator in forest.estimators_):
+        first = sum(len(part[0]) for part in parts)
+        leaf = tree.children_left < 0
+        children = np.stack([tree.children_left, tree.children_right], axis=1) + first
+        shares = tree.value[:, 0, :] / tree.value[:, 0, :].sum(axis=1, keepdims=True)
+        roots.append(first)
+        parts.append(
+            (
+                np.where(leaf, -1, tree.feature).astype(np.int32),
+                np.where(leaf, 0, tree.threshold).astype(np.float32),
+                np.where(leaf[:, None], 0, children).astype(np.int32),
+                shares[:, -1].astype(np.float32),
+            )
+        )
+    return Gate(np.array(roots, np.int32), *(np.concatenate(column) for column in zip(*parts, strict=True)))

@@ -1,0 +1,180 @@
+"""The training of the network of one cluster."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.parallel import DistributedDataParallel
+
+from cascadenorm.learned.config import ConfigError, Fit
+from cascadenorm.learned.features import Array, FeatureScaler
+from cascadenorm.learned.training import distributed
+from cascadenorm.learned.training.networks import Network, TorchFeatures
+from cascadenorm.mesh import limit_threads
+
+GPU_MEMORY_FRACTION = 0.8
+"""Of the free memory of a GPU that faces to learn from may take."""
+
+
+class Faces(NamedTuple):
+    """Faces to learn from: filtered normals (m, k, 3), context (m, c), true normals (m, 3), all of 4 bytes."""
+
+    stack: Tensor
+    context: Tensor
+    truth: Tensor
+
+    def placed(self) -> "Faces":
+        """Return them where the matrix products are done, if there is room for them."""
+        device, size = distributed.device(), sum(tensor.nbytes for tensor in self)
+        if device.type == "cuda" and size > GPU_MEMORY_FRACTION * torch.cuda.mem_get_info(device)[0]:
+            return self
+        return Faces(*(tensor.to(device) for tensor in self))
+
+
+def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor, Tensor], Tensor]:
+    """Return what makes features of filtered normals and context: `FeatureScaler.features`, or the same in torch.
+
+    On the processor torch takes four times as long as the kernel behind the former.
+    """
+    if device.type != "cpu":
+        return TorchFeatures(scaler, device)
+
+    def kernel(stack: Tensor, context: Tensor) -> Tensor:
+        with limit_threads(1):
+            return torch.from_numpy(scaler.features(stack.numpy(), context.numpy()))
+
+    return kernel
+
+
+def chordal_distance(predicted: Tensor, truth: Tensor) -> Tensor:
+    """Return the distances between unit normals: robust, where their squares follow the few that fail."""
+    return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8)
+
+
+def angle_sum(chord: Tensor) -> float:
+    """Sum the angles of chords, in degrees."""
+    return torch.rad2deg(2 * torch.asin((chord.double() / 2).clamp(max=1))).sum().item()
+
+
+def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
+    """Return how many of its faces this process gives to each batch of a pass, and how many all processes give."""
+    counts = distributed.all_gather(np.array([own]))
+    whole = int(counts.sum())
+    stops = np.minimum(np.arange(0, whole + batch, batch), whole)
+    given = np.diff(counts[:, None] * stops // whole)
+    return given[distributed.rank()].tolist(), np.maximum(given.sum(axis=0), 1).tolist()
+
+
+def train_network(
+    faces: Faces,
+    rows: NDArray[np.intp],
+    scaler: FeatureScaler,
+    fit: Fit,
+    *,
+    seed: int,
+    log: Callable[[int, float, float, float], None] = lambda *_: None,
+) -> dict[str, Array]:
+    """Train a network on 85 % of some faces, stop by the other 15 %, return the best weights.
+
+    Several processes average their gradients, and each gives to a batch in proportion to its faces.
+
+    Parameters
+    ----------
+    faces : of all clusters, those of this process
+    rows : those of one cluster; at least one process has some
+    scaler : of their features
+    fit : settings
+    seed : of the split, the first weights and the order of the batches
+    log : called after each pass with its number from 1, the training loss, the validation loss, and the mean angle of
+        the validation in degrees
+
+    Returns
+    -------
+    weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation (), their loss on the 15 %
+    """
+    generator = torch.Generator().manual_seed(seed)
+    device, stored = distributed.device(), faces.stack.device
+    training, validation = _split(rows, generator)
+    features, inputs = features_on(device, scaler), len(scaler.mean) + faces.context.shape[1]
+    network = Network(inputs, fit, faces.stack.shape[1], generator).to(device)
+    model = DistributedDataParallel(network) if distributed.world_size() > 1 else network
+    optimiser = _optimiser(network, fit, device)
+    mine, sizes = _batches(len(training), fit.batch)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * len(sizes))
+
+    def chords_of(model: torch.nn.Module, part: Tensor) -> Tensor:
+        stack, context, truth = (tensor[part].to(device) for tensor in faces)
+        return chordal_distance(model(features(stack, context), stack), truth)
+
+    best, best_loss, best_epoch = network.state_dict(), np.inf, 0
+    for epoch in range(1, fit.epochs + 1):
+        drawn = training[torch.randperm(len(training), generator=generator)].to(stored)
+        learned = torch.zeros((), dtype=torch.float64, device=device)
+        for part, size in zip(drawn.split(mine), sizes, strict=True):  # type: ignore[no-untyped-call]
+            loss = chords_of(model, part).sum()
+            _descend(loss * (distributed.world_size() / size), network, optimiser, schedule, fit.clip)
+            learned += loss.detach()
+        with torch.no_grad():
+            parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
+            tested = [chords_of(network, part) for part in parts]
+            sums = [sum(part.sum().item() for part in tested), sum(angle_sum(part) for part in tested)]
+        counts = [len(training), len(validation), len(validation)]
+        training_loss, validation_loss, angle = _means([learned.item(), *sums], counts)
+        log(epoch, training_loss, validation_loss, angle)
+        if validation_loss < best_loss:
+            best, best_loss, best_epoch = _copied(network), validation_loss, epoch
+        elif epoch - best_epoch >= fit.patience:
+            break
+    if not np.isfinite(best_loss):
+        raise ConfigError("the training diverged, its loss is not finite: take a smaller fit.learning_rate")
+    return {"validation": np.array(best_loss, np.float32), **_arrays(best)}
+
+
+def _split(rows: NDArray[np.intp], generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Draw the faces to learn from, and those to stop by; of a single face, it is both."""
+    order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
+    cut = max(1, int(0.85 * len(order)))
+    return order[:cut], order[cut:] if cut < len(order) else order
+
+
+def _optimiser(network: Network, fit: Fit, device: torch.device) -> torch.optim.Optimizer:
+    rate, decay = fit.learning_rate, fit.weight_decay
+    return torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay, fused=device.type == "cuda")
+
+
+def _descend(
+    loss: Tensor,
+    network: Network,
+    optimiser: torch.optim.Optimizer,
+    schedule: torch.optim.lr_scheduler.LRScheduler,
+    clip: float,
+) -> None:
+    """Take a step; of all processes the mean of the loss is that of the batch."""
+    optimiser.zero_grad()
+    loss.backward()  # type: ignore[no-untyped-call]
+    torch.nn.utils.clip_grad_norm_(network.parameters(), clip)
+    optimiser.step()
+    schedule.step()
+
+
+def _copied(network: Network) -> dict[str, Tensor]:
+    return {name: tensor.clone() for name, tensor in network.state_dict().items()}
+
+
+def _means(sums: list[float], counts: list[int]) -> list[float]:
+    """Divide sums by counts, both over all processes."""
+    total, of = distributed.all_reduce(np.array([sums, counts], np.float64))
+    return list((total / of).tolist())
+
+
+def _arrays(state: Mapping[str, Tensor]) -> dict[str, Array]:
+    """Return the weights of a network by their names in a `Regression`."""
+    arrays = {}
+    for name, tensor in state.items():
+        _, number, kind = name.split(".")  # "layers.0.weight", which multiplies from the left in torch
+        stored = tensor.T.contiguous() if kind == "weight" else tensor
+        arrays[f"{kind}{int(number) + 1}"] = stored.cpu().numpy()
+    return arrays

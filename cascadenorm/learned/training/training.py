@@ -1,0 +1,261 @@
+"""Training of a cascade: data → descriptors → k-means → one network a cluster → next stage (Wang, Liu, Tong 2016)."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from sklearn.cluster import KMeans
+from threadpoolctl import threadpool_limits
+
+from cascadenorm.data_gen import Pair, pairs
+from cascadenorm.execution.process_map import Map, side_by_side
+from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.config import ConfigError, TrainConfig
+from cascadenorm.learned.features import Array, FeatureScaler, pairwise_features
+from cascadenorm.learned.regression import Regression, nearest
+from cascadenorm.learned.stage_settings import StageSettings
+from cascadenorm.learned.training import checkpoints, distributed
+from cascadenorm.learned.training.launch import is_local_main, is_main
+from cascadenorm.learned.training.network_training import Faces, train_network
+from cascadenorm.learned.training.samples import Sample
+from cascadenorm.learned.training.training_log import Pass, Recorder, unrecorded
+from cascadenorm.mesh import Vectors, in_blocks, thread_count
+
+KMEANS_FACES = 50_000
+SCALER_MESHES = 500
+"""Of whose faces mean, deviation and principal directions are taken."""
+LEAST_DEVIATION = 0.1  # of a feature: the logarithms are spread over 2 and more, openness over a third
+COLUMNS = 32  # whose deviations are computed at a time, in double precision
+
+
+def train(
+    config: TrainConfig,
+    checkpoint: Path,
+    *,
+    own: Sequence[Pair] = (),
+    generated: Path | None = None,
+    progress: Progress = silent,
+    record: Recorder = unrecorded,
+) -> Cascade:
+    """Train a cascade; an interrupted training that is started again goes on, and ends with the same bytes.
+
+    Several processes, started by torchrun, share the meshes and end with the same cascade; the first one is_main and
+    writes.
+
+    Parameters
+    ----------
+    config : what to train
+    checkpoint : folder for what is finished; it is made, and may hold an interrupted training of the same config
+    own : pairs to learn from beside those that are generated
+    generated : folder for the generated pairs, which trainings of the same config.data may share; none: in `checkpoint`
+    progress : called as parts finish
+    record : called after each pass of a network, of several clusters from several threads
+
+    Raises
+    ------
+    ConfigError : the folder holds a training of another config, or of other pairs; fewer meshes than processes
+    """
+    with distributed.process_group(), _one_thread_each():
+        progress, record = (progress, record) if is_main() else (silent, unrecorded)
+        return _trained(config, checkpoint, own, generated or checkpoint / "pairs", progress, record)
+
+
+def _trained(
+    config: TrainConfig, checkpoint: Path, own: Sequence[Pair], generated: Path, progress: Progress, record: Recorder
+) -> Cascade:
+    if (meshes := config.data.count + len(own)) < distributed.world_size():
+        raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {meshes}: take fewer")
+    if is_local_main():
+        checkpoints.claim(checkpoint, config, own)
+    distributed.barrier()  # by then each machine has a folder
+    samples = _samples(config, own, generated, progress)
+    stages: list[Regression] = []
+    losses: list[list[float]] = []
+    with side_by_side(distributed.cores()) as each:
+        for number, settings in enumerate(config.stages):
+            arrays = _train_stage(samples, each, config, checkpoint, number, settings, progress, record)
+            stage = Regression.from_arrays(settings, arrays)
+            stages.append(stage)
+            losses.append([round(float(loss), 5) for loss in arrays["validation"]])
+            if number + 1 < len(config.descriptors):
+                moved = each(partial(Sample.apply_stage, stage=stage), samples)
+                for done, vertices in enumerate(moved):
+                    samples[done].vertices = vertices
+                    progress(f"apply stage {number + 1}", done + 1, len(samples))
+    faces = int(distributed.all_reduce(np.array(sum(len(sample.rows) for sample in samples), np.float64)))
+    return Cascade(tuple(stages), _card(config, own, faces, losses))
+
+
+def _train_stage(
+    samples: list[Sample],
+    each: Map,
+    config: TrainConfig,
+    checkpoint: Path,
+    number: int,
+    settings: StageSettings,
+    progress: Progress,
+    record: Recorder,
+) -> dict[str, Array]:
+    """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
+    finished = checkpoint / f"stage{number}.safetensors"
+    if done := distributed.broadcast(partial(checkpoints.read, finished)):
+        return done
+    rng = np.random.default_rng([config.seed, number])
+    scaler, faces = _described(samples, each, config.context, settings, f"stage {number + 1} descriptors", progress)
+    stack, context = faces.stack.numpy(), faces.context.numpy()
+
+    def features(rows: NDArray[np.intp] | slice) -> Array:
+        return scaler.features(stack[rows], context[rows])
+
+    some = rng.choice(len(stack), min(KMEANS_FACES // distributed.world_size(), len(stack)), replace=False)
+    drawn = distributed.all_gather(features(some))
+    if len(drawn) < config.clusters:
+        raise ConfigError(f"{config.clusters} clusters are more than the faces to learn from, {len(drawn)}: take fewer")
+    kmeans = KMeans(config.clusters, n_init=2, random_state=int(rng.integers(2**31)))
+    centers = distributed.broadcast(lambda: np.ascontiguousarray(kmeans.fit(drawn).cluster_centers_, np.float32))
+    cluster = in_blocks(len(stack), lambda start, stop: nearest(features(slice(start, stop)), centers))
+    faces = faces.placed()
+
+    def one(c: int) -> Mapping[str, Array]:
+        part = checkpoint / f"stage{number}-cluster{c}.safetensors"
+        if done := distributed.broadcast(partial(checkpoints.read, part)):
+            return done
+        mine = np.flatnonzero(cluster == c)
+        count = int(distributed.all_reduce(np.array(float(len(mine)))))
+        if not count:
+            raise ConfigError(f"cluster {c + 1} has no face to learn from: take fewer clusters, or more meshes")
+
+        task, epochs, notes = f"stage {number + 1} cluster {c + 1}", config.fit.epochs, list[str]()
+
+        def log(epoch: int, loss: float, validation: float, angle: float) -> None:
+            notes.append(f"{count} faces, loss {loss:.4f}, validation {validation:.4f} ({angle:.2f}°)")
+            progress(task, epoch, epochs, notes[-1])
+            record(Pass(number + 1, c + 1, epoch, loss, validation, angle))
+
+        seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
+        network = train_network(faces, mine, scaler, config.fit, seed=int(seed), log=log)
+        checkpoints.save(part, network)
+        if len(notes) < epochs:  # no longer better
+            progress(task, epochs, epochs, notes[-1])
+        return network
+
+    with ThreadPoolExecutor(thread_count() if distributed.world_size() == 1 else 1) as pool:
+        networks = list(pool.map(one, range(config.clusters)))
+    weights = {name: np.stack([network[name] for network in networks]) for name in networks[0]}
+    arrays = {**asdict(scaler), "centers": centers, **weights}
+    checkpoints.save(finished, arrays)
+    return arrays
+
+
+def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[list[float]]) -> dict[str, Any]:
+    """Say what a cascade is, what it was made of, and how well it fits; the same for the same config and pairs."""
+    others = f"and {len(own)} meshes that were handed in" if own else "no mesh of anybody else"
+    return {
+        "model": "cascaded normal regression (Wang, Liu, Tong 2016)",
+        "made_with": checkpoints.versions(),
+        "data": f"procedural shapes with simulated noise from cascadenorm.data_gen; {others}",
+        "faces_trained_on": faces,
+        "validation_chord_by_stage_and_cluster": losses,
+        "limits": "errors like those of the meshes it was trained on; detail as fine as the error may be lost with it",
+        "licence": "MIT",
+        "config": asdict(config),
+    }
+
+
+def _described(
+    samples: list[Sample], each: Map, context: int, settings: StageSettings, task: str, progress: Progress
+) -> tuple[FeatureScaler, Faces]:
+    """Fit the feature scaler, and collect what the drawn faces of all samples show and should be.
+
+    The context can be averaged only where its principal directions are known: those of a few samples serve.
+    """
+    few = samples[:: -(-len(samples) * distributed.world_size() // SCALER_MESHES)]
+    steps = len(few) + len(samples)
+    stacks = []
+    for done, stack in enumerate(each(partial(Sample.stack, settings=settings), few), 1):
+        stacks.append(stack)
+        progress(task, done, steps)
+    own = pairwise_features(np.concatenate(stacks))
+    mean, scale = _mean_and_scale(own)
+    own -= mean
+    own *= scale
+    covariance = distributed.all_reduce(np.asarray(own.T.astype(np.float64) @ own))
+    del own
+    directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
+    directions *= np.sign(np.take_along_axis(directions, np.abs(directions).argmax(axis=0)[None], axis=0))
+    none = np.zeros(1, np.float32)
+    scaler = FeatureScaler(
+        mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
+        context_mean=none, context_scale=none + 1,
+    )  # fmt: skip
+    truth = np.concatenate([sample.truth for sample in samples])
+    stop = 0
+    work = partial(Sample.described, settings=settings, scaler=scaler)
+    for done, parts in enumerate(each(work, samples), 1):
+        if done == 1:
+            collected = tuple(np.empty((len(truth), *part.shape[1:]), np.float32) for part in parts)
+        start, stop = stop, stop + len(parts[0])
+        for whole, part in zip(collected, parts, strict=True):
+            whole[start:stop] = part
+        progress(task, len(few) + done, steps)
+    context_mean, context_scale = _mean_and_scale(collected[1])
+    scaler = replace(scaler, context_mean=context_mean, context_scale=context_scale)
+    return scaler, Faces(*map(torch.from_numpy, (*collected, truth)))
+
+
+def _mean_and_scale(x: Array) -> tuple[Array, Array]:
+    """Mean and reciprocal deviation of each column; what hardly varied here must not matter much elsewhere."""
+    count = distributed.all_reduce(np.array(float(len(x))))
+    mean = distributed.all_reduce(x.sum(axis=0, dtype=np.float64)) / count
+    squares = np.zeros(len(mean))
+    for start in range(0, len(mean), COLUMNS):
+        columns = slice(start, start + COLUMNS)
+        squares[columns] = np.square(x[:, columns] - mean[columns]).sum(axis=0)
+    deviation = np.sqrt(distributed.all_reduce(squares) / count)
+    return mean.astype(np.float32), (1 / np.maximum(deviation, LEAST_DEVIATION)).astype(np.float32)
+
+
+def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: Progress) -> list[Sample]:
+    """Make what this process keeps of the generated pairs and of one's own; those that are in the folder are made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    count = config.data.count
+    mine = range(count + len(own))[distributed.shard()]
+    generated, others = [i for i in mine if i < count], [i for i in mine if i >= count]
+    files = {i: folder / f"{i:05d}.safetensors" for i in generated}
+    missing = [i for i in generated if not files[i].exists()]
+    made = zip(missing, pairs(config.data, missing, workers=distributed.cores()), strict=True)
+    for done, (i, new) in enumerate(made, len(generated) - len(missing) + 1):
+        checkpoints.write(files[i], {"noisy": new.noisy.vertices, "normals": new.normals, "faces": new.clean.faces})
+        progress("noisy/clean pairs", done, len(generated))
+
+    def drawn(noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, index: int) -> Sample:
+        return Sample.drawn(noisy, faces, normals, config.faces_per_mesh, (config.seed, index))
+
+    samples = []
+    for i, file in files.items():
+        kept = checkpoints.read(file)
+        samples.append(drawn(kept["noisy"], kept["faces"], kept["normals"], i))
+    own_pairs = [own[i - count] for i in others]
+    return samples + [
+        drawn(pair.noisy.vertices, pair.clean.faces, pair.normals, i) for pair, i in zip(own_pairs, others, strict=True)
+    ]
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Keep torch and BLAS to one thread a call, so that sums do not depend on the machine's cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        torch.set_num_threads(before)

@@ -1,0 +1,97 @@
+"""The card of a model as the Hugging Face Hub shows it: metadata in YAML, then Markdown with the file's digest."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from cascadenorm.io.digests import file_digest
+from cascadenorm.learned.methods import weights_file
+from cascadenorm.models.models import SHIPPED, named
+
+TAGS = ("mesh-denoising", "geometry-processing", "triangle-mesh", "3d", "safetensors")
+
+TEXT = """\
+---
+license: {license}
+library_name: cascadenorm
+tags:
+{tags}
+---
+
+# {title}
+
+Weights that denoise triangle meshes: {model}.
+
+| file | bytes | SHA-256 | licence |
+| --- | ---: | --- | --- |
+| `{file}` | {size} | `{digest}` | {licence} |
+
+## Use
+
+```python
+import cascadenorm as cn
+
+cn.denoise("scan.ply", model="{file}")
+```
+
+or `cascadenorm denoise scan.ply --model {file}`. The file is read as plain arrays; nothing in it is executed.
+
+## Training data
+
+{data}. Faces trained on: {faces}.
+
+## Validation
+
+Mean chord between regressed and true normals of faces that were held out, by stage and cluster:
+
+{losses}
+
+## Limits
+
+{limits}.
+
+## Made with
+
+{versions}. The settings are in the file: `cascadenorm models {file}` prints them.
+"""
+
+
+def hub_card(model: str) -> str:
+    """Return the card of a model that comes with the package, by its name, or of one in a file, by its path.
+
+    Raises
+    ------
+    ParameterError : the file is missing, or holds no model
+    """
+    card = named(model).card
+    file = weights_file(model) if model in SHIPPED else Path(model)
+    return TEXT.format(
+        license=card["licence"].lower(),
+        licence=card["licence"],
+        tags="\n".join(f"- {tag}" for tag in TAGS),
+        title=json.dumps(file.stem)[1:-1],
+        model=card["model"],
+        file=file.name,
+        size=file.stat().st_size,
+        digest=file_digest(file),
+        data=_sentence(card["data"]),
+        faces=f"{card['faces_trained_on']:,}",
+        losses=_losses(card["validation_chord_by_stage_and_cluster"]),
+        limits=_sentence(card["limits"]),
+        versions=", ".join(f"{name} {version}" for name, version in card["made_with"].items()),
+    )
+
+
+def _sentence(text: Any) -> str:
+    return str(text)[:1].upper() + str(text)[1:]
+
+
+def _losses(stages: list[list[float]]) -> str:
+    """Return the losses as a table, a row a stage."""
+    clusters = range(1, len(stages[0]) + 1)
+    head = [
+        f"| stage | {' | '.join(f'cluster {number}' for number in clusters)} |",
+        f"| --- |{' ---: |' * len(clusters)}",
+    ]
+    rows = [f"| {number} | {' | '.join(f'{loss:.4f}' for loss in losses)} |" for number, losses in enumerate(stages, 1)]
+    return "\n".join([*head, *rows])

@@ -1,0 +1,1 @@
+"""Regions of a volume that share walls."""

@@ -1,0 +1,1 @@
+"""Meshes of shapes, as different programs make them."""

@@ -1,0 +1,286 @@
+"""A triangle mesh that can be edited: half edges in arrays, and the three operations that collapse, flip and split.
+
+Half edge h of face h // 3 leads from `origin[h]` to the next corner of that face. Faces and vertices that are taken
+away keep their slot (`origin` and `start` become -1) until `mesh_of` packs the rest.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.data_gen.meshing.patches import compact
+from cascadenorm.mesh import Ints, Mesh, kernel, scatter_add
+from cascadenorm.mesh.vectors import Three, Vector, cross, length, subtract
+
+SMOOTH, CREASE, CORNER = 0, 1, 2
+"""Kinds of vertices: free, held on a line of marked edges, held in place (as all vertices of a boundary are)."""
+
+RING = 48  # vertices with more neighbours than this are left alone
+
+
+class HalfEdges(NamedTuple):
+    """Half-edges (k): origin, twin (-1 at a boundary), marked. Vertices (n): points, kind, target length, start."""
+
+    origin: NDArray[np.int32]
+    twin: NDArray[np.int32]
+    marked: NDArray[np.bool_]
+    points: NDArray[np.float64]
+    kind: NDArray[np.int8]
+    length: NDArray[np.float64]
+    start: NDArray[np.int32]  # a half edge that leaves the vertex
+    used: NDArray[np.int64]  # vertices and faces so far, those taken away included
+
+
+def is_manifold(mesh: Mesh) -> bool:
+    """Whether each edge has at most two faces, of one orientation, and each vertex one fan of faces."""
+    count = mesh.topology.vertex_count
+    ahead = np.roll(mesh.faces, -1, axis=1)
+    directed = mesh.faces.astype(np.int64) * count + ahead
+    if len(np.unique(directed)) < directed.size or (mesh.faces == ahead).any():
+        return False
+    return bool(_fans_are_single(half_edges_of(mesh, capacity=1.0), count))
+
+
+def half_edges_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> HalfEdges:
+    """Lay out a mesh for editing, with room for `capacity` times its faces.
+
+    Edges where `creases`, one a topological edge, is true are marked, and those of the boundary always; a vertex on two
+    marked edges that go nearly straight on is on a crease, one with any other number of them is a corner.
+    """
+    n, m = len(mesh.vertices), len(mesh.faces)
+    rooms = int(capacity * m) + 8
+    origin = np.full(3 * rooms, -1, np.int32)
+    origin[: 3 * m] = mesh.faces.ravel()
+    topology = mesh.topology
+    order = np.argsort(topology.face_edges, axis=None, kind="stable")
+    edge = topology.face_edges.ravel()[order]
+    same = np.flatnonzero(edge[1:] == edge[:-1])
+    twin = np.full(3 * rooms, -1, np.int32)
+    twin[order[same]], twin[order[same + 1]] = order[same + 1], order[same]
+
+    marked_edge = topology.edge_faces.counts == 1
+    if creases is not None:
+        marked_edge |= creases
+    marked = np.zeros(3 * rooms, bool)
+    marked[: 3 * m] = marked_edge[topology.face_edges.ravel()]
+
+    points = np.zeros((n + (rooms - m) // 2 + 8, 3))
+    points[:n] = mesh.vertices
+    start = np.full(len(points), -1, np.int32)
+    start[mesh.faces.ravel()[::-1]] = np.arange(3 * m, dtype=np.int32)[::-1]
+    kind = np.zeros(len(points), np.int8)
+    kind[:n] = _kinds(mesh, marked_edge)
+    return HalfEdges(origin, twin, marked, points, kind, np.zeros(len(points)), start, np.array([n, m], np.int64))
+
+
+def mesh_of(half_edges: HalfEdges) -> Mesh:
+    """Pack the faces and vertices that are left."""
+    faces = half_edges.origin[: 3 * half_edges.used[1]].reshape(-1, 3)
+    return compact(half_edges.points, faces[faces[:, 0] >= 0])
+
+
+def _kinds(mesh: Mesh, marked_edge: NDArray[np.bool_]) -> NDArray[np.int8]:
+    ends = mesh.topology.edges[marked_edge]
+    degree = np.bincount(ends.ravel(), minlength=len(mesh.vertices))
+    along = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    bend = scatter_add(ends.T.ravel(), np.concatenate([along, -along]), len(mesh.vertices))
+    kind = np.where(degree == 0, SMOOTH, CORNER).astype(np.int8)
+    kind[(degree == 2) & (np.linalg.norm(bend, axis=1) < 0.9)] = CREASE
+    kind[mesh.topology.boundary_vertices] = CORNER
+    return kind
+
+
+@kernel
+def after(h: int) -> int:
+    """Next half edge of the face."""
+    return h - 2 if h % 3 == 2 else h + 1
+
+
+@kernel
+def before(h: int) -> int:
+    """Previous half edge of the face."""
+    return h + 2 if h % 3 == 0 else h - 1
+
+
+@kernel
+def leaving(c: HalfEdges, v: int, ring: Ints) -> tuple[int, bool]:
+    """Write the half edges that leave v; their number, 0 if they are too many, and whether they go all around."""
+    first = c.start[v]
+    h, count = first, 0
+    while h != -1:
+        if count == len(ring):
+            return 0, False
+        ring[count] = h
+        count += 1
+        h = c.twin[before(h)]
+        if h == first:
+            return count, True
+    h = c.twin[first]
+    while h != -1:
+        if count == len(ring):
+            return 0, False
+        ring[count] = after(h)
+        count += 1
+        h = c.twin[after(h)]
+    return count, False
+
+
+@kernel
+def _fans_are_single(c: HalfEdges, n: int) -> bool:
+    degree = np.zeros(n, np.int64)
+    for h in range(3 * c.used[1]):
+        degree[c.origin[h]] += 1
+    ring = np.empty(512, np.int64)
+    for v in range(n):  # noqa: SIM110, numba compiles no generators
+        if degree[v] > 0 and leaving(c, v, ring)[0] != degree[v]:
+            return False
+    return True
+
+
+@kernel
+def joined(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
+    """Whether an edge joins a and b; True as well where a has too many neighbours to tell."""
+    count, _ = leaving(c, a, ring)
+    for i in range(count):
+        if c.origin[after(ring[i])] == b or c.origin[before(ring[i])] == b:
+            return True
+    return count == 0
+
+
+@kernel
+def area_vector(p: Three, q: Three, r: Three) -> Vector:
+    """Twice the area of a triangle times its normal."""
+    return cross(subtract(q, p), subtract(r, p))
+
+
+@kernel
+def distance(p: Three, q: Three) -> float:
+    """Distance of two points."""
+    return length(subtract(p, q))
+
+
+@kernel
+def shape(p: Three, q: Three, r: Three) -> float:
+    """Quality of a triangle: 1 for an equilateral one, 0 for one without area."""
+    sides = distance(p, q) ** 2 + distance(q, r) ** 2 + distance(r, p) ** 2
+    quality: float = 2 * np.sqrt(3.0) * length(area_vector(p, q, r)) / max(sides, 1e-300)
+    return quality
+
+
+@kernel
+def tie(c: HalfEdges, h: int, g: int, mark: bool) -> None:
+    """Make two half edges twins; either may be missing."""
+    if h != -1:
+        c.twin[h] = g
+        c.marked[h] = mark
+    if g != -1:
+        c.twin[g] = h
+        c.marked[g] = mark
+
+
+@kernel
+def collapse_keeps_manifold(c: HalfEdges, h: int, ring: Ints, other: Ints) -> bool:
+    """Whether the end points of h share two neighbours only, and the vertex to vanish is off the boundary."""
+    a, b = c.origin[h], c.origin[after(h)]
+    g = c.twin[h]
+    if g == -1:
+        return False
+    count, closed = leaving(c, a, ring)
+    if not closed or count < 3 or count > RING // 2:
+        return False
+    # the two vertices beside the edge lose a neighbour each, the merged one has what both had
+    left, right = c.origin[before(h)], c.origin[before(g)]
+    for v in (left, right):
+        around, whole = leaving(c, v, other)
+        if around == 0 or (whole and around < 4):
+            return False
+    around, whole = leaving(c, b, other)
+    if around == 0 or around > RING // 2 or (whole and count + around < 7):
+        return False
+    # a third common neighbour would make an edge with four faces
+    for i in range(count):
+        w = c.origin[after(ring[i])]
+        if w in (left, right, b):
+            continue
+        for j in range(around):
+            if c.origin[after(other[j])] == w or c.origin[before(other[j])] == w:
+                return False
+    return True
+
+
+@kernel
+def collapse(c: HalfEdges, h: int, ring: Ints) -> None:
+    """Merge the origin of h into its other end; the caller has checked that a manifold stays."""
+    g = c.twin[h]
+    a, b = c.origin[h], c.origin[after(h)]
+    left, right = c.origin[before(h)], c.origin[before(g)]
+    count, _ = leaving(c, a, ring)
+    for i in range(count):
+        c.origin[ring[i]] = b
+    outer, inner = c.twin[after(h)], c.twin[before(h)]
+    tie(c, outer, inner, c.marked[after(h)] or c.marked[before(h)])
+    c.start[b] = inner
+    c.start[left] = outer if outer != -1 else after(inner)
+    inner, outer = c.twin[after(g)], c.twin[before(g)]
+    tie(c, inner, outer, c.marked[after(g)] or c.marked[before(g)])
+    c.start[right] = inner
+    c.start[a] = -1
+    for face in (h // 3, g // 3):
+        c.origin[3 * face : 3 * face + 3] = -1
+
+
+@kernel
+def flip(c: HalfEdges, h: int) -> None:
+    """Replace the edge between two faces by the other diagonal; the caller has checked that it is allowed."""
+    g = c.twin[h]
+    a, b, left, right = c.origin[h], c.origin[after(h)], c.origin[before(h)], c.origin[before(g)]
+    sides = (c.twin[after(g)], c.twin[before(h)], c.twin[before(g)], c.twin[after(h)])
+    marks = (c.marked[after(g)], c.marked[before(h)], c.marked[before(g)], c.marked[after(h)])
+    p, q = 3 * (h // 3), 3 * (g // 3)
+    c.origin[p], c.origin[p + 1], c.origin[p + 2] = a, right, left
+    c.origin[q], c.origin[q + 1], c.origin[q + 2] = right, b, left
+    tie(c, p, sides[0], marks[0])
+    tie(c, p + 2, sides[1], marks[1])
+    tie(c, q, sides[2], marks[2])
+    tie(c, q + 1, sides[3], marks[3])
+    tie(c, p + 1, q + 2, False)
+    c.start[a], c.start[right], c.start[left], c.start[b] = p, p + 1, p + 2, q + 1
+
+
+@kernel
+def split(c: HalfEdges, h: int, m: int) -> None:
+    """Put vertex m, whose data the caller has set, on an edge; both faces become two."""
+    g = c.twin[h]
+    mark = c.marked[h]
+    a, b, left = c.origin[h], c.origin[after(h)], c.origin[before(h)]
+    outer, outer_mark = c.twin[after(h)], c.marked[after(h)]
+    inner, inner_mark = c.twin[before(h)], c.marked[before(h)]
+    # the face of h keeps the half up to m, a new face gets the other one
+    p, r = 3 * (h // 3), 3 * c.used[1]
+    c.used[1] += 1
+    c.origin[p], c.origin[p + 1], c.origin[p + 2] = a, m, left
+    c.origin[r], c.origin[r + 1], c.origin[r + 2] = m, b, left
+    tie(c, p + 2, inner, inner_mark)
+    tie(c, r + 1, outer, outer_mark)
+    tie(c, p + 1, r + 2, False)
+    c.start[a], c.start[m], c.start[left], c.start[b] = p, r, p + 2, r + 1
+    if g == -1:
+        tie(c, p, -1, mark)
+        tie(c, r, -1, mark)
+        return
+    # the same for the face of its twin
+    right = c.origin[before(g)]
+    outer, outer_mark = c.twin[before(g)], c.marked[before(g)]
+    inner, inner_mark = c.twin[after(g)], c.marked[after(g)]
+    q, s = 3 * (g // 3), 3 * c.used[1]
+    c.used[1] += 1
+    c.origin[q], c.origin[q + 1], c.origin[q + 2] = b, m, right
+    c.origin[s], c.origin[s + 1], c.origin[s + 2] = m, a, right
+    tie(c, q + 2, outer, outer_mark)
+    tie(c, s + 1, inner, inner_mark)
+    tie(c, q + 1, s + 2, False)
+    tie(c, p, s, mark)
+    tie(c, r, q, mark)
+    c.start[right] = q + 2

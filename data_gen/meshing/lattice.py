@@ -1,0 +1,89 @@
+"""Sampling a field on a lattice of points, which may be jittered and stretched, only near the surface."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.mesh import Vectors
+
+BLOCK = 4  # lattice cells along a side of the blocks that are skipped or evaluated as one
+STEEPEST = 1.6  # assumed bound on the gradient of a field: blocks that cannot hold the surface under it are skipped
+
+
+class Lattice(NamedTuple):
+    """Nodes (p, q, r, 3) and the field's values (p, q, r) there; `spacing` is the length of the lattice's edges."""
+
+    nodes: NDArray[np.float64]
+    values: NDArray[np.float64]
+    spacing: float
+
+
+def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, jitter: float = 0.0,
+           stretch: ArrayLike = (1.0, 1.0, 1.0), turn: Vectors | None = None, open_boundary: bool = False,
+           rng: np.random.Generator) -> Lattice:  # fmt: skip
+    """Evaluate a field on a lattice over a box.
+
+    Parameters
+    ----------
+    lower, upper : corners of the box that has to be covered; with an open boundary the lattice is that box, turned
+    spacing : mean length of the lattice's edges
+    jitter : nodes are moved by up to this share of the spacing, at random
+    stretch : relative edge lengths along the lattice's axes
+    turn : rotation of the lattice's axes about the middle of the box
+    open_boundary : let the surface end at the border of the lattice, instead of closing it there
+    """
+    lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
+    steps = np.asarray(stretch, np.float64)
+    steps = spacing * steps / steps.prod() ** (1 / 3)
+    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    if turn is not None and not open_boundary:
+        half = np.abs(turn.T) @ half
+    nodes = grid(half, steps, cells=BLOCK)
+    if jitter > 0:
+        nodes += rng.uniform(-jitter, jitter, nodes.shape) * steps
+    nodes = (nodes if turn is None else nodes @ turn.T) + middle
+    values = _values(field, nodes, reach=0.5 * STEEPEST * BLOCK * float(np.linalg.norm(steps)) * (1 + jitter))
+    if not open_boundary:
+        boundary = np.ones(values.shape, bool)
+        boundary[1:-1, 1:-1, 1:-1] = False
+        values[boundary] = np.maximum(values[boundary], 0.3 * spacing)
+    return Lattice(nodes, values, spacing)
+
+
+def grid(half: NDArray[np.float64], steps: NDArray[np.float64], *, cells: int = 1) -> NDArray[np.float64]:
+    """Nodes about the origin that cover the box from -half to half, (p, q, r, 3), `steps` apart along the axes.
+
+    cells : along each axis there is a multiple of so many
+    """
+    counts = cells * np.ceil(2 * half / (cells * steps)).astype(int) + 1
+    axes = [step * (np.arange(count) - 0.5 * (count - 1)) for step, count in zip(steps, counts, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def _values(field: Field, nodes: NDArray[np.float64], *, reach: float) -> Values:
+    """Evaluate at the corners of blocks, then everywhere in the blocks that the surface may pass through."""
+    corners = nodes[::BLOCK, ::BLOCK, ::BLOCK]
+    coarse = field(corners.reshape(-1, 3)).reshape(corners.shape[:3])
+    blocks: NDArray[np.int_] = np.array(coarse.shape) - 1
+    near = np.full(tuple(blocks), np.inf)
+    low, high = near.copy(), -near
+    for a in (0, 1):
+        for b in (0, 1):
+            for c in (0, 1):
+                part = coarse[a : a + blocks[0], b : b + blocks[1], c : c + blocks[2]]
+                np.minimum(near, np.abs(part), out=near)
+                np.minimum(low, part, out=low)
+                np.maximum(high, part, out=high)
+    active = (near < reach) | ((low < 0) & (high >= 0))
+    spread = active.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
+    wanted = np.zeros(nodes.shape[:3], bool)
+    for a in (0, 1):
+        for b in (0, 1):
+            for c in (0, 1):
+                wanted[a : a + spread.shape[0], b : b + spread.shape[1], c : c + spread.shape[2]] |= spread
+    last = [slice(0, count) for count in nodes.shape[:3]]
+    values = coarse.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)[tuple(last)].copy()
+    values[wanted] = field(nodes[wanted])
+    return values

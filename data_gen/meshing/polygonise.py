@@ -1,0 +1,228 @@
+"""From a field on a lattice to triangles: marching cubes, and dual contouring, in which sharp edges are real edges.
+
+Both begin with the same crossings of the surface and the lattice's edges. Marching cubes makes them its vertices. Dual
+contouring puts one vertex into each sheet of surface within a cell, where the planes at the sheet's crossings meet
+(Ju et al. 2002), and one quadrangle around each crossing; a cell with two sheets gets two vertices (Nielson 2004), so
+that the result is a manifold nearly always.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cascadenorm.data_gen.meshing.lattice import Lattice
+from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
+
+FLAT = 0.08  # planes whose scatter has an eigenvalue below this share of the largest count as one plane, or one edge
+SNAP = 0.02  # values closer to zero than this share of the spacing are pushed away, so that crossings stay off nodes
+
+
+class NoSurfaceError(ValueError):
+    """The field has no surface within the lattice."""
+
+
+class Crossings(NamedTuple):
+    """Where lattice edges pierce the surface, and the triangles of marching cubes over these points."""
+
+    points: Vectors
+    triangles: NDArray[np.int32]
+    nodes: NDArray[np.int64]  # (n, 3) lower end of each crossing's lattice edge
+    axes: NDArray[np.int64]  # (n,) its axis; -1 for the rare extra point inside a cell
+    rising: NDArray[np.bool_]  # (n,) whether the field rises along it
+    cells: NDArray[np.int64]  # (m, 3) cell of each triangle
+
+
+def gradients(field: Field, points: Vectors, *, step: float) -> Vectors:
+    """Gradients by differences over a tetrahedron (four values a point)."""
+    corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+    shifted = points[None] + step * corners[:, None]
+    values = field(shifted.reshape(-1, 3)).reshape(4, -1)
+    return np.asarray(values.T @ corners / (4 * step))
+
+
+def projected(field: Field, points: Vectors, *, size: float, reach: float = 1.0, steps: int = 2) -> Vectors:
+    """Move points along the gradient to where the field vanishes.
+
+    Parameters
+    ----------
+    size : a length that is small against the shape, and far larger than what differences are taken over
+    reach : of each step at most, in sizes
+    """
+    for _ in range(steps):
+        slope = gradients(field, points, step=1e-3 * size)
+        square = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.05)
+        move = -(field(points) / square)[:, None] * slope
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        points = points + move * np.minimum(1, reach * size / np.maximum(length, 1e-300))
+    return points
+
+
+def marching_cubes(field: Field, lattice: Lattice) -> Mesh:
+    """Triangles over the crossings of the surface with the lattice's edges."""
+    crossings = find_crossings(field, lattice)
+    return Mesh(crossings.points, crossings.triangles)
+
+
+def dual_contouring(field: Field, lattice: Lattice) -> Mesh:
+    """Triangles with a vertex for each piece of surface in a cell, on the shape's edge or corner if one is there."""
+    crossings = find_crossings(field, lattice)
+    sheets, count = _sheets(crossings)
+    normals = unit(gradients(field, crossings.points, step=1e-4 * lattice.spacing))
+    corner = np.unique(sheets[:, None] * np.int64(len(crossings.points)) + crossings.triangles)
+    sheet, crossing = np.divmod(corner, len(crossings.points))
+    on_edge = crossings.axes[crossing] >= 0
+    sheet, crossing = sheet[on_edge], crossing[on_edge]
+    vertices, _ = meeting_points(crossings.points[crossing], normals[crossing], sheet, count, reach=lattice.spacing)
+    quads = _quads(crossings, sheets)
+    return Mesh(vertices, _split(field, vertices, quads))
+
+
+def off_nodes(values: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Push values at the nodes of a lattice away from zero, so that no crossing is at a node."""
+    limit = SNAP * spacing
+    return np.where(values >= 0, np.maximum(values, limit), np.minimum(values, -limit))
+
+
+def find_crossings(field: Field, lattice: Lattice) -> Crossings:
+    """Run marching cubes on the lattice, then find each crossing on its edge exactly."""
+    from skimage.measure import marching_cubes as march
+
+    values = lattice.values
+    pushed = off_nodes(values, lattice.spacing)
+    if not pushed.min() < 0 < pushed.max():
+        raise NoSurfaceError("the field has one sign all over the lattice")
+    clipped = np.clip(pushed, -4 * lattice.spacing, 4 * lattice.spacing)
+    found, triangles, _, _ = march(clipped, 0.0)  # type: ignore[no-untyped-call]
+    found = found.astype(np.float64)
+    cells = np.floor(found[triangles].mean(axis=1)).astype(np.int64)
+
+    nodes = np.floor(found).astype(np.int64)
+    part = found - nodes
+    inner = (part > 1e-4) & (part < 1 - 1e-4)
+    axes = np.where(inner.sum(axis=1) == 1, inner.argmax(axis=1), -1)
+    nodes = np.where(inner, nodes, np.round(found).astype(np.int64))
+    ends = nodes + (np.arange(3) == axes[:, None])
+    low, high = values[tuple(nodes.T)], values[tuple(ends.T)]
+    start, stop = lattice.nodes[tuple(nodes.T)], lattice.nodes[tuple(ends.T)]
+    points = start + _roots(field, start, stop, low, high)[:, None] * (stop - start)
+    inside = axes < 0
+    if inside.any():
+        points[inside] = _interpolated(lattice, found[inside])
+    rising = low < high
+    orientation = np.einsum("ij,ij->i", *_facing(lattice, points, triangles, cells))
+    return Crossings(points, triangles if orientation.sum() > 0 else triangles[:, ::-1], nodes, axes, rising, cells)
+
+
+def _facing(
+    lattice: Lattice, points: Vectors, triangles: NDArray[np.int32], cells: NDArray[np.int64]
+) -> tuple[Vectors, Vectors]:
+    """Area vectors of the triangles, and the direction in which the values rise across their cells."""
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    rise = np.zeros((len(triangles), 3))
+    for corner in np.ndindex(2, 2, 2):
+        at = tuple((cells + corner).T)
+        rise += np.sign(lattice.values[at])[:, None] * (lattice.nodes[at] - lattice.nodes[tuple(cells.T)])
+    middle = sum(lattice.nodes[tuple((cells + corner).T)] for corner in np.ndindex(2, 2, 2)) / 8
+    signs = sum(np.sign(lattice.values[tuple((cells + corner).T)]) for corner in np.ndindex(2, 2, 2))
+    rise -= np.asarray(signs)[:, None] * (middle - lattice.nodes[tuple(cells.T)])
+    return np.cross(b - a, c - a), rise
+
+
+def _roots(field: Field, start: Vectors, stop: Vectors, low: Values, high: Values) -> Values:
+    """Share of the way from start to stop at which the field vanishes, by the Illinois rule of false position."""
+    share = np.clip(low / np.where(low == high, 1.0, low - high), 0, 1)
+    open_ = np.flatnonzero((low < 0) != (high < 0))
+    left, right, low, high = np.zeros(len(open_)), np.ones(len(open_)), low[open_], high[open_]
+    side = np.zeros(len(open_), np.int8)
+    for _ in range(12):
+        at = share[open_]
+        value = field(start[open_] + at[:, None] * (stop - start)[open_])
+        lower = (value < 0) == (low < 0)
+        high = np.where(lower & (side == 1), 0.5 * high, np.where(lower, high, value))
+        low = np.where(~lower & (side == -1), 0.5 * low, np.where(lower, value, low))
+        left, right = np.where(lower, at, left), np.where(lower, right, at)
+        side[:] = np.where(lower, 1, -1)
+        share[open_] = left + (right - left) * low / np.where(low == high, 1.0, low - high)
+        rough = np.abs(value) > 1e-7
+        open_, side = open_[rough], side[rough]
+        left, right, low, high = left[rough], right[rough], low[rough], high[rough]
+        if len(open_) == 0:
+            break
+    return np.clip(share, 0, 1)
+
+
+def _interpolated(lattice: Lattice, at: Vectors) -> Vectors:
+    """Positions between nodes, trilinear."""
+    low = np.floor(at).astype(np.int64)
+    part = at - low
+    total = np.zeros(at.shape)
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.where(corner, part, 1 - part).prod(axis=1)
+        total += weight[:, None] * lattice.nodes[tuple((low + corner).T)]
+    return total
+
+
+def _sheets(crossings: Crossings) -> tuple[NDArray[np.int32], int]:
+    """Number the pieces of surface: triangles of one cell that are connected."""
+    triangles, cells = crossings.triangles, crossings.cells
+    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    keys = sides[:, 0].astype(np.int64) * len(crossings.points) + sides[:, 1]
+    order = np.argsort(keys, kind="stable")
+    same = keys[order][1:] == keys[order][:-1]
+    first, second = order[:-1][same] // 3, order[1:][same] // 3
+    together = (cells[first] == cells[second]).all(axis=1)
+    links = (np.ones(together.sum(), np.int8), (first[together], second[together]))
+    graph = sparse.coo_matrix(links, (len(triangles), len(triangles)))
+    count, labels = sparse.csgraph.connected_components(graph, directed=False)
+    return labels, int(count)
+
+
+def meeting_points(
+    points: Vectors, normals: Vectors, group: NDArray[np.int64], count: int, *, reach: float
+) -> tuple[Vectors, NDArray[np.int64]]:
+    """Point of each group with the least squared distance to its planes, and the rank of the planes (3: a corner).
+
+    Planes are given by a point and a unit normal. Of all least points the one nearest to the mean of the group's points
+    is taken, and no further than `reach` from it.
+    """
+    number = np.maximum(np.bincount(group, minlength=count), 1)[:, None]
+    mean = scatter_add(group, points, count) / number
+    gap = np.einsum("ij,ij->i", normals, points - mean[group])
+    scatter = scatter_add(group, normals[:, :, None] * normals[:, None, :], count)
+    right = scatter_add(group, normals * gap[:, None], count)
+    size, axes = np.linalg.eigh(scatter)
+    keep = size > FLAT * size[:, 2:]
+    inverse = np.divide(1, size, out=np.zeros_like(size), where=keep)
+    move = np.einsum("nij,nj,nkj,nk->ni", axes, inverse, axes, right)
+    length = np.linalg.norm(move, axis=1, keepdims=True)
+    return mean + move * np.minimum(1, reach / np.maximum(length, 1e-300)), keep.sum(axis=1)
+
+
+def _quads(crossings: Crossings, sheets: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The four sheets around each crossing, in order; crossings at the border of the lattice have none."""
+    quads = np.full((len(crossings.points), 2, 2), -1, np.int32)
+    vertex = crossings.triangles.ravel()
+    cell, sheet = np.repeat(crossings.cells, 3, axis=0), np.repeat(sheets, 3)
+    axis = crossings.axes[vertex]
+    step = cell - crossings.nodes[vertex] + 1  # 0 below the edge, 1 above it
+    rows = np.arange(len(vertex))
+    u, v = step[rows, (axis + 1) % 3], step[rows, (axis + 2) % 3]
+    proper = axis >= 0
+    quads[vertex[proper], u[proper], v[proper]] = sheet[proper]
+    ring = np.stack([quads[:, 0, 0], quads[:, 1, 0], quads[:, 1, 1], quads[:, 0, 1]], axis=1)
+    ring = np.where(crossings.rising[:, None], ring, ring[:, ::-1])
+    return ring[(crossings.axes >= 0) & (ring >= 0).all(axis=1)]
+
+
+def _split(field: Field, vertices: Vectors, quads: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Cut quadrangles along the diagonal whose middle is nearer to the surface, of two alike the shorter."""
+    a, b, c, d = np.moveaxis(vertices[quads], 1, 0)
+    miss = [np.abs(field(0.5 * (p + q))) for p, q in ((a, c), (b, d))]
+    length = [np.linalg.norm(p - q, axis=1) for p, q in ((a, c), (b, d))]
+    cost = [m + 1e-3 * l for m, l in zip(miss, length, strict=True)]
+    first = (cost[0] <= cost[1])[:, None]
+    triangles = np.where(first, quads[:, [0, 1, 2, 0, 2, 3]], quads[:, [0, 1, 3, 1, 2, 3]])
+    return triangles.reshape(-1, 3)

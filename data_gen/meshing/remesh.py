@@ -1,0 +1,278 @@
+"""Passes over an editable mesh: split long edges, collapse short ones, flip, and let vertices slide on the surface."""
+
+from typing import Literal
+
+import numpy as np
+
+from cascadenorm.data_gen.meshing.half_edges import (
+    CORNER,
+    CREASE,
+    RING,
+    SMOOTH,
+    HalfEdges,
+    after,
+    area_vector,
+    before,
+    collapse,
+    collapse_keeps_manifold,
+    distance,
+    flip,
+    joined,
+    leaving,
+    shape,
+    split,
+)
+from cascadenorm.mesh import Floats, Ints, Vectors, kernel
+from cascadenorm.mesh.vectors import add, dot, length
+
+LONG, SHORT = 4 / 3, 4 / 5  # bounds around the target length (Botsch and Kobbelt 2004)
+THIN = 0.06  # triangles of less quality than this are mended
+TINY = 0.12  # edges shorter than this share of the target are noise of the polygoniser, even along creases
+
+
+def split_long(half_edges: HalfEdges, *, bound: float = LONG) -> None:
+    """Halve edges longer than `bound` target lengths, as long as there is room."""
+    _split_long(half_edges, bound)
+
+
+def collapse_short(half_edges: HalfEdges, *, bound: float = SHORT) -> None:
+    """Remove edges shorter than `bound` target lengths where neither creases nor the surface suffer."""
+    _collapse_short(half_edges, bound)
+
+
+def flip_edges(half_edges: HalfEdges, *, rule: Literal["valence", "delaunay"]) -> None:
+    """Flip unmarked, nearly flat edges: towards six neighbours a vertex, or towards larger angles."""
+    _flip_edges(half_edges, rule == "valence")
+
+
+def mend(half_edges: HalfEdges) -> None:
+    """Remove triangles of nearly no area: needles by a collapse, flat ones by a flip of their long side."""
+    for _ in range(4):
+        if not _mend(half_edges):
+            return
+
+
+def slide(half_edges: HalfEdges, *, share: float) -> None:
+    """Move smooth vertices in their tangent plane, crease ones along the crease, towards their neighbours' middle."""
+    half_edges.points[:] = _slide(half_edges, share)
+
+
+@kernel
+def _split_long(c: HalfEdges, bound: float) -> None:
+    face = 0
+    while face < c.used[1]:
+        h, longest = -1, bound
+        if c.origin[3 * face] != -1:
+            for k in range(3 * face, 3 * face + 3):
+                a, b = c.origin[k], c.origin[after(k)]
+                relative = distance(c.points[a], c.points[b]) / (0.5 * (c.length[a] + c.length[b]))
+                if relative > longest:
+                    h, longest = k, relative
+        # a face whose edges are short enough is done; one that was split is looked at again
+        if h == -1:
+            face += 1
+            continue
+        if 3 * c.used[1] + 6 > len(c.origin) or c.used[0] == len(c.points):
+            return
+        # the new vertex halves the edge, and lies on a crease if the edge does
+        a, b, m = c.origin[h], c.origin[after(h)], c.used[0]
+        c.used[0] += 1
+        for k in range(3):
+            c.points[m, k] = 0.5 * (c.points[a, k] + c.points[b, k])
+        c.length[m] = 0.5 * (c.length[a] + c.length[b])
+        c.kind[m] = SMOOTH if not c.marked[h] else (CORNER if c.twin[h] == -1 else CREASE)
+        split(c, h, m)
+
+
+@kernel
+def _collapse_short(c: HalfEdges, bound: float) -> None:
+    ring, other = np.empty(RING, np.int64), np.empty(RING, np.int64)
+    for k in range(3 * c.used[1]):
+        h = k
+        if c.origin[h] == -1 or c.twin[h] == -1:
+            continue
+        a, b = c.origin[h], c.origin[after(h)]
+        target = 0.5 * (c.length[a] + c.length[b])
+        size = distance(c.points[a], c.points[b])
+        if size >= bound * target:
+            continue
+        # the vertex that is held more stays; one that is held goes along its crease alone, or where it coincides with b
+        if c.kind[a] > c.kind[b]:
+            h = c.twin[h]
+            a, b = b, a
+        held = c.kind[a] == CORNER or (c.kind[a] == CREASE and not c.marked[h])
+        if held and size > TINY * target:
+            continue
+        if not collapse_keeps_manifold(c, h, ring, other):
+            continue
+
+        # to the middle of the edge, or to the one that is held
+        middle = 0.5 if c.kind[a] == c.kind[b] else 1.0
+        place = c.points[a] + middle * (c.points[b] - c.points[a])
+        longest = LONG * target if bound > 0.5 else 1e300
+        if faces_survive(c, a, b, place, longest, ring) and faces_survive(c, b, a, place, longest, ring):
+            collapse(c, h, ring)
+            c.points[b] = place
+
+
+@kernel
+def faces_survive(c: HalfEdges, v: int, gone: int, place: Floats, longest: float, ring: Ints) -> bool:
+    """Whether the faces around v, but for those with `gone`, keep their side and shape when v moves to place."""
+    count, _ = leaving(c, v, ring)
+    for i in range(count):
+        p, q = c.origin[after(ring[i])], c.origin[before(ring[i])]
+        if p == gone or q == gone:
+            continue
+        if distance(place, c.points[p]) > longest:
+            return False
+        old, new = area_vector(c.points[v], c.points[p], c.points[q]), area_vector(place, c.points[p], c.points[q])
+        quality = shape(c.points[v], c.points[p], c.points[q])
+        if quality > 0.05 and dot(old, new) < 0.8 * length(old) * length(new):
+            return False
+        if shape(place, c.points[p], c.points[q]) < min(0.2, quality):
+            return False
+    return True
+
+
+@kernel
+def _flip_edges(c: HalfEdges, by_valence: bool) -> None:
+    ring = np.empty(RING, np.int64)
+    for h in range(3 * c.used[1]):
+        g = c.twin[h]
+        if c.origin[h] == -1 or g < h or c.marked[h]:
+            continue
+        a, b = c.origin[h], c.origin[after(h)]
+        left, right = c.origin[before(h)], c.origin[before(g)]
+        pa, pb, pl, pr = c.points[a], c.points[b], c.points[left], c.points[right]
+        one, other = area_vector(pa, pb, pl), area_vector(pb, pa, pr)
+        worst = min(shape(pa, pb, pl), shape(pb, pa, pr))
+        if worst > 0.05 and dot(one, other) < 0.9 * np.sqrt(dot(one, one) * dot(other, other)):
+            continue
+        new_worst = min(shape(pa, pr, pl), shape(pr, pb, pl))
+        # towards six neighbours, four at a boundary, or for the better of the two triangles
+        if by_valence:
+            gain = 0
+            for vertex, change in ((a, -1), (b, -1), (left, 1), (right, 1)):
+                count, closed = leaving(c, vertex, ring)
+                goal = 6 if closed else 3
+                gain += (count - goal) ** 2 - (count + change - goal) ** 2
+                if count + change < 3:
+                    gain = -99
+            if gain <= 0 or new_worst < min(0.35, worst):
+                continue
+        elif new_worst <= worst + 1e-9 or leaving(c, a, ring)[0] < 5 or leaving(c, b, ring)[0] < 5:
+            continue
+        whole = add(one, other)
+        keeps_side = dot(area_vector(pa, pr, pl), whole) > 0 and dot(area_vector(pr, pb, pl), whole) > 0
+        if keeps_side and not joined(c, left, right, ring):
+            flip(c, h)
+
+
+@kernel
+def _parted(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
+    """Move a, which lies upon b and cannot be merged with it, a little along its longest edge."""
+    count, closed = leaving(c, a, ring)
+    longest, far = 0.0, -1
+    for i in range(count):
+        w = c.origin[after(ring[i])]
+        size = distance(c.points[a], c.points[w])
+        if size > longest:
+            longest, far = size, w
+    if not closed or far == -1 or distance(c.points[a], c.points[b]) > 0.02 * longest:
+        return False
+    c.points[a] += 0.3 * (c.points[far] - c.points[a])
+    return True
+
+
+@kernel
+def _mend(c: HalfEdges) -> int:
+    ring, other = np.empty(RING, np.int64), np.empty(RING, np.int64)
+    mended = 0
+    for face in range(c.used[1]):
+        h = 3 * face
+        if c.origin[h] == -1:
+            continue
+        if shape(c.points[c.origin[h]], c.points[c.origin[h + 1]], c.points[c.origin[h + 2]]) > THIN:
+            continue
+        # a triangle without area: either its shortest edge goes, or its longest one is flipped
+        short, long = h, h
+        for k in range(h, h + 3):
+            size = distance(c.points[c.origin[k]], c.points[c.origin[after(k)]])
+            if size < distance(c.points[c.origin[short]], c.points[c.origin[after(short)]]):
+                short = k
+            if size >= distance(c.points[c.origin[long]], c.points[c.origin[after(long)]]):
+                long = k
+        a, b = c.origin[short], c.origin[after(short)]
+        longest = distance(c.points[c.origin[long]], c.points[c.origin[after(long)]])
+        # a needle: merge the two vertices that are close, or move one of them away
+        if distance(c.points[a], c.points[b]) < 0.2 * longest and c.twin[short] != -1:
+            if c.kind[a] > c.kind[b]:
+                short = c.twin[short]
+                a, b = b, a
+            if collapse_keeps_manifold(c, short, ring, other) and faces_survive(c, a, b, c.points[b], 1e300, ring):
+                collapse(c, short, ring)
+                mended += 1
+                continue
+            if _parted(c, a, b, ring):
+                mended += 1
+                continue
+        g = c.twin[long]
+        if g == -1:
+            continue
+        a, b, left, right = c.origin[long], c.origin[after(long)], c.origin[before(long)], c.origin[before(g)]
+        pa, pb, pl, pr = c.points[a], c.points[b], c.points[left], c.points[right]
+        beyond = area_vector(pb, pa, pr)
+        least = min(dot(beyond, area_vector(pa, pr, pl)), dot(beyond, area_vector(pr, pb, pl)))
+        if least <= 0 or joined(c, left, right, ring):
+            continue
+        if leaving(c, a, ring)[0] < 4 or leaving(c, b, ring)[0] < 4:
+            continue
+        # a cap: flip its longest edge, since the faces that come out lie on the right side
+        mark, p, q = c.marked[long], 3 * (long // 3), 3 * (g // 3)
+        flip(c, long)
+        if mark:  # the crease goes on along the two short sides, through the vertex that was beside it
+            for k in (p + 2, q + 1):
+                c.marked[k] = True
+                if c.twin[k] != -1:
+                    c.marked[c.twin[k]] = True
+            c.kind[left] = max(c.kind[left], CREASE)
+        mended += 1
+    return mended
+
+
+@kernel
+def _slide(c: HalfEdges, share: float) -> Vectors:
+    ring = np.empty(RING, np.int64)
+    moved = c.points.copy()
+    for v in range(c.used[0]):
+        if c.start[v] == -1 or c.kind[v] == CORNER:
+            continue
+        count, _ = leaving(c, v, ring)
+        p = c.points[v]
+        # towards the area-weighted mean of the centroids around; on a crease, of the neighbours on it
+        goal, normal, total = np.zeros(3), np.zeros(3), 0.0
+        for i in range(count):
+            q, r = c.points[c.origin[after(ring[i])]], c.points[c.origin[before(ring[i])]]
+            if c.kind[v] == CREASE:
+                if c.marked[ring[i]]:
+                    normal += (q - p) * (1.0 if total == 0.0 else -1.0)
+                    goal += q - p
+                    total += 1.0
+                continue
+            vector = area_vector(p, q, r)
+            normal += np.array(vector)
+            area = length(vector)
+            wanted = 0.5 * (c.length[c.origin[after(ring[i])]] + c.length[c.origin[before(ring[i])]])
+            area /= max(wanted, 1e-300) ** 2
+            goal += area * ((q + r) / 3 - 2 * p / 3)
+            total += area
+        size = np.sqrt((normal * normal).sum())
+        if total == 0.0 or size == 0.0:
+            continue
+
+        # within the tangent plane, or along the crease
+        goal *= share / total
+        normal /= size
+        along = (goal * normal).sum()
+        moved[v] += along * normal if c.kind[v] == CREASE else goal - along * normal
+    return moved

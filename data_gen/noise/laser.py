@@ -1,0 +1,38 @@
+"""Error of a laser scanner: along the view, correlated over one or two steps of the grid."""
+
+import numpy as np
+
+from cascadenorm.data_gen.noise.sensor import blurred, neighbor_means
+from cascadenorm.mesh import Mesh, Vectors
+
+LEVELS = 0.04, 0.25  # standard deviation in mean edge lengths
+MOST_WHITE = 0.6  # share of the variance that differs from one vertex to the next
+STEEPEST = 0.2  # cosine between view and normal; steeper parts err as this one does
+
+
+def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
+    """Displace the vertices of a sheet along the direction of view, which is its mean normal.
+
+    The errors of triangulating scanners grow where the surface is steep, and neighbouring samples share part of the
+    laser stripe (Curless, Levoy 1995).
+
+    Parameters
+    ----------
+    mesh
+        Sheet with n vertices seen from one side.
+    deviation
+        Root mean square of the error, in mesh units.
+
+    Returns
+    -------
+    (n, 3) displacements, parallel rows.
+    """
+    mean = mesh.area_vectors.sum(axis=0)
+    toward = mean / max(float(np.linalg.norm(mean)), np.finfo(float).tiny)
+    white = rng.normal(size=len(mesh.vertices))
+    share = rng.uniform(0, MOST_WHITE)
+    wide = blurred(rng.normal(size=len(white)), neighbor_means(mesh), int(rng.choice([1, 2], p=[2 / 3, 1 / 3])))
+    error = np.sqrt(share) * white + np.sqrt(1 - share) * wide / wide.std()
+    error *= np.maximum(mesh.vertex_normals @ toward, STEEPEST) ** -rng.uniform(0, 1)
+    error *= deviation / np.sqrt(np.mean(error**2))
+    return np.asarray(error[:, None] * toward)

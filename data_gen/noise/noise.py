@@ -1,0 +1,145 @@
+"""Noise on vertices: along normals, in all directions, impulsive, uniform, varying, correlated, quantised, mixed."""
+
+from collections.abc import Callable
+from typing import Literal, get_args
+
+import numpy as np
+
+from cascadenorm.data_gen.noise.laser import laser_displacements
+from cascadenorm.data_gen.noise.sensor import blurred, neighbor_means, sensor_displacements
+from cascadenorm.data_gen.shapes.fields import Values
+from cascadenorm.data_gen.shapes.patterns import noise as drift
+from cascadenorm.data_gen.shapes.placement import random_rotation
+from cascadenorm.mesh import Mesh, Vectors
+
+WIDEST = 40  # averages over neighbours of correlated noise, which reaches over some eight edges then
+WHITE_SHARE = 0.15, 0.8  # of the deviation of correlated noise: white noise on top
+FINEST = 0.25  # mean edge lengths: deviation of rounding at most, or triangles collapse
+
+NoiseKind = Literal[
+    "normal",
+    "gaussian",
+    "uniform",
+    "impulsive",
+    "varying",
+    "mixed",
+    "correlated",
+    "quantised",
+    "sensor",
+    "laser",
+    "none",
+]
+"""What noise is like.
+
+`normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat.
+`impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
+`mixed`: two. `correlated`: spatially correlated over several edges, along normals or in each coordinate, with white
+noise on top: an error without any noise at the finest scale could not be told from shape. `quantised`: coordinates
+rounded to a lattice. `sensor`: the error of a depth camera, for sheets seen from one side. `laser`: that of a laser
+scanner. `none`: none.
+"""
+
+
+def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.Generator) -> Vectors:
+    """Draw noise for the vertices of a mesh.
+
+    Parameters
+    ----------
+    kind : see NoiseKind
+    level : standard deviation in mean edge lengths: along the normal, or of each coordinate; of impulsive noise that
+        of the vertices that it hits
+
+    Returns
+    -------
+    (n, 3) float64
+    """
+    if kind not in _KINDS:
+        raise ValueError(f"noise kind is {kind!r}; it must be one of {', '.join(get_args(NoiseKind))}")
+    if not level >= 0:
+        raise ValueError(f"noise level is {level}; it must be at least 0, in mean edge lengths")
+    return _KINDS[kind](mesh, level * mesh.mean_edge_length, rng)
+
+
+def _along_normals(mesh: Mesh, sizes: Values) -> Vectors:
+    return np.asarray(sizes[:, None] * mesh.vertex_normals)
+
+
+def _normal(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return _along_normals(mesh, rng.normal(scale=deviation, size=len(mesh.vertices)))
+
+
+def _gaussian(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return rng.normal(scale=deviation, size=mesh.vertices.shape)
+
+
+def _uniform(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    half = np.sqrt(3) * deviation
+    return rng.uniform(-half, half, mesh.vertices.shape)
+
+
+def _impulsive(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    hit = rng.random(len(mesh.vertices)) < rng.uniform(0.05, 0.6)
+    if rng.random() < 0.5:
+        return _normal(mesh, deviation, rng) * hit[:, None]
+    return _gaussian(mesh, deviation, rng) * hit[:, None]
+
+
+def _varying(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    pattern = drift(wavelength=float(rng.uniform(0.2, 0.8)) * mesh.diagonal, rng=rng)
+    factor = np.exp(2 * pattern(mesh.vertices))
+    return _along_normals(mesh, factor / np.sqrt(np.mean(factor**2)) * rng.normal(scale=deviation, size=len(factor)))
+
+
+def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    share = rng.uniform(0.2, 0.8)
+    kinds = (_normal, _gaussian, _uniform, _impulsive, _varying)
+    first, second = (kinds[k] for k in rng.choice(len(kinds), 2, replace=False))
+    total = np.sqrt(share) * first(mesh, deviation, rng) + np.sqrt(1 - share) * second(mesh, deviation, rng)
+    return np.asarray(total)
+
+
+def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    """White noise averaged over neighbours up to WIDEST times, scaled back to its deviation."""
+    along = bool(rng.random() < 0.6)
+    white = rng.normal(size=(len(mesh.vertices), 1 if along else 3))
+    spread = blurred(white, neighbor_means(mesh), round(float(WIDEST ** rng.random())))
+    spread *= deviation / np.sqrt(np.mean(spread**2))
+    error = spread * mesh.vertex_normals if along else spread
+    return np.asarray(error + _normal(mesh, float(rng.uniform(*WHITE_SHARE)) * deviation, rng))
+
+
+def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    """Rounding to a lattice, turned and shifted at random, whose spacing is √12 deviations."""
+    spacing = np.sqrt(12) * min(deviation, FINEST * mesh.mean_edge_length)
+    if spacing == 0:
+        return np.zeros(mesh.vertices.shape)
+    turn, shift = random_rotation(rng=rng), rng.random(3)
+    nodes = mesh.vertices @ turn / spacing + shift
+    return np.asarray(spacing * (np.round(nodes) - nodes) @ turn.T)
+
+
+def _sensor(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return sensor_displacements(mesh, deviation, rng=rng)
+
+
+def _laser(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return laser_displacements(mesh, deviation, rng=rng)
+
+
+def _none(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
+    return np.zeros(mesh.vertices.shape)
+
+
+_KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] = {
+    "normal": _normal,
+    "gaussian": _gaussian,
+    "uniform": _uniform,
+    "impulsive": _impulsive,
+    "varying": _varying,
+    "mixed": _mixed,
+    "correlated": _correlated,
+    "quantised": _quantised,
+    "sensor": _sensor,
+    "laser": _laser,
+    "none": _none,
+}

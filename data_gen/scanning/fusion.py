@@ -1,0 +1,125 @@
+"""Scans as out of a volume into which depth images were fused: stairs, slivers, and the error in the triangles too."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+from scipy.spatial.transform import Rotation
+
+from cascadenorm.data_gen.meshing.lattice import grid
+from cascadenorm.data_gen.meshing.polygonise import gradients, off_nodes, projected
+from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError
+from cascadenorm.data_gen.noise.sensor import camera_errors
+from cascadenorm.data_gen.scanning.measured import Measured
+from cascadenorm.data_gen.scanning.views import DISTANCES, FEWEST, DepthImage, depth_image, largest_sheets
+from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.data_gen.shapes.placement import random_rotation
+from cascadenorm.mesh import Mesh, Vectors, angles_between, unit
+
+LIT = 0.45, 0.85  # share of a closed surface that cameras on one side of it, or all around, see, about
+IMAGES = 8  # at most, from one side; from all around at least, and at most twice as many
+TURNED = np.pi / 3  # angle between the cameras on one side and the middle one of them, at most
+FOLDED = np.radians(5)  # mean angle between the clean mesh and the surface under it, at most
+
+
+def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
+    """Fuse what cameras on one side or all around measure of a field (Curless, Levoy 1996; Newcombe et al. 2011).
+
+    Unlike noise on the vertices of a mesh, the error decides where triangles are: vertices stay on the edges of the
+    lattice, and those of a sliver err alike.
+
+    Parameters
+    ----------
+    faces : about so many, which give the spacing of the lattice
+    level : deviation of the error of an image from one pixel to the next, in spacings of the lattice; half of that all
+        around, since where many images meet the surface folds
+
+    Raises
+    ------
+    UnfitShapeError
+        Little is seen, or the detail of the shape drowns in the error or between the nodes.
+    """
+    around = bool(rng.random() < 0.5)
+    spacing = float(np.sqrt(2.3 * LIT[around] * extent.area / faces))
+    step = spacing * float(rng.uniform(0.6, 1.6))
+    deviation = level * spacing * (0.5 if around else 1.0)
+    truncation = spacing * float(rng.uniform(2.5, 5)) + 2 * deviation
+    distance = float(rng.choice(DISTANCES))
+    facing = random_rotation(rng=rng)
+    spread = np.pi if around else float(rng.uniform(0, TURNED))
+    smooth = bool(rng.random() < 0.5)
+    images = []
+    for _ in range(round(IMAGES * 2 ** rng.random() if around else IMAGES ** rng.random())):
+        turn = facing @ _tilt(spread, rng=rng)
+        image = depth_image(field, extent.middle, turn, distance=distance, step=step)
+        images.append((image, _measured(image, deviation, rng=rng)))
+
+    turn = facing if rng.random() < 0.5 else random_rotation(rng=rng)
+    half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + 2 * spacing
+    nodes = grid(half, np.full(3, spacing)) @ turn.T + extent.middle
+    noisy = _meshed(_distances(images, nodes, truncation=truncation, smooth=smooth), nodes, spacing)
+    clean = noisy.moved(projected(field, noisy.vertices, size=spacing, reach=np.inf, steps=6))
+    true = unit(gradients(field, clean.centroids, step=1e-3 * spacing))
+    if angles_between(clean.face_normals, true).mean() > FOLDED:
+        raise UnfitShapeError("the clean mesh is not that of the shape")
+    return Measured(noisy, clean, clean.face_normals)
+
+
+def _tilt(spread: float, *, rng: np.random.Generator) -> Vectors:
+    """Rotation that rolls about z and tilts z by up to an angle, uniform over that part of the sphere."""
+    tilt = np.arccos(1 - rng.random() * (1 - np.cos(spread)))
+    around, roll = rng.uniform(0, 2 * np.pi, 2)
+    axis = tilt * np.array([np.cos(around), np.sin(around), 0.0])
+    return np.asarray(Rotation.from_rotvec(axis).as_matrix() @ Rotation.from_rotvec([0, 0, roll]).as_matrix())
+
+
+def _measured(image: DepthImage, deviation: float, *, rng: np.random.Generator) -> Values:
+    """Depths with the error of a camera, (p * p,), or NaN."""
+    faces = image.faces
+    if len(faces) < FEWEST:
+        raise UnfitShapeError("a camera sees next to nothing")
+    pixels, corners = np.unique(faces, return_inverse=True)
+    measured = np.full(image.depth.shape, np.nan)
+    sheet = Mesh(image.points[pixels], corners.reshape(-1, 3))
+    measured[pixels] = image.depth[pixels] - camera_errors(image.depth[pixels], sheet, deviation, rng=rng)
+    return measured
+
+
+def _distances(
+    images: list[tuple[DepthImage, Values]], nodes: NDArray[np.float64], *, truncation: float, smooth: bool
+) -> NDArray[np.float64]:
+    """Average over the images of how far nodes are before the surface, (p, q, r); NaN far behind it.
+
+    smooth : depths between pixels are interpolated, not taken from the nearest one
+    """
+    points = nodes.reshape(-1, 3)
+    total, count = np.zeros(len(points)), np.zeros(len(points), np.int64)
+    for image, measured in images:
+        rays = points - image.eye
+        at = rays @ image.turn[:, :2] * (image.distance / -(rays @ image.turn[:, 2]))[:, None]
+        sides, values = (image.pixels, image.pixels), measured.reshape(len(image.pixels), -1)
+        depths = RegularGridInterpolator(sides, values, bounds_error=False, fill_value=np.nan)
+        depth = depths(at, method="nearest")
+        if smooth:
+            between = depths(at)
+            depth = np.where(np.abs(between - depth) > 0.5 * image.gap, np.nan, between)
+        before = depth - np.linalg.norm(rays, axis=1)
+        near = before > -truncation
+        total[near] += np.minimum(before[near], truncation)
+        count[near] += 1
+    distances = np.divide(total, count, out=np.full(len(points), np.nan), where=count > 0)
+    return np.asarray(distances.reshape(nodes.shape[:3]))
+
+
+def _meshed(distances: NDArray[np.float64], nodes: NDArray[np.float64], spacing: float) -> Mesh:
+    """Marching cubes, linear along edges, of the cells whose nodes all have a distance."""
+    from skimage.measure import marching_cubes
+
+    seen = ~np.isnan(distances)
+    values = off_nodes(np.where(seen, distances, spacing), spacing)
+    if values.min() > 0:
+        raise UnfitShapeError("no node is behind the surface")
+    found, faces, _, _ = marching_cubes(values, 0.0)  # type: ignore[no-untyped-call]
+    cells = np.floor(found[faces].mean(axis=1)).astype(np.int64)
+    whole = np.all([seen[tuple((cells + corner).T)] for corner in np.ndindex(2, 2, 2)], axis=0)
+    origin, axes = nodes[0, 0, 0], np.stack([nodes[1, 0, 0], nodes[0, 1, 0], nodes[0, 0, 1]]) - nodes[0, 0, 0]
+    return largest_sheets(origin + found.astype(np.float64) @ axes, faces[whole])

@@ -1,0 +1,168 @@
+"""Surfaces reconstructed from noisy oriented points: screened Poisson reconstruction on a regular grid."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, sparse
+
+from cascadenorm.data_gen.meshing.lattice import grid
+from cascadenorm.data_gen.meshing.polygonise import gradients, projected
+from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, largest_components
+from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.scanning.measured import Measured, beneath
+from cascadenorm.data_gen.scanning.volumes import SMALLEST, marching_cubes
+from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.data_gen.shapes.placement import direction
+from cascadenorm.mesh import Mesh, Vectors, unit
+
+CELLS = 2.3  # faces of marching cubes, for a surface whose area is that of a cell's side
+MARGIN = 6  # cells around the shape
+OUTLIERS = 0.01  # share of the points, at most
+ROUNDS = 12  # of conjugate gradients
+STIFFNESS = 0.05  # of the pull of a point on the grid, at screening 1
+FEWEST, MOST = 1_500, 60_000  # points
+SPARSEST, DENSEST = 0.1, 4.0  # points, in halves of the faces: down to one point for 20 faces
+NOISIER = 0.3  # share of the clouds whose error is up to twice the level
+
+
+def reconstruction(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
+    """Reconstruct a shape from points on it with error in place and normal, some of them outliers.
+
+    Parameters
+    ----------
+    faces : about so many, which give the cells of the grid
+    level : deviation of the points along the normals, in mean distances between points
+
+    Raises
+    ------
+    UnfitShapeError
+        The points hold no closed surface.
+    """
+    cell = float(np.sqrt(CELLS * extent.area / faces))
+    count = int(np.clip(0.5 * faces * np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST))), FEWEST, MOST))
+    if rng.random() < NOISIER:
+        level *= float(rng.uniform(1, 2))
+    points, normals = sampled_points(field, extent.rough, count=count, level=level, size=cell, rng=rng)
+    half = 0.5 * (extent.upper - extent.lower) + MARGIN * cell
+    nodes = grid(half, np.full(3, cell)) + extent.middle
+    screening = float(np.exp(rng.uniform(np.log(0.2), np.log(10))))
+    gap = float(np.sqrt(extent.area / count) / cell)  # between points, in cells
+    width = max(0.6, gap * float(rng.uniform(0.4, 1.0)))
+    volume = poisson(nodes, points, normals, cell=cell, screening=screening, width=width)
+    mesh = marching_cubes(volume)
+    placed = Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces)
+    placed = largest_components(untangled(largest_components(placed, share=SMALLEST)), share=SMALLEST)
+    measured = beneath(field, placed, cell=cell)
+    if (np.abs(measured.normals).max(axis=1) == 0).mean() > 0.2:
+        raise UnfitShapeError("too much of the reconstruction is not near the shape")
+    return measured
+
+
+def sampled_points(
+    field: Field, rough: Mesh, *, count: int, level: float, size: float, rng: np.random.Generator
+) -> tuple[Vectors, Vectors]:
+    """Draw points on a shape as scanners leave them: denser in places, off along the normals, some far off.
+
+    Returns
+    -------
+    two of (n, 3) : points, and unit normals that err by up to some 20 degrees
+    """
+    axis = direction(rng=rng)
+    density = np.exp(float(rng.uniform(0, 1.2)) * (rough.face_normals @ axis))  # one side is seen better
+    weights = rough.areas * density
+    face = rng.choice(len(weights), count, p=weights / weights.sum())
+    weight = rng.dirichlet(np.ones(3), count)
+    points = np.einsum("nk,nkd->nd", weight, rough.vertices[rough.faces[face]])
+    points = projected(field, points, size=size, steps=6)
+    normals = unit(gradients(field, points, step=1e-3 * size))
+    gap = np.sqrt(rough.area / count)
+    points = points + (level * gap * rng.normal(size=count))[:, None] * normals
+    normals = unit(normals + float(rng.uniform(0, 0.35)) * rng.normal(size=normals.shape))
+    astray = rng.random(count) < OUTLIERS * rng.random()
+    points[astray] += 3 * gap * rng.normal(size=(int(astray.sum()), 3))
+    return points, normals
+
+
+def poisson(
+    nodes: NDArray[np.float64], points: Vectors, normals: Vectors, *, cell: float, screening: float, width: float
+) -> NDArray[np.float64]:
+    """Solve for the indicator whose gradient is the field of normals (Kazhdan, Hoppe 2013), on a regular grid.
+
+    It minimises ∫ |∇χ - V|² + screening · Σ χ(p)²: V are the normals, spread over the cells around their points, and
+    the second sum draws the surface, where χ = 0, to the points. Conjugate gradients solve the normal equations; the
+    Laplacian, which the Fourier transform inverts, is the preconditioner.
+
+    Parameters
+    ----------
+    nodes : (p, q, r, 3), `cell` apart
+    points, normals : (n, 3), outward
+    screening : weight of the points against the normals
+    width : deviation of the kernel that spreads the normals, in cells
+
+    Returns
+    -------
+    (p, q, r), above 0.5 inside
+    """
+    shape = nodes.shape[:3]
+    interpolation = _trilinear((points - nodes[0, 0, 0]) / cell, shape)
+    waves = [2 * np.pi * fft.fftfreq(n) for n in shape[:2]] + [2 * np.pi * fft.rfftfreq(shape[2])]
+    waves = [wave.reshape([-1 if d == k else 1 for d in range(3)]) for k, wave in enumerate(waves)]
+    squares = waves[0] ** 2 + waves[1] ** 2 + waves[2] ** 2
+    kernel = np.exp(-0.5 * width**2 * squares)
+
+    def transformed(values: Values) -> NDArray[np.complex128]:
+        return np.asarray(fft.rfftn(values.reshape(shape)))
+
+    def inverse(transform: NDArray[np.complex128]) -> Values:
+        return np.asarray(fft.irfftn(transform, shape).ravel())
+
+    # each point stands for the same area, so that dense regions do not weigh more
+    density = inverse(kernel * transformed(interpolation.T @ np.ones(len(points))))
+    share = 1 / np.maximum(interpolation @ density, 1e-9)
+
+    # V is spread over a layer √(2π) · width thick, across which it integrates to one; its divergence is the right side
+    divergence = np.zeros(squares.shape, np.complex128)
+    for k, wave in enumerate(waves):
+        divergence += 1j * wave * kernel * transformed(interpolation.T @ (-share * normals[:, k]))
+    right = -inverse(divergence / (np.sqrt(2 * np.pi) * width))
+
+    pull = STIFFNESS * screening * share / share.mean()
+
+    def applied(values: Values) -> Values:
+        pulled = interpolation.T @ (pull * (interpolation @ values))
+        return np.asarray(inverse(squares * transformed(values)) + pulled)
+
+    solution = _conjugate_gradients(applied, lambda values: inverse(transformed(values) / (squares + STIFFNESS)), right)
+    return np.asarray(0.5 + (solution - np.median(interpolation @ solution)).reshape(shape))
+
+
+def _conjugate_gradients(
+    applied: Callable[[Values], Values], conditioned: Callable[[Values], Values], right: Values
+) -> Values:
+    """Solve a system in ROUNDS steps from zero, preconditioned by an approximate inverse."""
+    solution, residual = np.zeros(right.size), right
+    search: Values = np.zeros(right.size)
+    product = 1.0
+    for _ in range(ROUNDS):
+        downhill = conditioned(residual)
+        product, before = float(residual @ downhill), product
+        search = downhill + product / before * search
+        image = applied(search)
+        step = product / (search @ image)
+        solution, residual = solution + step * search, residual - step * image
+    return solution
+
+
+def _trilinear(at: Vectors, shape: tuple[int, ...]) -> sparse.csr_array:
+    """Matrix (n, p q r) that interpolates values at nodes to points, given in cells."""
+    low = np.clip(np.floor(at).astype(np.int64), 0, np.array(shape) - 2)
+    part = at - low
+    rows, columns, values = [], [], []
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.prod(np.where(corner, part, 1 - part), axis=1)
+        rows.append(np.arange(len(at)))
+        columns.append(np.ravel_multi_index(tuple((low + corner).T), shape))
+        values.append(weight)
+    size = (len(at), int(np.prod(shape)))
+    return sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=size)

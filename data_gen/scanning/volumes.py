@@ -1,0 +1,207 @@
+"""Surfaces out of volumes of voxels: segmentations, whose error is their steps, and blurred, grainy tomograms."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from cascadenorm.data_gen.meshing.decimate import thinned
+from cascadenorm.data_gen.meshing.lattice import grid
+from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, largest_components
+from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.scanning.measured import Measured, beneath
+from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.placement import direction, random_rotation
+from cascadenorm.detection.segmentation_steps import without_voxel_faces
+from cascadenorm.mesh import Mesh, Vectors, scatter_add
+from cascadenorm.mesh.averages import averaged
+
+Volume = NDArray[np.float64]
+"""(p, q, r), one value a voxel, above 0.5 inside."""
+
+MARGIN = 3  # voxels around the shape
+SMALLEST = 0.05  # share of the faces of the largest component that others have at least: grain makes islands
+STEPPED = 3.2  # faces of marching cubes on a mask, for a surface whose area is that of a voxel's side
+GREY = 2.3  # the same on grey values
+NETS = 0.7  # the same for surface nets, against marching cubes
+TILT = 0.5, 15.0  # degrees; so little makes long, low steps on planes
+VOXEL_FACES = 0.06  # share of the segmentations that are the faces of voxels
+SMOOTHED = 0.1  # share of the other segmentations that are smoothed a little, as before an export
+DECIMATED = 0.15  # share of the meshes that are decimated
+
+
+def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator) -> Measured:
+    """Mesh a binary mask of the shape: its steps are as high as a voxel.
+
+    Parameters
+    ----------
+    faces : about so many, which give the edge of a voxel
+    slices : voxels are 1.5 to 4 times as long along one axis of the lattice as along the others
+
+    Raises
+    ------
+    UnfitShapeError
+        The mask is empty.
+    """
+    stretch = float(rng.uniform(1.5, 4)) if slices else 1.0
+    voxel_faces = bool(rng.random() < VOXEL_FACES)
+    nets, kept = (True, 1.0) if voxel_faces else _mesher(rng=rng)
+    voxel = float(np.sqrt(STEPPED * (NETS if nets else 1) * extent.area / (faces / kept) / stretch**0.6))
+    steps = voxel * np.array([1.0, 1.0, stretch])
+    nodes, axes = _lattice(extent, steps, rng=rng)
+    volume = _mask(_sampled(field, nodes) / voxel, slices=slices, rng=rng)
+    if voxel_faces:
+        mesh = without_voxel_faces(surface_nets(np.round(volume), centered=True))
+    else:
+        mesh = surface_nets(volume) if nets else marching_cubes(volume)
+        if rng.random() < SMOOTHED:
+            mesh = mesh.moved(averaged(mesh.vertices, mesh.topology.vertex_neighbors, int(rng.integers(1, 9))))
+    return _measured(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
+
+
+def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume:
+    """Label voxels by signed distances, in voxels; a share with ragged boundaries, uneven slices or soft steps."""
+    if rng.random() < 0.3:  # the boundary is uncertain: a threshold of a noisy image, or a hand that draws
+        grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(0.5, 1.5)))
+        distance = distance + float(rng.uniform(0.1, 0.6)) * grain / grain.std()
+    if slices and rng.random() < 0.3:  # each slice is labelled for itself
+        distance = distance + float(rng.uniform(0.1, 0.5)) * rng.normal(size=distance.shape[2])
+    volume = (distance < 0).astype(np.float64)
+    if rng.random() < 0.25:  # an antialiased or smoothed mask
+        volume = gaussian_filter(volume, rng.uniform(0.3, 0.8, 3))
+    return volume
+
+
+def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
+    """Mesh a level of a grey volume, in which a point is spread over voxels and the grain is alike in neighbours.
+
+    Parameters
+    ----------
+    level : deviation of the grain, in fifths of the contrast
+    """
+    stretch = float(rng.uniform(1, 2)) if rng.random() < 0.3 else 1.0
+    nets, kept = _mesher(rng=rng)
+    voxel = float(np.sqrt(GREY * extent.area / (faces / kept) / stretch**0.6))
+    steps = voxel * np.array([1.0, 1.0, stretch])
+    nodes, axes = _lattice(extent, steps, rng=rng)
+    share = np.clip(0.5 - _sampled(field, nodes) / voxel, 0, 1)  # of a voxel that the shape fills, nearly
+    spread = float(rng.uniform(0.4, 1.4))
+    blurred = gaussian_filter(share, spread / np.array([1.0, 1.0, stretch]))
+    grain = gaussian_filter(rng.normal(size=blurred.shape), float(rng.uniform(0.3, 1.3)))
+    volume = blurred + 0.2 * level * grain / grain.std()
+    threshold = 0.5 + float(rng.uniform(-0.08, 0.08))
+    volume -= threshold - 0.5
+    mesh = surface_nets(volume) if nets else marching_cubes(volume)
+    return _measured(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
+
+
+def _mesher(*, rng: np.random.Generator) -> tuple[bool, float]:
+    """Draw whether surface nets mesh a volume, not marching cubes, and the share of the faces that are kept."""
+    nets = bool(rng.random() < 0.25)
+    return nets, float(rng.uniform(0.3, 0.8)) if rng.random() < DECIMATED else 1.0
+
+
+def marching_cubes(volume: Volume) -> Mesh:
+    """Mesh where the values pass 0.5, in units of voxels; normals point to lower values."""
+    from skimage.measure import marching_cubes
+
+    if not volume.min() < 0.5 < volume.max():
+        raise UnfitShapeError("the volume has no surface")
+    vertices, faces, _, _ = marching_cubes(0.5 - volume, 0.0)  # type: ignore[no-untyped-call]
+    return Mesh(vertices.astype(np.float64), faces)
+
+
+def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
+    """Mesh where the values pass 0.5 by a vertex in each cell and a quadrangle around each crossing (Gibson 1998).
+
+    Parameters
+    ----------
+    centered : vertices are the centres of their cells, so that quadrangles are the faces of voxels
+
+    Returns
+    -------
+    in units of voxels; a vertex is the mean of the crossings of its cell's edges
+    """
+    inside = volume > 0.5
+    number = np.full(np.array(volume.shape) - 1, -1, np.int64)  # of the vertex of a cell
+    crossings, cells, places = [], [], []
+    for axis in range(3):
+        low, high = (np.moveaxis(volume, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
+        crossed = np.moveaxis(np.diff(np.moveaxis(inside, axis, 0).astype(np.int8), axis=0) != 0, 0, axis)
+        node = np.argwhere(crossed)
+        low, high = (np.moveaxis(values, 0, axis)[crossed] for values in (low, high))
+        place = node.astype(np.float64)
+        place[:, axis] += (0.5 - low) / (high - low)
+        others = [k for k in range(3) if k != axis]
+        for shift in np.ndindex(2, 2):  # the four cells around a crossing
+            cell = node.copy()
+            cell[:, others] -= shift
+            if cell.min(initial=0) < 0 or (cell >= number.shape).any():
+                raise UnfitShapeError("the shape reaches the border of the volume")
+            cells.append(np.ravel_multi_index(tuple(cell.T), number.shape))
+            places.append(place)
+        crossings.append((axis, others, node, low > high))
+    used, vertex = np.unique(np.concatenate(cells), return_inverse=True)
+    number.flat[used] = np.arange(len(used))
+    if centered:
+        vertices = np.argwhere(number >= 0) + 0.5
+    else:
+        vertices = scatter_add(vertex, np.concatenate(places), len(used)) / np.bincount(vertex)[:, None]
+    triangles = []
+    for axis, others, node, falling in crossings:
+        around = []
+        for shift in ((0, 0), (1, 0), (1, 1), (0, 1)):
+            cell = node.copy()
+            cell[:, others] -= shift
+            around.append(number[tuple(cell.T)])
+        quads = np.stack(around, axis=1)
+        flipped = falling ^ (axis == 1)  # (x, z) about y is a left-handed pair
+        quads[~flipped] = quads[~flipped][:, ::-1]
+        corners = vertices[quads]
+        shorter = np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) <= np.linalg.norm(
+            corners[:, 1] - corners[:, 3], axis=1
+        )
+        quads = np.where(shorter[:, None], quads, np.roll(quads, -1, axis=1))
+        triangles += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
+    if not len(vertices):
+        raise UnfitShapeError("the volume has no surface")
+    return Mesh(vertices, np.concatenate(triangles).astype(np.int32))
+
+
+def _lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random.Generator) -> tuple[Volume, Vectors]:
+    """Nodes (p, q, r, 3) of a lattice turned and shifted at random, and its three edges as rows."""
+    turn = _orientation(rng=rng)
+    half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + MARGIN * steps
+    middle = extent.middle + turn @ (rng.uniform(-0.5, 0.5, 3) * steps)
+    return grid(half, steps) @ turn.T + middle, (turn * steps).T
+
+
+def _orientation(*, rng: np.random.Generator) -> Vectors:
+    """Rotation of a lattice: any, none, or the slight one of a part that is put into a scanner by hand."""
+    chance = rng.random()
+    if chance < 0.35:
+        return random_rotation(rng=rng)
+    tilt = float(np.exp(rng.uniform(*np.log(TILT)))) if chance < 0.8 else 0.0
+    return np.asarray(Rotation.from_rotvec(tilt * direction(rng=rng), degrees=True).as_matrix())
+
+
+def _sampled(field: Field, nodes: NDArray[np.float64]) -> Volume:
+    return field(nodes.reshape(-1, 3)).reshape(nodes.shape[:3])
+
+
+def _measured(
+    field: Field,
+    mesh: Mesh,
+    nodes: NDArray[np.float64],
+    axes: Vectors,
+    *,
+    cell: float,
+    kept: float,
+    rng: np.random.Generator,
+) -> Measured:
+    placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
+    placed = largest_components(untangled(largest_components(placed, share=SMALLEST)), share=SMALLEST)
+    if kept < 1:
+        evenness = float(10 ** rng.uniform(-4, -1))
+        placed = thinned(placed, faces=round(kept * len(placed.faces)), evenness=evenness)
+    return beneath(field, placed, cell=cell)

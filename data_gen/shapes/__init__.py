@@ -1,0 +1,1 @@
+"""Shapes: distance fields of machine parts, statues and patterns."""

@@ -1,0 +1,77 @@
+"""Random fields with plane faces: convex solids, stellations, crossed solids."""
+
+import numpy as np
+
+from cascadenorm.data_gen.shapes.fields import (
+    Field,
+    Values,
+    cylinder,
+    difference,
+    intersection,
+    polytope,
+    shell,
+    sphere,
+    union,
+)
+from cascadenorm.data_gen.shapes.placement import aligned, random_rotation
+from cascadenorm.mesh import Vectors, unit
+
+GOLDEN = (1 + 5**0.5) / 2
+IRREGULAR = 0.06  # deviation of the faces of a polyhedron from those of a regular one, radians in each direction
+
+
+def polyhedron(edge: float, rng: np.random.Generator) -> Field:
+    """Convex solids, nearly regular or random, and star-shaped ones; sharp or slightly rounded."""
+    kind = rng.integers(5)
+    if kind == 0:
+        normals = _regular(rng)
+        size = rng.uniform(0.72, 0.85, len(normals))
+    elif kind == 1:
+        normals = unit(rng.normal(size=(rng.integers(6, 40), 3)))
+        size = rng.uniform(0.65, 0.85, len(normals))
+    elif kind == 2:
+        normals = np.concatenate([_regular(rng), _regular(rng)])
+        size = rng.uniform(0.7, 0.85, len(normals))
+    else:
+        return _star(rng)
+    size = np.append(size, np.full(6, 1.1))
+    solid = polytope(np.concatenate([normals, np.eye(3), -np.eye(3)]), size)
+    if rng.random() < 0.3:
+        solid = intersection(solid, sphere(radius=float(rng.uniform(0.85, 1.0))))
+    if rng.random() < 0.25:
+        solid = shell(solid, thickness=0.3)
+        solid = difference(solid, *[aligned(cylinder(radius=0.3, half_height=3), axis) for axis in normals[:3]])
+    return solid
+
+
+def _regular(rng: np.random.Generator) -> Vectors:
+    """Face normals near those of a cube, octahedron, dodecahedron, icosahedron, rhombic dodecahedron or tetrahedron.
+
+    Each is turned by IRREGULAR or so: regular solids serve as models on which methods are compared.
+    """
+    signs = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1
+    cyclic = [np.roll(np.eye(3), k, axis=1) for k in range(3)]
+    edges = np.array([[0, s, t * GOLDEN] for s in (-1, 1) for t in (-1, 1)])
+    dodeca = np.concatenate([np.roll(edges, k, axis=1) for k in range(3)])
+    thin = np.array([[0, s / GOLDEN, t * GOLDEN] for s in (-1, 1) for t in (-1, 1)])
+    icosa = np.concatenate([signs, *[np.roll(thin, k, axis=1) for k in range(3)]])
+    rhombic = np.array([[0, s, t] for s in (-1, 1) for t in (-1, 1)])
+    rhombic = np.concatenate([np.roll(rhombic, k, axis=1) for k in range(3)])
+    sets = [np.concatenate([cyclic[0], -cyclic[0]]), signs, dodeca, icosa, rhombic, signs[[0, 3, 5, 6]]]
+    normals = unit(np.asarray(sets[rng.integers(len(sets))], np.float64))
+    return unit(normals + IRREGULAR * rng.normal(size=normals.shape))
+
+
+def _star(rng: np.random.Generator) -> Field:
+    """Stellations, which are the points beyond at most one of the planes of a convex solid, and crossed solids."""
+    normals = _regular(rng)
+    if len(normals) < 8 or rng.random() < 0.4:
+        sizes = 0.6 * rng.uniform(0.93, 1.07, (2, len(normals)))
+        solids = [polytope(normals @ random_rotation(rng=rng), size) for size in sizes]
+        return intersection(union(*solids), sphere(radius=float(rng.uniform(0.8, 1.2))))
+    core = float(rng.uniform(0.45, 0.55)) * rng.uniform(0.93, 1.07, len(normals))
+
+    def second(points: Vectors) -> Values:
+        return np.asarray(np.partition(points @ normals.T - core, -2, axis=1)[:, -2])
+
+    return intersection(second, sphere(radius=float(rng.uniform(0.9, 1.3))))

@@ -1,0 +1,100 @@
+"""Flat shapes as two-dimensional distance fields, and the solids made by extruding and revolving them."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.data_gen.shapes.fields import Blend, Field, Values, intersection, norm
+from cascadenorm.mesh import Floats, Vectors, kernel
+
+Profile = Callable[[NDArray[np.float64]], Values]
+"""(n, 2) positions to signed distances."""
+
+
+def disc(*, radius: float) -> Profile:
+    """Disc around the origin."""
+    return lambda points: norm(points) - radius
+
+
+def rectangle(*, half: tuple[float, float]) -> Profile:
+    """Rectangle around the origin."""
+
+    def distance(points: NDArray[np.float64]) -> Values:
+        excess = np.abs(points) - np.asarray(half)
+        return np.asarray(norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0))
+
+    return distance
+
+
+def polygon(corners: NDArray[np.float64]) -> Profile:
+    """Simple polygon, of either orientation; an exact distance."""
+    corners = np.array(corners, np.float64, order="C")
+
+    def distance(points: NDArray[np.float64]) -> Values:
+        values = np.empty(len(points))
+        _polygon(points, corners, values)
+        return values
+
+    return distance
+
+
+def gear(*, teeth: int, radius: float, depth: float, slope: float) -> Profile:
+    """Toothed wheel; `slope` from 0 (a sine) to large (square teeth)."""
+
+    def distance(points: NDArray[np.float64]) -> Values:
+        angle = np.arctan2(points[:, 1], points[:, 0])
+        wave = np.sin(teeth * angle)
+        rim = radius + 0.5 * depth * (np.clip(slope * wave, -1, 1) if slope > 0 else wave)
+        steepness = 1 + (0.25 * depth * teeth * max(slope, 1) / radius) ** 2
+        return np.asarray((norm(points) - rim) / np.sqrt(steepness))
+
+    return distance
+
+
+def lobed(*, radii: Values) -> Profile:
+    """Smooth closed curve whose radius follows a Fourier series: mean, then cosine and sine of each order."""
+
+    def distance(points: NDArray[np.float64]) -> Values:
+        angle = np.arctan2(points[:, 1], points[:, 0])
+        rim, slope = np.full(len(points), radii[0]), np.zeros(len(points))
+        for order in range(1, (len(radii) + 1) // 2):
+            a, b = radii[2 * order - 1], radii[2 * order]
+            rim += a * np.cos(order * angle) + b * np.sin(order * angle)
+            slope += order * (b * np.cos(order * angle) - a * np.sin(order * angle))
+        return np.asarray((norm(points) - rim) / np.sqrt(1 + (slope / np.maximum(rim, 0.1)) ** 2))
+
+    return distance
+
+
+def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+    """Pull a profile along z; the two boundaries are left sharp, rounded or chamfered."""
+
+    def side(points: Vectors) -> Values:
+        return profile(points[:, :2])
+
+    def caps(points: Vectors) -> Values:
+        return np.asarray(np.abs(points[:, 2]) - half_height)
+
+    return intersection(side, caps, blend=blend, radius=radius)
+
+
+def revolved(profile: Profile) -> Field:
+    """Turn a profile, drawn in radius and height, about the z axis."""
+    return lambda points: profile(np.stack([norm(points[:, :2]), points[:, 2]], axis=1))
+
+
+@kernel
+def _polygon(points: Vectors, corners: Floats, values: Floats) -> None:
+    count = len(corners)
+    for n in range(len(points)):
+        nearest, inside = np.inf, False
+        for k in range(count):
+            ax, ay = corners[k, 0], corners[k, 1]
+            ex, ey = corners[(k + 1) % count, 0] - ax, corners[(k + 1) % count, 1] - ay
+            x, y = points[n, 0] - ax, points[n, 1] - ay
+            along = min(max((x * ex + y * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+            nearest = min(nearest, (x - along * ex) ** 2 + (y - along * ey) ** 2)
+            if (ay <= points[n, 1]) != (ay + ey <= points[n, 1]):
+                inside ^= (ex * y - ey * x > 0) == (ey > 0)
+        values[n] = -np.sqrt(nearest) if inside else np.sqrt(nearest)

@@ -1,0 +1,275 @@
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shapes import icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.api.filled_files import fill_holes_file
+from cascadenorm.cli import run
+from cascadenorm.geometry.holes.filling import fill_holes
+from cascadenorm.io.content import Content
+from cascadenorm.io.files import FORMATS
+from cascadenorm.io.gltf.gltf import GltfFile
+from cascadenorm.io.hole_patches import Patches
+from cascadenorm.io.interop import as_mesh, save_mesh
+from cascadenorm.io.ply.ply import PlyFile
+from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.polygons import Polygons
+
+BALL = icosphere(3)
+HOLED = Mesh(BALL.vertices, BALL.faces[BALL.centroids[:, 2] < 0.9])
+COUNT, FACES = len(HOLED.vertices), len(HOLED.faces)
+FILLED = fill_holes(HOLED)
+HEIGHT = HOLED.vertices[:, 2]
+GREEN = np.rint(100 + 50 * HEIGHT).astype(int)
+SIDE = (HOLED.centroids[:, 0] > 0).astype(int)
+
+
+def ply_text(end_of_line: str = "\n", kind: str = "double") -> bytes:
+    """The holed ball with all that a PLY file may hold; faces have a list more, another element lies between."""
+    lines = [
+        *["ply", "format ascii 1.0", "comment element vertex 3", "obj_info by hand", f"element vertex {COUNT}"],
+        *[f"property {kind} {axis}" for axis in "xyz"],
+        *["property float height", "property uchar green", "property int number", "property list uchar int near"],
+        *["element camera 1", "property float angle", f"element face {FACES}", "property uchar side"],
+        *["property list uchar int vertex_indices", "property list uchar float texcoord", "element rest 1"],
+        *["property int last", "end_header"],
+    ]
+    vertices = zip(HOLED.vertices.tolist(), HEIGHT.tolist(), GREEN.tolist(), strict=True)
+    lines += [f"{x!r} {y!r} {z!r} {h!r} {g} {i} 2 5 6" for i, ((x, y, z), h, g) in enumerate(vertices)]
+    faces = zip(HOLED.faces.tolist(), SIDE.tolist(), strict=True)
+    lines += ["0.5", *(f"{side} 3 {a} {b} {c} 6 0 0 1 0 0 1" for (a, b, c), side in faces), "77"]
+    return (end_of_line.join(lines) + end_of_line).encode()
+
+
+def ply_binary(byte_order: str) -> bytes:
+    """The same in binary, with normals of vertices that point inward, and of faces."""
+    name = {"<": "little", ">": "big"}[byte_order]
+    header = [
+        *["ply", f"format binary_{name}_endian 1.0", f"element vertex {COUNT}", "property list uchar short near"],
+        *[f"property float {axis}" for axis in ("x", "y", "z", "nx", "ny", "nz")],
+        *["property uchar green", "property ushort number", f"element face {FACES}"],
+        *["property list uchar uint vertex_index", "property double side", "element rest 1", "property int last"],
+        "end_header\n",
+    ]
+    near, xyz = np.dtype([("n", "u1"), ("near", byte_order + "i2", 2)]), byte_order + "f4"
+    vertices = np.zeros(COUNT, [("l", near), ("x", xyz, 3), ("n", xyz, 3), ("g", "u1"), ("i", byte_order + "u2")])
+    vertices["l"]["n"], vertices["x"], vertices["n"], vertices["g"] = 2, HOLED.vertices, -HOLED.vertex_normals, GREEN
+    vertices["i"] = np.arange(COUNT)
+    faces = np.zeros(FACES, [("n", "u1"), ("corners", byte_order + "u4", 3), ("side", byte_order + "f8")])
+    faces["n"], faces["corners"], faces["side"] = 3, HOLED.faces, SIDE
+    rest = np.array([77], byte_order + "i4")
+    return "\n".join(header).encode() + vertices.tobytes() + faces.tobytes() + rest.tobytes()
+
+
+def filled(tmp_path, data: bytes, suffix: str, output: str | None = None, **settings):
+    """Fill a file; the file that comes out, and what was done."""
+    source, target = tmp_path / f"holed{suffix}", tmp_path / f"filled{output or suffix}"
+    source.write_bytes(data)
+    done = fill_holes_file(source, target, **settings)
+    return cn.read(target), done
+
+
+@pytest.mark.parametrize("end_of_line", ["\n", "\r\n"])
+def test_every_line_of_a_ply_text_stays_and_the_new_ones_follow(tmp_path, end_of_line):
+    before = ply_text(end_of_line)
+    file, done = filled(tmp_path, before, ".ply")
+    added = len(FILLED.faces) - FACES
+    assert (done.faces, done.added, done.left_out) == (FACES, added, ())
+    np.testing.assert_array_equal(file.mesh.faces, FILLED.faces)
+    np.testing.assert_array_equal(file.mesh.vertices, FILLED.vertices)
+    rest = file.data.splitlines()
+    old = before.splitlines()
+    counts = [i for i, line in enumerate(old) if line.startswith((b"element vertex", b"element face"))]
+    assert [rest[i] for i in counts] == [
+        b"element vertex %d" % len(FILLED.vertices),
+        b"element face %d" % (FACES + added),
+    ]
+    where = old.index(b"end_header") + 1
+    new = len(FILLED.vertices) - COUNT
+    kept = rest[: where + COUNT] + rest[where + COUNT + new : where + COUNT + new + 1 + FACES] + rest[-1:]
+    for i in counts:
+        kept[i] = old[i]
+    assert kept == old
+    assert file.data.count(end_of_line.encode()) == file.data.count(b"\n")
+
+
+@pytest.mark.parametrize("data", [ply_text(), ply_binary("<"), ply_binary(">")], ids=["text", "little", "big"])
+def test_new_vertices_and_faces_of_ply_have_values_like_those_around(tmp_path, data):
+    file, _ = filled(tmp_path, data, ".ply")
+    before, after = cn.read(io.BytesIO(data)).content(), file.content()
+    for old, new in ((before.vertex_values, after.vertex_values), (before.face_values, after.face_values)):
+        assert old.keys() == new.keys()
+        for name in old:
+            assert new[name][: len(old[name])].tobytes() == old[name].tobytes()
+    assert np.abs(after.vertex_values["green"] - (100 + 50 * FILLED.vertices[:, 2])).max() < 8
+    numbers = after.vertex_values["number"][COUNT:].astype(int)
+    assert np.linalg.norm(FILLED.vertices[numbers] - FILLED.vertices[COUNT:], axis=1).max() < 0.5
+    sides = after.face_values["side"][FACES:]
+    clear = np.abs(FILLED.centroids[FACES:, 0]) > 0.1
+    np.testing.assert_array_equal(sides[clear], FILLED.centroids[FACES:, 0][clear] > 0)
+    if "nx" in after.vertex_values:
+        normals = np.stack([after.vertex_values[name][COUNT:] for name in ("nx", "ny", "nz")], axis=1)
+        assert (normals * -FILLED.vertices[COUNT:]).sum(axis=1).min() > 0.95
+    near = file._columns["vertex", "near"]
+    assert np.broadcast_to(near.counts, len(file.positions))[COUNT - 1 : COUNT + 1].tolist() == [2, 0]
+    assert file._columns["rest", "last"].read(file._body).tolist() == [77]
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf])
+def test_values_are_blended_where_they_are_finite_and_else_the_nearest(odd):
+    patches = Patches(cn.io.from_arrays(HOLED.vertices, HOLED.faces), FILLED)
+    blended = patches.blended(HEIGHT)
+    known = np.concatenate([HEIGHT, blended])
+    for vertex in range(COUNT, len(FILLED.vertices)):
+        around = FILLED.topology.vertex_neighbors.row(vertex)
+        assert known[vertex] == pytest.approx(known[around].mean(), rel=1e-12)
+    boundary = HOLED.topology.boundary_vertices
+    spoiled = np.where(boundary, HEIGHT, odd)
+    np.testing.assert_array_equal(patches.blended(spoiled), patches.nearest(HEIGHT))
+    assert set(patches.nearest(np.arange(COUNT))) <= set(np.flatnonzero(boundary))
+
+
+def test_a_hole_of_one_face_needs_no_vertex(tmp_path):
+    data = ply_binary("<")
+    whole = PlyFile(data).with_patches(Patches(PlyFile(data), FILLED))
+    faces = np.delete(whole.mesh.faces, 5, axis=0)
+    content = replace(whole.content(), polygons=Polygons.from_rows(faces.astype(np.int64)), face_values={})
+    file, done = filled(tmp_path, b"".join(PlyFile.encode(content)[0]), ".ply")
+    assert done.added == 1 and len(file.positions) == len(whole.positions)
+    assert_closed(file.mesh)
+
+
+OBJ_STATES = "mtllib a.mtl\nvt 0 0\ns 1\ng left\nusemtl steel\n"
+
+
+def obj(colors: str = "") -> bytes:
+    lines = ["# kept", OBJ_STATES.rstrip()]
+    lines += [f"v {x!r} {y!r} {z!r}{colors}" for x, y, z in HOLED.vertices.tolist()]
+    for side in (0, 1):
+        lines += ["g right", "usemtl rust"] if side else []
+        lines += [f"f {a}/1 {b}/1 {c}/1" for a, b, c in (HOLED.faces[side == SIDE] + 1).tolist()]
+    return "\n".join(lines).encode()  # without an end of line
+
+
+def test_all_bytes_of_an_obj_stay_and_patches_are_of_the_group_around_them(tmp_path):
+    before = obj()
+    file, done = filled(tmp_path, before, ".obj")
+    assert done.left_out == () and file.data.startswith(before + b"\n")
+    assert_closed(file.mesh)
+    labels = {
+        label.kind: np.where(label.of_faces < 0, "", label.values[label.of_faces]) for label in file.face_labels()
+    }
+    assert set(labels["material"][:FACES]) == {"steel", "rust"}
+    right = file.mesh.centroids[:, 0] > 0
+    clear = np.abs(file.mesh.centroids[:, 0]) > 0.1
+    clear[:FACES] = False
+    assert clear.sum() > 10
+    np.testing.assert_array_equal(labels["material"][clear], np.where(right[clear], "rust", "steel"))
+    np.testing.assert_array_equal(labels["group"][clear], np.where(right[clear], "right", "left"))
+
+
+@pytest.mark.parametrize(("colors", "expected"), [(" 0.25 0.5 1.0", 128), (" 10 20 30", 20), ("", None)])
+def test_colours_of_an_obj_go_on(tmp_path, colors, expected):
+    file, _ = filled(tmp_path, obj(colors), ".obj")
+    values = file.content().vertex_values
+    assert (values["green"].tolist() == [expected] * len(file.positions)) if expected else "green" not in values
+
+
+def test_polygons_stay_polygons(tmp_path):
+    quads = b"v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 0 0 2\nv 2 0 2\nv 2 2 2\nv 0 2 2\n"
+    quads += b"f 4 3 2 1\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
+    file, done = filled(tmp_path, quads, ".obj")
+    assert file.data.startswith(quads) and file.polygons.counts[:5].tolist() == [4] * 5
+    assert done.faces == 10 and set(file.polygons.counts[5:]) == {3}
+    assert_closed(file.mesh)
+    ply, done = filled(tmp_path, quads, ".obj", ".ply")
+    assert ply.polygons.counts[:5].tolist() == [4] * 5 and done.left_out == ()
+
+
+def assert_closed(mesh):
+    counts = mesh.topology.edge_faces.counts
+    assert counts.min() == counts.max() == 2
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".off", ".glb", ".gltf"])
+def test_other_formats_keep_what_others_can_take_over(tmp_path, suffix):
+    source = tmp_path / f"holed{suffix}"
+    content = cn.read(io.BytesIO(ply_binary("<"))).content()
+    kind = FORMATS[suffix[1:]]
+    source.write_bytes(b"".join(kind.encode(content)[0]))
+    before = cn.read(source)
+    done = fill_holes_file(source, tmp_path / f"filled{suffix}")
+    after = cn.read(tmp_path / f"filled{suffix}")
+    assert_closed(after.mesh)
+    assert len(after.mesh.faces) == FACES + done.added == len(FILLED.faces)
+    if suffix != ".stl":
+        assert after.positions[:COUNT].tobytes() == before.positions.tobytes()
+        for name, values in before.content().vertex_values.items():
+            np.testing.assert_array_equal(after.content().vertex_values[name][:COUNT], values)
+
+
+def test_what_a_scene_loses_is_said(tmp_path, capsys):
+    data = b"".join(GltfFile.encode(cn.read(io.BytesIO(ply_binary("<"))).content())[0])
+    (tmp_path / "holed.gltf").write_bytes(data.replace(b'"scene":0', b'"materials":[{"name":"steel"}],"scene":0'))
+    assert run(["fill-holes", str(tmp_path / "holed.gltf")]) == 0
+    assert "left out: materials\n" in capsys.readouterr().err
+
+
+def test_without_holes_a_file_comes_out_byte_for_byte(tmp_path):
+    save_mesh(tmp_path / "ball.stl", noisy(BALL, 0.1))
+    done = fill_holes_file(tmp_path / "ball.stl", tmp_path / "same.stl")
+    assert (done.added, done.left_out) == (0, ())
+    assert (tmp_path / "same.stl").read_bytes() == (tmp_path / "ball.stl").read_bytes()
+
+
+def test_a_seam_is_no_hole(tmp_path):
+    file, _ = filled(tmp_path, soup(), ".ply")
+    assert_closed(file.mesh)
+    assert len(file.positions) == 3 * FACES + len(FILLED.vertices) - COUNT
+
+
+def soup() -> bytes:
+    """The holed ball with three vertices for each face."""
+    corners = Polygons.from_rows(np.arange(3 * FACES).reshape(-1, 3))
+    return b"".join(PlyFile.encode(Content(HOLED.corners.reshape(-1, 3), corners))[0])
+
+
+def test_numbers_too_large_for_a_file_are_refused(tmp_path):
+    """Faces reference vertices by a byte, the file has 255 vertices, and the patch needs more than one."""
+    ball = icosphere(2)
+    vertices = np.concatenate([ball.vertices, np.full((255 - len(ball.vertices), 3), 9.0)])
+    faces = ball.faces[ball.centroids[:, 2] < 0.3]
+    header = ["ply", "format ascii 1.0", "element vertex 255", *(f"property float {axis}" for axis in "xyz")]
+    header += [f"element face {len(faces)}", "property list uchar uchar vertex_indices", "end_header"]
+    rows = [" ".join(map(str, row)) for row in [*vertices.tolist(), *([3, *face] for face in faces.tolist())]]
+    (tmp_path / "small.ply").write_text("\n".join([*header, *rows]) + "\n")
+    with pytest.raises(cn.OutputError, match="stores vertex indices as uchar, too small"):
+        fill_holes_file(tmp_path / "small.ply", tmp_path / "out.ply")
+    assert not (tmp_path / "out.ply").exists()
+
+
+def test_a_holed_file_comes_back_closed(tmp_path, capsys):
+    sphere = icosphere(3)
+    source = tmp_path / "holed.ply"
+    save_mesh(source, cn.Mesh(sphere.vertices, sphere.faces[sphere.centroids[:, 2] < 0.9]))
+    assert run(["fill-holes", str(source)]) == 0
+    filled = as_mesh(tmp_path / "holed_filled.ply")
+    assert_closed(filled)
+    assert filled.volume == pytest.approx(sphere.volume, rel=0.01)
+    assert "faces added" in capsys.readouterr().out
+    cn.write(cn.read(source), tmp_path / "holed.stl")
+    (tmp_path / "holed.stl").rename(tmp_path / "bare")
+    assert run(["fill-holes", str(tmp_path / "bare")]) == 0
+    assert cn.read(tmp_path / "bare_filled").format == "stl"
+
+
+def test_an_existing_output_stays(tmp_path, capsys):
+    source = tmp_path / "mesh.obj"
+    save_mesh(source, icosphere(1))
+    before = source.read_bytes()
+    assert run(["fill-holes", str(source), "-o", str(source)]) == 5
+    assert source.read_bytes() == before
+    assert "exists already" in capsys.readouterr().err

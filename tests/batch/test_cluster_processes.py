@@ -1,0 +1,201 @@
+"""Batches on a Dask cluster: what processes of one machine do, whatever happens to the workers."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_batch import COMMAND, FAST, LINUX, done_so_far, lines, results, scans, wait_for
+
+import cascadenorm
+from cascadenorm.batch import cluster_processes
+from cascadenorm.batch.batch import denoise_files
+from cascadenorm.cli import run
+from cascadenorm.errors import WorkerError
+from cascadenorm.execution.cluster import connected
+
+LocalCluster = pytest.importorskip("distributed").LocalCluster
+
+CLUSTER = """
+import logging, os, random, signal, sys, time
+import dask
+from distributed import LocalCluster
+from cascadenorm.execution.cluster import OWN_CLUSTER
+dask.config.set({**OWN_CLUSTER, "distributed.scheduler.worker-ttl": sys.argv[1]})  # how long a worker may be silent
+if __name__ == "__main__":
+    draw = random.Random(3)
+    with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
+                      silence_logs=logging.CRITICAL + 1) as cluster:
+        print(cluster.scheduler_address, flush=True)
+        for _ in sys.stdin:  # each line kills a worker; Dask starts it again, unless it was just starting
+            time.sleep(draw.uniform(0, 0.2))
+            nannies, there = cluster.workers.values(), cluster.scheduler.workers
+            while not (ready := [nanny.pid for nanny in nannies if nanny.pid and nanny.worker_address in there]):
+                time.sleep(0.02)
+            os.kill(draw.choice(ready), signal.SIGKILL)
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@contextmanager
+def started(folder: Path, silent: str) -> Iterator[tuple[str, subprocess.Popen]]:
+    """Address and process of a scheduler with two workers, which run in a folder and may be silent for so long."""
+    folder.mkdir()
+    (folder / "cluster.py").write_text(CLUSTER, encoding="utf-8")
+    words = [sys.executable, "cluster.py", silent]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
+        yield process.stdout.readline().strip(), process
+        process.stdin.close()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory) -> Iterator[tuple[str, subprocess.Popen]]:
+    with started(tmp_path_factory.mktemp("cluster") / "here", "10 minutes") as found:
+        yield found
+
+
+def workers(pid: int) -> list[int]:
+    """The worker processes that a process with a cluster has started, from whichever thread."""
+    found = [int(word) for path in Path(f"/proc/{pid}/task").glob("*/children") for word in path.read_text().split()]
+    return [child for child in found if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+def of_batch(folder: Path) -> dict[str, object]:
+    """What the manifest says of each file, but when and how long it took."""
+    done = lines(folder, "done")
+    assert len({line["output"] for line in done}) == len(done), "something was done twice"
+    for line in done:
+        del line["attempts"], line["seconds"], line["time"], line["summary"]["seconds"], line["summary"]["output"]
+    return {line["output"]: line for line in done}
+
+
+@LINUX
+def test_workers_killed_at_random_moments_change_no_byte_and_nothing_is_done_twice(place, cluster):
+    address, scheduler = cluster
+    scans(place / "scans", 40)
+    (place / "scans" / "a" / "bad.ply").write_text("ply\nno more", encoding="ascii")
+    words = [*COMMAND, str(place / "scans"), *FAST, "-o"]
+    killed = [*words, str(place / "out"), "--scheduler", address, "--retries", "9"]
+    with subprocess.Popen(killed, stderr=subprocess.PIPE) as process:
+        for done in (4, 12, 20, 30):
+            wait_for(lambda done=done: done_so_far(place / "out") >= done or process.poll() is not None, 600)
+            scheduler.stdin.write("\n")
+            scheduler.stdin.flush()
+        _, said = process.communicate(timeout=600)
+    assert process.returncode == 6, said
+    (failure,) = [line for line in said.splitlines() if line.startswith(b"cascadenorm: ")]
+    assert b"scans/a/bad.ply: " in failure
+    assert subprocess.run([*words, str(place / "undisturbed")], stderr=subprocess.PIPE, check=False).returncode == 6
+    assert len(results(place / "out")) == 40
+    assert results(place / "out") == results(place / "undisturbed")
+    assert of_batch(place / "out") == of_batch(place / "undisturbed")
+
+
+@LINUX
+@pytest.mark.slow  # it waits for the moment at which Dask looks whether a lost worker has come back
+def test_a_worker_that_is_lost_twice_is_restarted_twice():
+    with connected("local", workers=1, threads=1, memory=2**30) as client:
+
+        def kill() -> None:
+            (process,) = client.run(os.getpid).values()
+            os.kill(process, signal.SIGKILL)
+
+        kill()
+        time.sleep(5)
+        client.wait_for_workers(1, timeout=60)
+        time.sleep(9.6)
+        kill()
+        time.sleep(1)
+        client.wait_for_workers(1, timeout=60)
+        assert client.submit(sum, [1, 2], pure=False).result(timeout=60) == 3
+
+
+@LINUX
+@pytest.mark.slow  # it waits for the scheduler to give the worker up
+def test_a_worker_that_hangs_is_given_up_and_its_file_tried_again(place):
+    scans(place / "scans", 6)
+    with started(place / "cluster", "30 s") as (address, process):
+        os.kill(workers(process.pid)[0], signal.SIGSTOP)
+        found = denoise_files([place / "scans"], place / "out", method="taubin", scheduler=address, retries=3)
+        for worker in workers(process.pid):
+            os.kill(worker, signal.SIGCONT)
+    assert len(found.lines) == 6 and not found.failures
+    assert len(of_batch(place / "out")) == 6
+
+
+def test_work_that_takes_too_long_is_stopped_and_its_worker_restarted(place, cluster):
+    scans(place / "scans", 2)
+    late = denoise_files(place / "scans", place / "out", method="taubin", scheduler=cluster[0], timeout=1e-4, retries=0)
+    assert [str(failure.error) for failure in late.failures] == [
+        "it took longer than 0.0001 seconds, and was stopped"
+    ] * 2
+    found = denoise_files(place / "scans", place / "out", method="taubin", scheduler=cluster[0], retries=5)
+    assert len(found.lines) == 2 and not found.failures
+
+
+def test_a_batch_goes_on_where_another_has_ended(place, cluster):
+    scans(place / "scans", 4)
+    source, out = str(place / "scans"), place / "out"
+    here = [*COMMAND, "scans", "-o", "out", "--method", "taubin", "--scheduler", "local", "--workers", "1"]
+    subprocess.run(here, check=True, capture_output=True)
+    again = denoise_files(source, out, method="taubin", scheduler=cluster[0], workers=1)
+    assert len(again.kept) == 4 and not again.lines
+    other = denoise_files(source, out, method="taubin", parameters={"iterations": 3}, scheduler=cluster[0])
+    assert len(other.lines) == 4 and not other.failures
+
+
+def test_workers_that_cannot_do_the_work_are_named(place, cluster, monkeypatch):
+    scans(place / "scans", 1)
+    with pytest.raises(WorkerError, match=r"runs in .*, where relative names mean others: give absolute ones"):
+        denoise_files("scans", "out", method="taubin", scheduler=cluster[0])
+    mask = place / "mask.npy"
+    np.save(mask, np.ones(162))
+    with pytest.raises(WorkerError, match="relative names"):
+        denoise_files([place / "scans"], place / "out", method="taubin", scheduler=cluster[0], mask="mask.npy")
+    monkeypatch.setattr(cascadenorm, "__version__", "0.0.1")
+    with pytest.raises(WorkerError, match=r"it has cascadenorm .*, and here is 0\.0\.1"):
+        denoise_files([place / "scans"], place / "out", method="taubin", scheduler=cluster[0])
+
+
+def test_an_address_without_a_scheduler_is_refused(place, capsys, monkeypatch):
+    import dask
+
+    scans(place / "scans", 1)
+    with dask.config.set({"distributed.comm.timeouts.connect": 1}):
+        assert run(["batch", "scans", "-o", "out", *FAST, "--scheduler", "127.0.0.1:9"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("cascadenorm: scheduler is '127.0.0.1:9', where no Dask scheduler answers: ")
+    assert said.count("\n") == 1 and not (place / "out").exists()
+
+
+def test_workers_may_join_and_leave_and_a_batch_without_any_ends(place, monkeypatch):
+    scans(place / "scans", 4)
+    source, out = place / "scans", place / "out"
+    left = []
+
+    def leave(fraction: float) -> None:
+        if not left:
+            left.append(fraction)
+            cluster.scale(2)
+            cluster.sync(cluster.workers[0].close, executor_wait=False)
+
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(**options) as cluster:
+        address = cluster.scheduler_address
+        found = denoise_files(source, out, method="laplacian", scheduler=address, progress=leave, retries=3)
+        assert left and len(found.lines) == 4 and not found.failures
+        assert len(of_batch(out)) == 4
+        monkeypatch.setattr(cluster_processes, "PATIENCE", 1.0)
+        with pytest.raises(WorkerError, match="has had no worker for 1 seconds"):  # none of these has a nanny
+            denoise_files(source, out, method="taubin", scheduler=address, timeout=1e-4, retries=5)

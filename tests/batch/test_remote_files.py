@@ -1,0 +1,266 @@
+"""Batches over files at URLs, against an S3-compatible server and a web server on the loopback address."""
+
+import hashlib
+import signal
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from time import sleep
+
+import pytest
+from shapes import icosphere, noisy
+from test_batch import FAST, done_so_far, lines, results, scans, wait_for, watching
+
+import cascadenorm as cn
+from cascadenorm.batch import remote_files
+from cascadenorm.batch.batch import denoise_files
+from cascadenorm.batch.inputs import find_jobs
+from cascadenorm.batch.remote_files import file_name, fixed_part, is_url
+from cascadenorm.cli import run
+from cascadenorm.errors import OutputError, ParameterError, ReadError
+from cascadenorm.io.interop import save_mesh
+
+boto3 = pytest.importorskip("boto3")
+pytest.importorskip("s3fs")
+moto_server = pytest.importorskip("moto.server")
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    """The address of an S3-compatible server."""
+    server = moto_server.ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    yield f"http://{host}:{port}"
+    server.stop()
+
+
+@pytest.fixture
+def bucket(endpoint, tmp_path, monkeypatch):
+    """An empty bucket, which every process finds by the environment."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("AWS_ENDPOINT_URL", endpoint)
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "key")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    store = boto3.resource("s3", endpoint_url=endpoint).Bucket(tmp_path.name.replace("_", "-").lower())
+    store.create()
+    return store
+
+
+def objects(bucket, prefix: str) -> dict[str, bytes]:
+    found = bucket.objects.filter(Prefix=prefix)
+    return {one.key.removeprefix(prefix): one.get()["Body"].read() for one in found}
+
+
+def test_a_batch_from_and_to_an_object_store_is_that_of_folders(bucket, tmp_path, capsys):
+    scans(tmp_path / "scans", 3)
+    (tmp_path / "scans" / "a" / "bad.ply").write_text("ply\nno more", encoding="ascii")
+    assert run(["batch", "scans", "-o", "local", *FAST, "--workers", "1"]) == 6
+    for path in (tmp_path / "scans").rglob("*.ply"):
+        bucket.upload_file(str(path), path.relative_to(tmp_path).as_posix())
+    root = f"s3://{bucket.name}"
+    capsys.readouterr()
+    words = ["batch", f"{root}/scans/**/*.ply", "-o", f"{root}/out", *FAST, "--workers", "1", "--manifest", "m.jsonl"]
+    assert run(words) == 6
+    said = capsys.readouterr().err
+    assert said.startswith(f"cascadenorm: {root}/scans/a/bad.ply: ") and said.count("\n") == 1 and "/tmp" not in said
+    assert objects(bucket, "out/") == results(tmp_path / "local")
+
+    (tmp_path / "manifest.jsonl").write_bytes((tmp_path / "m.jsonl").read_bytes())
+    mine = {line["output"]: line for line in lines(tmp_path, "done")}
+    for line in lines(tmp_path / "local", "done"):
+        same = mine[line["output"]]
+        assert all(same[key] == line[key] for key in ("input_sha256", "output_sha256", "settings"))
+        assert same["summary"]["source"] == same["input"] == f"{root}/{line['input']}"
+
+    bucket.delete_objects(Delete={"Objects": [{"Key": "out/a/1.ply"}, {"Key": "scans/a/bad.ply"}]})
+    save_mesh(tmp_path / "changed.ply", noisy(icosphere(2), 0.1))
+    bucket.upload_file(str(tmp_path / "changed.ply"), "scans/b/0.ply")
+    bucket.put_object(Key="out/a/0.ply", Body=b"of somebody else")
+    found = denoise_files(f"{root}/scans", f"{root}/out", method="laplacian", workers=1, manifest="m.jsonl")
+    assert sorted(line["output"] for line in found.lines) == ["a/0.ply", "a/1.ply", "b/0.ply"]
+    (failure,) = found.failures
+    assert failure.source == f"{root}/scans/a/0.ply" and failure.error.remedy == ("force", True)
+    assert objects(bucket, "out/a/0")[".ply"] == b"of somebody else"
+    kept = denoise_files(f"{root}/scans/b/0.ply", f"{root}/out/b", method="laplacian", workers=1, manifest="b.jsonl")
+    assert "exists already" in str(kept.failures[0].error)
+
+
+def test_files_of_a_web_server_are_denoised_into_a_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scans(tmp_path / "scans", 2)
+    assert denoise_files("scans", "local", method="laplacian", workers=1).lines
+    handler = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    monkeypatch.setattr(SimpleHTTPRequestHandler, "log_message", lambda *_: None)
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        root = f"http://127.0.0.1:{server.server_port}"
+        names = [f"{root}/scans/a/0.ply", f"{root}/scans/b/0.ply?token=3", f"{root}/scans/none.ply"]
+        found = denoise_files(names, "out", method="laplacian", workers=1, retries=0)
+        assert results(tmp_path / "out") == results(tmp_path / "local")
+        (failure,) = found.failures
+        assert failure.source == names[2] and f"{names[2]} cannot be read: " in str(failure.error)
+        listed = [job.source for job in find_jobs(f"{root}/scans/*/*.ply", "out")]
+        assert sorted(listed) == [f"{root}/scans/a/0.ply", f"{root}/scans/b/0.ply"]
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def test_a_file_takes_as_many_requests_as_the_plan_counts(bucket, tmp_path, monkeypatch):
+    from werkzeug.serving import WSGIRequestHandler
+
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    import scale
+
+    scans(tmp_path / "scans", 4)
+    for path in (tmp_path / "scans").rglob("*.ply"):
+        bucket.upload_file(str(path), path.relative_to(tmp_path).as_posix())
+    asked: list[str] = []
+    monkeypatch.setattr(WSGIRequestHandler, "log_request", lambda handler, *_: asked.append(handler.requestline))
+    root = f"s3://{bucket.name}"
+    found = denoise_files(f"{root}/scans/**/*.ply", f"{root}/out", method="laplacian", workers=1, manifest="m.jsonl")
+    assert len(found.lines) == 4 and not found.failures
+    of_files = [line for line in asked if "/scans/" in line or "out" in line]  # without the listing of the sources
+    assert len(of_files) == 4 * scale.REQUESTS
+
+
+class Overwritten(SimpleHTTPRequestHandler):
+    """A web server on which each file is replaced after half of it has been read, as often as a list says."""
+
+    times: list[int]
+    new: bytes
+
+    def copyfile(self, source, outputfile):
+        whole = source.read()
+        outputfile.write(whole[: len(whole) // 2])
+        if self.times:
+            self.times.pop()
+            Path(self.translate_path(self.path)).write_bytes(self.new)
+        source.seek(len(whole) // 2)
+        outputfile.write(source.read()[: len(whole) - len(whole) // 2])
+        self.close_connection = True  # fewer bytes than were promised
+
+    def log_message(self, *_):
+        pass
+
+
+def test_a_file_that_is_replaced_while_it_is_read_is_tried_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scans(tmp_path / "new", 1)
+    new = (tmp_path / "new" / "a" / "0.ply").read_bytes()
+    (tmp_path / "scan.ply").write_bytes(new.replace(b"ply\n", b"ply\ncomment\n", 1))  # longer, and mostly the same
+    names = {"times": [1], "new": new, "protocol_version": "HTTP/1.1"}
+    handler = partial(type("Handler", (Overwritten,), names), directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        found = denoise_files(
+            f"http://127.0.0.1:{server.server_port}/scan.ply", "out", method="laplacian", workers=1, retries=1
+        )
+        server.shutdown()
+    (line,) = found.lines
+    assert line["attempts"] == 2 and line["input_sha256"] == hashlib.sha256(new).hexdigest()
+    cn.denoise_file(tmp_path / "new" / "a" / "0.ply", "alone.ply", method="laplacian")
+    assert (tmp_path / "out" / "scan.ply").read_bytes() == (tmp_path / "alone.ply").read_bytes()
+
+
+def test_a_server_that_falls_silent_within_a_file_is_an_error_and_may_be_asked_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(remote_files, "SILENCE", 0.5)
+    scans(tmp_path / "scans", 1)
+    silent = [True]
+
+    class Handler(SimpleHTTPRequestHandler):
+        def copyfile(self, source, outputfile):
+            whole = source.read()
+            outputfile.write(whole[:-10])
+            if silent:
+                silent.pop()
+                sleep(2)
+            outputfile.write(whole[-10:])
+
+        def log_message(self, *_):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=str(tmp_path / "scans" / "a"))) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{server.server_port}/0.ply"
+        with pytest.raises(ReadError, match=r"0\.ply cannot be read"):
+            remote_files.fetched(url, tmp_path / "first")
+        assert remote_files.fetched(url, tmp_path / "second").read_bytes() == (tmp_path / "scans/a/0.ply").read_bytes()
+        server.shutdown()
+
+
+def test_a_watch_goes_on_when_its_server_does_not_answer_for_a_while(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scans(tmp_path / "scans", 2)
+    (tmp_path / "scans" / "b").rename(tmp_path / "later")
+    monkeypatch.setattr(SimpleHTTPRequestHandler, "log_message", lambda *_: None)
+    handler = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+
+    def start(port):
+        server = ThreadingHTTPServer(("127.0.0.1", port), handler)
+        Thread(target=server.serve_forever, daemon=True).start()
+        return server
+
+    server = start(0)
+    root = f"http://127.0.0.1:{server.server_port}/scans/*/*.ply"
+    with watching(root, "-o", "out", "--watch", "0", "--workers", "1") as process:
+        wait_for(lambda: done_so_far(tmp_path / "out") == 1, 300)
+        server.shutdown()
+        server.server_close()
+        assert process.stderr.readline().startswith(f"cascadenorm: {root} cannot be read: ")
+        (tmp_path / "later").rename(tmp_path / "scans" / "b")
+        server = start(server.server_port)
+        wait_for(lambda: done_so_far(tmp_path / "out") == 2, 300)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+        server.shutdown()
+        server.server_close()
+    assert process.returncode == 130 and not lines(tmp_path / "out", "failed")
+
+
+def test_a_result_that_does_not_arrive_is_a_failure_of_its_file_alone(bucket, tmp_path):
+    scans(tmp_path / "scans", 2)
+    found = denoise_files("scans", "s3://no-such-bucket/out", method="laplacian", workers=1, retries=0, manifest="m")
+    assert {type(failure.error) for failure in found.failures} == {OutputError} and len(found.failures) == 2
+    assert str(found.failures[0].error).startswith("s3://no-such-bucket/out/")
+
+
+def test_what_cannot_be_written_whole_or_has_no_manifest_is_refused(tmp_path):
+    scans(tmp_path / "scans", 1)
+    with pytest.raises(OutputError, match=r"https://host/out cannot be written: results go to folders or object"):
+        denoise_files(tmp_path / "scans", "https://host/out")
+    with pytest.raises(ParameterError, match="manifest is not given, and s3://bucket/out is a URL"):
+        denoise_files(tmp_path / "scans", "s3://bucket/out")
+    with pytest.raises(ReadError, match="some sources are URLs and others are not"):
+        find_jobs(["s3://bucket/a.ply", "scans"], "out")
+    with pytest.raises(ReadError, match="several buckets"):
+        find_jobs(["s3://one/a.ply", "s3://two/a.ply"], "out")
+
+
+def test_the_parts_of_a_url():
+    assert is_url("s3://b/a.ply") and is_url("https://h/a.ply")
+    assert not any(map(is_url, ["scans/a.ply", "C://a.ply", Path("s3://b"), 3]))
+    assert file_name("https://h/a/b.ply?x=/c.ply") == "b.ply"
+    assert fixed_part("s3://b/scans/**/*.ply") == fixed_part("s3://b/scans/x.ply") == fixed_part("s3://b/scans/")
+    assert fixed_part("s3://b/sc*") == "s3://b"
+
+
+def test_a_file_is_put_after_what_lies_beside_it(bucket, tmp_path, monkeypatch):
+    folder = tmp_path / "made"
+    folder.mkdir()
+    for name in ("a.obj", "b.mtl"):
+        (folder / name).write_text(name, encoding="ascii")
+    remote_files.put(folder, f"s3://{bucket.name}/out/a.obj")
+    found = sorted(bucket.objects.all(), key=lambda one: one.last_modified)
+    assert sorted(one.key for one in found) == ["out/a.obj", "out/b.mtl"]
+    (folder / "b.mtl").unlink()
+    (folder / "b.mtl").symlink_to("nowhere")
+    with pytest.raises(OutputError):
+        remote_files.put(folder, f"s3://{bucket.name}/other/a.obj")
+    assert objects(bucket, "other/") == {}

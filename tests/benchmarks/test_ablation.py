@@ -1,0 +1,89 @@
+"""The ablation of benchmarks/, with tiny settings."""
+
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import icosphere, noisy
+
+from cascadenorm.data_gen import DatasetConfig
+from cascadenorm.learned.config import Fit, TrainConfig, read_config
+from cascadenorm.mesh import limit_threads
+
+ROOT = Path(__file__).parents[2]
+SPEC = importlib.util.spec_from_file_location("ablation", ROOT / "benchmarks" / "ablation.py")
+ablation = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(ablation)
+
+PAPER, AUTO = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "auto"))
+TINY = TrainConfig(
+    faces_per_mesh=100,
+    fit=Fit(hidden=(4,), epochs=1),
+    data=DatasetConfig(count=2, families=("smooth",), min_faces=1200, max_faces=1250),
+)
+SETS = {"balls": [(noisy(icosphere(2), 0.2), icosphere(2).face_normals)]}
+
+
+def test_the_ladder_leads_from_the_paper_to_auto_on_the_same_data():
+    rungs = list(ablation.ladder(PAPER, AUTO).values())
+    assert rungs[0].stages == PAPER.stages and rungs[0].context == 0
+    assert replace(rungs[-1], clusters=AUTO.clusters) == AUTO
+    assert all(rung.data == AUTO.data and rung.faces_per_mesh == AUTO.faces_per_mesh for rung in rungs)
+    assert len(set(map(repr, rungs))) == len(rungs)
+
+
+def test_a_table_has_the_mean_and_half_the_spread():
+    page = ablation.table({("a", 1): [[1.0, 5.0], [2.0, 5.5]]}, ["here", "there"], TINY.data)
+    assert "trained on 2 shapes like those of `auto`, of at most 1250 faces" in page
+    assert page.endswith("| a | 1 | 2 | 1.50 ± 0.50 | 5.25 ± 0.25 |\n")
+
+
+def test_each_kind_of_error_is_measured_by_the_true_normals(tmp_path):
+    sets = ablation.measured_on(ROOT / "cascadenorm" / "demo_data", replace(AUTO.data, max_faces=3000), unseen=1)
+    assert all(len(found) >= 1 for found in sets.values())
+    mesh, normals = sets["segmentations"][0]
+    assert normals.shape == (len(mesh.faces), 3)
+    assert not np.allclose(normals, mesh.face_normals)
+
+
+class Interrupted(Exception):
+    pass
+
+
+def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(tmp_path, monkeypatch):
+    few = replace(TINY, descriptors=("B",), context=0)
+    rungs = {"one": few, "other": replace(few, descriptors=("n+B",))}
+
+    def run(folder: Path) -> str:
+        page = folder / "page.md"
+        with limit_threads(1):
+            ablation.run(rungs, SETS, page, folder, seeds=[0], clusters=[1, 2])
+        return page.read_text()
+
+    whole, halfway = tmp_path / "whole", tmp_path / "halfway"
+    expected = run(whole)
+    assert expected.count(" ± ") == 4
+    trainings, train = [], ablation.training.train
+
+    def interrupted(config, *arguments, **settings):
+        if len(trainings) == 2:
+            raise Interrupted
+        trainings.append(config)
+        return train(config, *arguments, **settings)
+
+    monkeypatch.setattr(ablation.training, "train", interrupted)
+    with pytest.raises(Interrupted):
+        run(halfway)
+    (made,) = halfway.glob("pairs-*")
+    written = {path: path.stat().st_mtime_ns for path in [*made.iterdir(), *halfway.glob("rung0*")]}
+    assert len(written) == TINY.data.count + 2
+    trainings.clear()
+    assert run(halfway) == expected
+    assert [config.descriptors for config in trainings] == [("n+B",)] * 2
+    assert all(path.stat().st_mtime_ns == time for path, time in written.items())
+    for path in halfway.glob("rung*"):
+        path.unlink()
+    assert run(halfway) == expected  # from the figures that were written beside the page
+    assert len(trainings) == 2

@@ -1,0 +1,32 @@
+"""The figures of the plan for many scans and for one huge mesh follow from those that were measured."""
+
+from pathlib import Path
+
+import pytest
+
+SPEED = """4 threads
+| auto, 100 k faces | 3.00 | 0.50 |
+| auto, 1 M faces | 12.00 | 1.00 |
+| taubin, 1 M faces | 2.00 | 1.00 |
+"""
+PATCHES = "| `taubin`, iterations 10 | 10.0 | 190 | 1GB | 1.5GB | 500 | – | 200 | 65 | 800 | 900 |\n"
+
+
+@pytest.fixture
+def scale():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+        import scale
+
+        yield scale
+
+
+def test_times_memory_and_cost_are_those_of_the_formulas(scale):
+    threads, methods = scale.rates(SPEED)
+    assert threads == 4 and list(methods) == ["auto"]  # taubin was measured at one size
+    assert methods["auto"].start == pytest.approx(2.0) and methods["auto"].slope == pytest.approx(1e-5)
+    row = scale.scans_table(threads, methods, 1e6, 9e5, 0.1, 0.02).splitlines()[-1]
+    # 4 threads · 1e6 scans · 9 s / 3600 s = 10,000 core hours; eight requests a scan
+    assert row == "| auto | 10,000 | 10.0 | 0.97 | 1,000 | 160 |"
+    rows = scale.large_table(methods, PATCHES, 3.6e9).splitlines()
+    assert rows[-2:] == ["| auto, in memory | 10.0 | 3,865 | 0 |", "| taubin, in patches | 20.0 | 18.4 | 288 |"]

@@ -1,0 +1,164 @@
+import os
+import pickle
+import subprocess
+import sys
+from threading import Barrier, Thread
+
+import numba
+import numpy as np
+import pytest
+
+from cascadenorm.compute.kernel_cache import KernelFiles
+from cascadenorm.mesh import kernel
+
+TWICE = """
+import numpy as np
+from cascadenorm.compute.kernels import kernel
+
+@kernel
+def twice(start, stop, out):
+    for i in range(start, stop):
+        out[i] *= 2
+
+for dtype in (np.float64, np.float32):
+    out = np.arange(4, dtype=dtype)
+    twice(1, 3, out)
+    print(out.tolist(), sum(twice.stats.cache_hits.values()))
+"""
+
+
+FIRST_RUN = """
+import numba.core.event as events
+compiled = []
+
+class Listener(events.Listener):
+    def on_start(self, event):
+        function = event.data["dispatcher"].py_func
+        compiled.append(function.__module__ + "." + function.__qualname__)
+
+    def on_end(self, event):
+        pass
+
+events.register("numba:compile", Listener())
+import numpy as np, cascadenorm as cn
+x, y = np.mgrid[:9, :9].reshape(2, -1)
+vertices = np.stack([x, y, 0.1 * np.random.default_rng(0).normal(size=81)], axis=1)
+corner = np.flatnonzero((x < 8) & (y < 8))
+faces = np.concatenate([corner[:, None] + (0, 9, 10), corner[:, None] + (0, 10, 1)])
+for method in ("bilateral-normal", "auto"):
+    cn.denoise(vertices, faces, method=method)
+for name in compiled:
+    print(name)
+"""
+
+
+def run_twice(folder, before: str = "") -> str:
+    module = folder / "module.py"
+    if not module.exists():  # older releases of numba take a file that was written again for another
+        module.write_text(before + TWICE)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "kept"), "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, folder / "module.py"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_kernel_that_cannot_be_kept_on_disk_runs_all_the_same():
+    names = {"kernel": kernel}
+    exec("@kernel\ndef twice(start, stop, out):\n    for i in range(start, stop):\n        out[i] *= 2", names)
+    out = np.arange(4.0)
+    names["twice"](1, 3, out)
+    assert out.tolist() == [0, 2, 4, 3]
+
+
+def test_the_next_process_takes_what_was_compiled_for_each_type(tmp_path):
+    out = "[0.0, 2.0, 4.0, 3.0] "
+    assert run_twice(tmp_path).split("\n") == [out + "0", out + "0", ""]
+    assert run_twice(tmp_path).split("\n") == [out + "1", out + "2", ""]
+
+
+def test_kernels_are_read_where_nothing_can_be_written(tmp_path):
+    locked = """
+import os, tempfile
+if os.path.exists("locked"):
+    def refuse(*_, **__):
+        raise OSError(30, "Read-only file system")
+    tempfile.TemporaryFile = refuse  # by which numba tells whether a folder can be written
+"""
+    out = "[0.0, 2.0, 4.0, 3.0] "
+    assert run_twice(tmp_path, locked).split("\n") == [out + "0", out + "0", ""]
+    (tmp_path / "locked").touch()
+    assert run_twice(tmp_path, locked).split("\n") == [out + "1", out + "2", ""]
+
+
+def test_a_full_disk_keeps_nothing_and_stops_nobody(tmp_path):
+    full = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
+    assert run_twice(tmp_path, full).startswith("[0.0, 2.0, 4.0, 3.0]")
+    assert not [path for path in (tmp_path / "kept").rglob("*") if path.is_file()]
+
+
+def test_of_two_that_write_at_once_none_reads_what_the_other_wrote(tmp_path):
+    for number in range(300):
+        both = [KernelFiles(cache_path=tmp_path, filename_base=str(number), source_stamp=0) for _ in range(2)]
+        start = Barrier(2)
+
+        def save(key, both=both, start=start):
+            start.wait()
+            both[key].save(key, f"compiled for {key}")
+
+        threads = [Thread(target=save, args=(key,)) for key in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        kept = [both[0].load(key) for key in range(2)]
+        assert any(kept)
+        assert all(found in (None, f"compiled for {key}") for key, found in enumerate(kept))
+
+
+@pytest.mark.parametrize("left", [b"", b"not a pickle", pickle.dumps("another")], ids=["empty", "other", "type"])
+def test_an_index_that_cannot_be_read_is_written_anew(tmp_path, left):
+    """As after an update in which a type that a signature refers to has moved to another module."""
+    run_twice(tmp_path)
+    (index,) = (tmp_path / "kept").rglob("*.nbi")
+    version = pickle.dumps(numba.__version__)
+    index.write_bytes(version + left)
+    out = "[0.0, 2.0, 4.0, 3.0] "
+    assert run_twice(tmp_path).split("\n") == [out + "0", out + "0", ""]
+    assert run_twice(tmp_path).split("\n") == [out + "1", out + "2", ""]
+
+
+OTHER_RELEASES = {
+    "class renamed": "del caching.IndexDataCacheFile",
+    "attribute renamed": "del caching.CacheImpl.filename_base",
+    "method renamed": "del caching.IndexDataCacheFile._save_data",
+    "other arguments": "caching.FunctionCache.load_overload = lambda self: None",
+}
+
+
+@pytest.mark.parametrize("change", OTHER_RELEASES.values(), ids=OTHER_RELEASES)
+def test_with_another_numba_kernels_run_all_the_same(tmp_path, change):
+    out = "[0.0, 2.0, 4.0, 3.0] 0"
+    assert run_twice(tmp_path, f"from numba.core import caching\n{change}\n").split("\n") == [out, out, ""]
+
+
+@pytest.mark.slow
+def test_the_first_run_compiles_few_functions_and_no_text_or_sort_of_numba(tmp_path):
+    """Copying a slice brings numba's messages with it, numpy's sort a dozen functions: seconds for each new user."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, "-c", FIRST_RUN]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    compiled = done.stdout.split()
+    assert "cascadenorm.baselines.vertex_update._sweep_range" in compiled
+    assert not [name for name in compiled if "unicode" in name or "quicksort" in name]
+    assert len(compiled) <= 110
+
+
+def test_a_further_process_compiles_nothing_and_loads_nothing_that_numba_compiles_from():
+    """Limits of numbers in a kernel, as numpy names them, bring both back: a quarter of a second in each command."""
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "0"}
+    code = FIRST_RUN + "import sys\nprint(*{'numba.np.linalg', 'scipy.linalg'} & set(sys.modules))\n"
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == []

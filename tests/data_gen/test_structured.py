@@ -1,0 +1,40 @@
+"""Structured meshes follow their parameters; subdivided cages have the connectivity of their subdivision."""
+
+import numpy as np
+import pytest
+from shapes import icosphere
+
+from cascadenorm.data_gen.meshing.half_edges import is_manifold
+from cascadenorm.data_gen.meshing.structured import grid_faces, structured_mesh, subdivided_cage
+from cascadenorm.mesh import Mesh
+
+
+@pytest.mark.parametrize("around", [(False, False), (True, False), (True, True)])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_grid_has_the_euler_characteristic_of_its_surface(around, seed):
+    rows, columns = 7, 9
+    faces = grid_faces(rows, columns, around=around, rng=np.random.default_rng(seed))
+    mesh = Mesh(np.random.default_rng(0).normal(size=(rows * columns, 3)), faces)
+    cells = (rows - (not around[0])) * (columns - (not around[1]))
+    assert len(faces) == 2 * cells
+    assert is_manifold(mesh)
+    expected = 0 if any(around) else 1  # a torus or an annulus, a disc
+    assert rows * columns - len(mesh.topology.edges) + len(faces) == expected
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_structured_meshes_are_consistently_oriented_manifolds_of_the_wanted_size(seed):
+    mesh = structured_mesh(faces=3000, rng=np.random.default_rng(seed))
+    assert is_manifold(mesh)
+    assert 2000 < len(mesh.faces) < 4500
+    assert (mesh.topology.balance[mesh.topology.interior_edges] == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_subdivided_cage_has_regular_vertices_but_for_those_of_the_cage(seed):
+    mesh = subdivided_cage(icosphere(4), faces=4000, rng=np.random.default_rng(seed))
+    assert 3000 < len(mesh.faces) < 5000
+    valences = mesh.topology.vertex_neighbors.counts
+    irregular = np.count_nonzero(valences != 6)
+    assert irregular <= len(mesh.faces) / 4 / 2 + 2, "at most the vertices of a cage of a quarter of the faces"
+    assert 0.5 < mesh.volume / (4 / 3 * np.pi) < 1.02, "Loop's scheme shrinks a coarse cage"

@@ -1,0 +1,143 @@
+"""The kind of error is told from meshes whose error is known."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from shapes import cube, grid, icosphere, noisy
+from skimage.measure import marching_cubes
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.scanning.volumes import surface_nets
+from cascadenorm.detection.error_kind import correlation_length, error_kind
+from cascadenorm.detection.voxel_lattice import lattice_of_grey_values, lattice_of_mask
+from cascadenorm.inspection import inspect
+from cascadenorm.io.interop import save_mesh
+from cascadenorm.mesh import Mesh
+
+BALL = icosphere(5)
+TURN = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+
+
+def volume(shape: str, voxel, count: int = 40):
+    """Signed distances to a ball or an ellipsoid at the nodes of a lattice, positive inside."""
+    nodes = np.stack(np.meshgrid(*[np.arange(count) - count / 2 + 0.3] * 3, indexing="ij"), axis=-1) * voxel
+    axes = {"ball": (9.0, 9.0, 9.0), "egg": (9.0, 7.0, 11.0)}[shape]
+    return 8 * (1 - np.linalg.norm(nodes / np.array(axes), axis=-1))
+
+
+def extracted(values, voxel) -> Mesh:
+    vertices, faces, _, _ = marching_cubes(-values, 0.0)
+    return Mesh(vertices.astype(np.float64) * voxel, faces)
+
+
+@pytest.mark.parametrize("voxel", [(1.0, 1.0, 1.0), (0.7, 0.7, 2.1), (1.0, 1.3, 0.8)])
+@pytest.mark.parametrize("turn", [np.eye(3), TURN])
+def test_the_voxels_of_a_mask_are_found_at_any_rotation(voxel, turn):
+    mesh = extracted(np.where(volume("egg", voxel) > 0, 0.5, -0.5), voxel)
+    mesh = mesh.moved(mesh.vertices @ turn.T + 7)
+    lattice = lattice_of_mask(mesh)
+    assert lattice is not None
+    np.testing.assert_allclose(np.sort(np.linalg.norm(lattice, axis=1)), np.sort(voxel), rtol=1e-3)
+    along = np.abs(lattice @ turn) / np.linalg.norm(lattice, axis=1)[:, None]
+    np.testing.assert_allclose(np.sort(along, axis=1), [[0, 0, 1]] * 3, atol=2e-3)
+
+
+def test_vertices_in_ambiguous_cells_do_not_hide_the_voxels():
+    values = gaussian_filter(np.random.default_rng(0).normal(size=(24, 24, 24)), 0.9)
+    mesh = extracted(np.where(np.pad(values, 2, constant_values=-1) > 0.05, 0.5, -0.5), (1.0, 1.0, 3.0))
+    places = np.unique(np.round(2 * mesh.vertices / [1, 1, 3]).astype(int) % 2, axis=0)
+    assert len(places) == 4  # the middles of edges along each axis, and of cells
+    np.testing.assert_allclose(np.linalg.norm(lattice_of_mask(mesh), axis=1), (1, 1, 3), rtol=1e-3)
+
+
+@pytest.mark.parametrize("voxel", [(1.0, 1.0, 1.0), (0.7, 0.7, 1.6)])
+def test_the_voxels_of_grey_values_are_found_along_the_axes(voxel):
+    mesh = extracted(volume("egg", voxel), voxel)
+    np.testing.assert_allclose(lattice_of_grey_values(mesh), np.diag(voxel), rtol=1e-2)
+    assert lattice_of_mask(mesh) is None
+
+
+@pytest.mark.parametrize("mesh", [BALL, noisy(BALL, 0.2), grid(30, 30), cube(8)])
+def test_other_meshes_have_no_voxels(mesh):
+    mesh = mesh.moved(mesh.vertices @ TURN.T)
+    assert lattice_of_mask(mesh) is None
+    assert lattice_of_grey_values(mesh) is None
+
+
+def test_the_correlation_length_is_that_of_the_field():
+    """A moving average over a radius has an autocorrelation that falls to 1/e before twice the radius."""
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0, 60, (40000, 2))
+    points = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
+    waves = 2 * np.pi * rng.normal(size=(400, 3)) / (2 * np.pi)  # a spectrum of deviation 1: correlation exp(-r²/2)
+    values = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, 400)).sum(axis=1)
+    assert correlation_length(points, values) == pytest.approx(np.sqrt(2), rel=0.15)
+    assert correlation_length(points, rng.normal(size=len(points))) < 1
+
+
+@pytest.mark.parametrize("level", [0.1, 0.3])
+def test_noise_of_each_vertex_is_independent(level):
+    found = error_kind(noisy(BALL, level), BALL.vertices)
+    assert (found.kind, found.sure) == ("independent", True)
+    assert found.size == pytest.approx(level, rel=0.05)
+    assert str(found) == f"independent noise of {found.size:.2g} edges"
+
+
+def test_an_error_alike_over_several_edges_is_correlated_over_them():
+    waves = np.sin(np.pi * BALL.vertices @ np.random.default_rng(0).normal(size=(3, 40)) / (4 * BALL.mean_edge_length))
+    error = 0.3 * BALL.mean_edge_length * (waves.sum(axis=1) / np.sqrt(20))
+    bumpy = BALL.moved(BALL.vertices * (1 + error[:, None]))
+    found = error_kind(bumpy, BALL.vertices)
+    assert (found.kind, found.sure) == ("correlated", True)
+    assert 1.5 < found.length < 6
+    assert "correlated over about" in str(found)
+
+
+def test_a_sheet_seen_from_one_side_is_a_depth_image():
+    sheet = grid(40, 40)
+    found = error_kind(noisy(sheet, 0.2), sheet.vertices)
+    assert (found.kind, found.sure) == ("depth image", True)
+
+
+def test_little_is_no_error():
+    found = error_kind(noisy(BALL, 0.003), BALL.vertices)
+    assert (found.kind, found.length, str(found)) == ("none", None, "no significant error")
+
+
+def test_inspect_and_denoise_say_what_they_find(tmp_path, capsys):
+    voxel = np.array((0.5, 0.5, 1.5))
+    mesh = extracted(np.where(volume("egg", voxel, 60) > 0, 0.5, -0.5), voxel)
+    path = tmp_path / "mask.ply"
+    save_mesh(path, mesh)
+    found = inspect(path).error
+    assert found.kind == "segmentation"
+    np.testing.assert_allclose(sorted(found.voxel), sorted(voxel), rtol=1e-3)
+    report = cn.denoise_file(path, tmp_path / "smooth.ply")
+    assert (report.error.kind, report.error.sure) == (found.kind, found.sure)
+    assert (report.error.size, report.error.length) == pytest.approx((found.size, found.length))
+    assert cn.denoise_file(path, tmp_path / "same.ply", strength=0).error is None
+    assert run(["inspect", str(path)]) == 0
+    assert f"kind of error: {found}" in capsys.readouterr().out
+
+
+def test_a_segmentation_whose_voxels_are_lost_is_told_by_its_steps():
+    mesh = surface_nets(np.where(volume("egg", (1.0, 1.0, 1.0)) > 0, 1.0, 0.0))
+    assert lattice_of_mask(mesh) is None
+    found = inspect(mesh).error
+    assert (found.kind, found.sure, found.voxel) == ("segmentation", False, None)
+    assert str(found).startswith("perhaps steps of 0.") and str(found).endswith("edges of a binary segmentation")
+
+
+def test_exact_geometry_has_no_error():
+    assert inspect(cube(6)).error.kind == "none"
+
+
+def test_noise_that_is_drawn_correlated_is_not_independent():
+    rng = np.random.default_rng(2)
+    lengths = []
+    for _ in range(6):
+        moved = displacements(BALL, "correlated", level=0.3, rng=rng)
+        lengths.append(error_kind(BALL.moved(BALL.vertices + moved), BALL.vertices).length)
+    assert np.median(lengths) > 1.2

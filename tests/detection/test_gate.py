@@ -1,0 +1,117 @@
+"""The gate: trees as arrays, a decision for each component, and both networks in one file."""
+
+import numpy as np
+import pytest
+from shapes import grid, icosphere, noisy
+from sklearn.ensemble import ExtraTreesClassifier
+
+import cascadenorm as cn
+from cascadenorm.detection.gate import SMALL, Gate, judged
+from cascadenorm.detection.triangulation import FIGURES
+from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.gated import GatedCascades, read_model
+from cascadenorm.learned.methods import shipped, treated
+from cascadenorm.learned.training.gate_training import GateConfig, fitted_gate
+from cascadenorm.mesh import Mesh
+
+OPEN_SIDES = FIGURES.index("open sides")
+OPEN = Gate(
+    roots=np.array([0], np.int32),
+    figures=np.array([OPEN_SIDES, -1, -1], np.int32),
+    limits=np.zeros(3, np.float32),
+    children=np.array([(1, 2), (0, 0), (0, 0)], np.int32),
+    shares=np.array([0, 0.1, 0.9], np.float32),
+)
+"""A gate that takes open surfaces for measured ones."""
+
+
+def side_by_side(*meshes: Mesh) -> Mesh:
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = [mesh.vertices + 100.0 * i for i, mesh in enumerate(meshes)]
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def test_trees_as_arrays_say_what_the_forest_says():
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(300, len(FIGURES))).astype(np.float32)
+    y = x[:, 3] + x[:, 7] * x[:, 11] > 0
+    config = GateConfig(trees=20, least=2)
+    gate = fitted_gate(config, x, y, np.ones(len(x)))
+    forest = ExtraTreesClassifier(20, min_samples_leaf=2, max_features=0.2, random_state=0).fit(x, y)
+    tested = rng.normal(size=(50, len(FIGURES))).astype(np.float32)
+    expected = forest.predict_proba(tested)[:, 1]
+    np.testing.assert_allclose([gate.probability(row) for row in tested], expected, atol=1e-6)
+
+
+def test_each_component_is_judged_by_its_own_triangles():
+    both = judged(OPEN, side_by_side(grid(10, 10), icosphere(2)))
+    assert both.probabilities.tolist() == pytest.approx([0.9, 0.1])
+    assert both.measured.tolist() == [True, False]
+
+
+def test_components_that_are_small_beside_the_mesh_are_judged_together():
+    closed, sheets = icosphere(1), [Mesh(np.eye(3), [(0, 1, 2)])] * 2
+    mesh = side_by_side(icosphere(4), closed, *sheets)
+    assert len(closed.faces) > SMALL * len(mesh.faces) > 2
+    assert judged(OPEN, mesh).measured.tolist() == [False, False, True, True]
+
+
+def test_vertices_without_faces_are_not_judged():
+    mesh = icosphere(2)
+    with_more = Mesh(np.concatenate([mesh.vertices, np.eye(3)]), mesh.faces)
+    assert np.isnan(judged(OPEN, with_more).probabilities[1:]).all()
+
+
+@pytest.fixture(scope="module")
+def gated() -> GatedCascades:
+    """The networks of `auto` and of `cascade`, which differ in what they make of anything, behind the gate above."""
+    auto = shipped("auto")
+    return GatedCascades(auto.vertex, shipped("cascade"), OPEN, {"note": "for a test"})
+
+
+def test_each_component_goes_through_its_network(gated):
+    sheet, ball = noisy(grid(20, 20), 0.2), noisy(icosphere(3), 0.2)
+    mesh = side_by_side(sheet, ball)
+    vertices = gated.vertices(mesh)
+    parts = side_by_side(sheet.moved(gated.surface.vertices(sheet)), ball.moved(gated.vertex.vertices(ball)))
+    np.testing.assert_allclose(vertices, parts.vertices, atol=1e-9)
+    np.testing.assert_array_equal(gated.vertices(ball), gated.vertex.vertices(ball))
+    np.testing.assert_array_equal(gated.vertices(sheet), gated.surface.vertices(sheet))
+
+
+def test_a_file_holds_both_networks_and_the_gate(gated, tmp_path):
+    path = tmp_path / "both.safetensors"
+    path.write_bytes(gated.to_bytes())
+    again = read_model(path)
+    assert isinstance(again, GatedCascades)
+    assert again.to_bytes() == gated.to_bytes()
+    assert again.card["gate"] == {"note": "for a test"}
+    with pytest.raises(cn.ParameterError, match="cascadenorm-gated"):
+        Cascade.load(path)
+
+
+def test_what_a_mesh_is_treated_as_can_be_overruled(gated, tmp_path):
+    path = tmp_path / "both.safetensors"
+    path.write_bytes(gated.to_bytes())
+    ball = noisy(icosphere(3), 0.2)
+    assert str(treated(ball, model=path)) == "vertex noise, 0.90"
+    assert str(treated(ball, model=path, treat_as="measured-surface")) == "measured surface, 1.00"
+    mixed = side_by_side(ball, noisy(grid(8, 8), 0.1))
+    assert (
+        str(treated(mixed, model=path)) == f"vertex noise, 0.90 ({len(ball.faces) / len(mixed.faces):.0%} of the faces)"
+    )
+    asked = cn.denoise(ball, model=path, treat_as="measured-surface").vertices
+    default = cn.denoise(ball, model=path).vertices
+    assert not np.allclose(asked, default)
+    np.testing.assert_array_equal(cn.denoise(ball, model=path, treat_as="vertex-noise").vertices, default)
+    with pytest.raises(cn.ParameterError, match="measured-surface"):
+        cn.denoise(ball, model=path, treat_as="statue")
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_faces_that_are_there_twice_count_once(turned):
+    mesh = noisy(icosphere(3), 0.1)
+    again = mesh.faces[:, ::-1] if turned else mesh.faces
+    doubled = cn.denoise(mesh.vertices, np.concatenate([mesh.faces, again]))
+    np.testing.assert_allclose(doubled, cn.denoise(mesh.vertices, mesh.faces), atol=1e-12)

@@ -1,0 +1,44 @@
+"""The notebooks run from top to bottom, are kept without outputs, and need only the extras that they name."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from cascadenorm import registry
+from cascadenorm.api.api import methods
+
+ROOT = Path(__file__).parents[2]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+
+def cells(path, kind):
+    return [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == kind]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_runs(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_methods", methods())  # without what a notebook registers
+    names = {}
+    for cell in cells(path, "code"):
+        assert not cell["outputs"] and cell["execution_count"] is None
+        exec(compile("".join(cell["source"]), path.name, "exec"), names)
+    written = {"first_steps": "scan.png", "compare_methods": "methods.png", "train_on_own_scans": "mine.safetensors"}
+    assert (tmp_path / written[path.stem]).stat().st_size > 1000
+    if path.stem == "train_on_own_scans":  # even the tiny training helps
+        error = {n: names["cn"].compare(names[n], names["truth"]).normal_error_deg for n in ("noisy", "mine")}
+        assert error["mine"] < error["noisy"]
+
+
+def test_links_lead_to_files():
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    repository = re.search(r'Repository = "https://github\.com/(\S+)"', project)[1]
+    for path in NOTEBOOKS:
+        text = "".join("".join(cell["source"]) for cell in cells(path, "markdown"))
+        assert f"(https://colab.research.google.com/github/{repository}/blob/main/notebooks/{path.name})" in text
+        for link in text.split("](")[1:]:
+            assert (
+                link.startswith("https://colab.research.google.com/") or (path.parent / link.partition(")")[0]).exists()
+            ), link

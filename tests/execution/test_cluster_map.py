@@ -1,0 +1,160 @@
+"""Data and evaluations made on a Dask cluster: what this machine makes, whatever happens to the workers."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from shapes import icosphere, noisy
+from test_batch import LINUX, START, children, results, running, wait_for
+from test_cluster_processes import LocalCluster, cluster  # noqa: F401 - a fixture
+
+import cascadenorm
+from cascadenorm.cli import run
+from cascadenorm.errors import ParameterError, WorkerError
+from cascadenorm.evaluation.harness import evaluate
+from cascadenorm.evaluation.pairs import write_pairs
+from cascadenorm.execution import cluster_map
+from cascadenorm.execution.cluster_map import on_cluster
+from cascadenorm.io.interop import save_mesh
+
+BALL = icosphere(2)
+
+
+def killing(process: subprocess.Popen, *moments: int):
+    """A progress that kills a worker after so many parts."""
+    left = list(moments)
+
+    def progress(task: str, done: int, total: int, *_: str) -> None:
+        if left and done >= left[0]:
+            left.pop(0)
+            process.stdin.write("\n")
+            process.stdin.flush()
+
+    progress.left = left
+    return progress
+
+
+def pairs(folder: Path, count: int) -> Path:
+    for number in range(count):
+        place = folder / f"ball{number}"
+        place.mkdir(parents=True)
+        save_mesh(place / "clean.ply", BALL)
+        save_mesh(place / "noisy.ply", noisy(BALL, 0.2, seed=number))
+    return folder
+
+
+@LINUX
+def test_pairs_are_generated_to_the_same_bytes_when_workers_are_killed(tmp_path, cluster):  # noqa: F811
+    address, process = cluster
+    progress = killing(process, 1, 3)
+    write_pairs(tmp_path / "killed", count=5, seed=3, scheduler=address, progress=progress)
+    assert not progress.left
+    write_pairs(tmp_path / "undisturbed", count=5, seed=3)
+    assert len(results(tmp_path / "killed")) == 11
+    assert results(tmp_path / "killed") == results(tmp_path / "undisturbed")
+
+
+@LINUX
+def test_methods_are_measured_alike_when_workers_are_killed(tmp_path, cluster):  # noqa: F811
+    address, process = cluster
+    folder, settings = pairs(tmp_path / "pairs", 8), {"methods": ("taubin", "bilateral-normal")}
+    (folder / "ball3" / "noisy.ply").write_text("ply\nno more", encoding="ascii")
+    progress = killing(process, 2, 9, 16)
+    killed = evaluate(folder, keep=tmp_path / "killed", scheduler=address, progress=progress, **settings)
+    here = evaluate(folder, keep=tmp_path / "undisturbed", **settings)
+    assert not progress.left and len(here.results) == 3 * 7
+    assert [(one.pair, one.method, one.measures) for one in killed.results] == [
+        (one.pair, one.method, one.measures) for one in here.results
+    ]
+    assert [(one.pair, str(one.error)) for one in killed.failures] == [
+        (one.pair, str(one.error)) for one in here.failures
+    ]
+    meshes = [
+        {name: data for name, data in results(tmp_path / kept).items() if name.endswith(".ply")}
+        for kept in ("killed", "undisturbed")
+    ]
+    assert meshes[0] == meshes[1] and len(meshes[0]) == 3 * 7
+
+
+def test_results_come_in_order_and_an_error_where_its_result_is_asked_for(cluster):  # noqa: F811
+    with on_cluster(cluster[0], workers=1, folder=None) as each:
+        assert list(each(math.sqrt, [n * n for n in range(30)])) == list(range(30))
+        found = each(math.sqrt, [4, -1, 9])
+        assert next(found) == 2
+        with pytest.raises(ValueError, match="math domain error"):
+            next(found)
+
+
+@pytest.mark.slow  # four workers have to be started again
+def test_work_that_ends_every_worker_is_given_up(cluster):  # noqa: F811
+    with (
+        pytest.raises(WorkerError, match="memory may be short"),
+        on_cluster(cluster[0], workers=1, folder=None) as each,
+    ):
+        list(each(os._exit, [1]))
+
+
+def test_workers_that_cannot_do_the_work_are_named(tmp_path, cluster, monkeypatch):  # noqa: F811
+    monkeypatch.chdir(tmp_path)
+    pairs(tmp_path / "pairs", 1)
+    with pytest.raises(WorkerError, match=r"runs in .*, where relative names mean others: give absolute ones"):
+        evaluate("pairs", methods="taubin", scheduler=cluster[0])
+    with pytest.raises(ParameterError, match="keep must be a folder that all workers see"):
+        evaluate("pairs", methods="taubin", noise=0.1, scheduler=cluster[0])
+    with pytest.raises(ParameterError, match=r"workers is 2; at .* all workers of the cluster work: leave it out"):
+        evaluate("pairs", methods="taubin", workers=2, scheduler=cluster[0])
+    monkeypatch.setattr(cascadenorm, "__version__", "0.0.1")
+    with pytest.raises(WorkerError, match=r"has cascadenorm .*, and here is 0\.0\.1"):
+        write_pairs(tmp_path / "out", count=1, seed=0, scheduler=cluster[0])
+
+
+def test_a_cluster_without_workers_is_given_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster_map, "PATIENCE", 1.0)
+    options = {"n_workers": 0, "processes": False, "dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(**options) as empty, pytest.raises(WorkerError, match="has had no worker for 1 seconds"):
+        write_pairs(tmp_path / "out", count=1, seed=0, scheduler=empty.scheduler_address)
+
+
+@pytest.mark.parametrize("words", [["generate", "out"], ["evaluate", "pairs", "--method", "taubin"]])
+def test_an_address_without_a_scheduler_and_a_missing_extra_are_one_line(tmp_path, capsys, monkeypatch, words):
+    import dask
+
+    monkeypatch.chdir(tmp_path)
+    pairs(tmp_path / "pairs", 1)
+    with dask.config.set({"distributed.comm.timeouts.connect": 1}):
+        assert run([*words, "--scheduler", "127.0.0.1:9"]) == 2
+    said = capsys.readouterr().err
+    assert "scheduler is '127.0.0.1:9', where no Dask scheduler answers: " in said and len(said.splitlines()) == 1
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert run([*words, "--scheduler", "local"]) == 1
+    said = capsys.readouterr().err
+    assert 'pip install "cascadenorm[cluster]"' in said and len(said.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+@LINUX
+def test_ctrl_c_ends_a_cluster_of_this_machine(tmp_path):
+    command = [
+        sys.executable,
+        "-c",
+        START,
+        "generate",
+        "out",
+        "--count",
+        "60",
+        "--scheduler",
+        "local",
+        "--workers",
+        "2",
+    ]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        wait_for(lambda: (tmp_path / "out").exists() and any((tmp_path / "out").iterdir()), 300)
+        workers = children(process.pid)
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=120)
+    assert process.returncode == 130 and said == "cascadenorm: interrupted; no file was left half written\n"
+    wait_for(lambda: not any(map(running, workers)), 30)

@@ -1,0 +1,91 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from itertools import islice
+
+import pytest
+import scipy.linalg  # noqa: F401 - brings a BLAS of its own
+from threadpoolctl import threadpool_info
+
+from cascadenorm.execution.process_map import WorkerError, side_by_side
+from cascadenorm.mesh import thread_count
+
+
+def most_threads(number: int) -> tuple[int, int, int]:
+    """The number, and how many threads kernels and libraries would take."""
+    return number, thread_count(), max(library["num_threads"] for library in threadpool_info())
+
+
+def failing(number: int) -> int:
+    if number == 3:
+        raise ValueError("the third")
+    return number
+
+
+def test_each_piece_of_work_has_one_thread_and_results_come_in_order():
+    with side_by_side(2) as each:
+        found = list(each(most_threads, range(20)))
+    assert [number for number, *_ in found] == list(range(20))
+    assert {threads for _, *threads in found for threads in threads} == {1}
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_an_error_is_raised_where_its_result_is_asked_for(count):
+    with side_by_side(count) as each:
+        results = each(failing, range(5))
+        assert list(islice(results, 3)) == [0, 1, 2]
+        with pytest.raises(ValueError, match="the third"):
+            next(results)
+
+
+def test_a_process_that_ends_early_is_a_worker_error():
+    with pytest.raises(WorkerError, match="memory is short"), side_by_side(2) as each:
+        list(each(os._exit, [1]))
+
+
+INTERRUPTED = """
+import signal, time
+from cascadenorm.execution.process_map import side_by_side
+signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a shell it is ignored
+try:
+    with side_by_side(2) as each:
+        results = each(time.sleep, [0.1] * 40)
+        print("begun", flush=True)
+        list(results)
+except KeyboardInterrupt:
+    print("stopped")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches processes in another way there")
+def test_ctrl_c_while_processes_start_prints_nothing_from_them():
+    command = [sys.executable, "-c", INTERRUPTED]
+    piped = subprocess.PIPE
+    with subprocess.Popen(command, stdout=piped, stderr=piped, text=True, start_new_session=True) as started:
+        assert started.stdout is not None
+        assert started.stdout.readline() == "begun\n"
+        time.sleep(0.5)  # in which processes load their modules
+        os.killpg(started.pid, signal.SIGINT)
+        output, complaints = started.communicate(timeout=60)
+    assert (output, complaints) == ("stopped\n", "")
+
+
+KILLED = """
+import time
+from cascadenorm.execution.process_map import side_by_side
+with side_by_side(2) as each:
+    results = each(time.sleep, [0.1] * 2 + [600] * 2)
+    next(results)
+    print("begun", flush=True)
+    list(results)
+"""
+
+
+def test_no_process_outlives_the_one_that_started_it():
+    with subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True) as started:
+        assert started.stdout is not None
+        assert started.stdout.readline() == "begun\n"
+        started.kill()
+        started.communicate(timeout=60)  # which waits for all that could still write

@@ -1,0 +1,167 @@
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, noisy
+
+from cascadenorm.geometry.holes.filling import boundary_loops, fill_holes
+from cascadenorm.mesh import Mesh
+from cascadenorm.registry import ParameterError
+
+
+def without(mesh, faces):
+    """Return the mesh without the given faces, and without the vertices that only they used."""
+    kept = mesh.faces[~faces]
+    used = np.unique(kept)
+    number = np.zeros(len(mesh.vertices), int)
+    number[used] = np.arange(len(used))
+    return Mesh(mesh.vertices[used], number[kept])
+
+
+def without_cap(level, height):
+    sphere = icosphere(level)
+    return without(sphere, (sphere.vertices[sphere.faces][..., 2] > height).any(axis=1))
+
+
+def assert_closed_and_oriented(mesh):
+    sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    keys = sides[:, 0] * len(mesh.vertices) + sides[:, 1]
+    assert len(np.unique(keys)) == len(keys)
+    assert set(map(tuple, sides)) == set(map(tuple, sides[:, ::-1]))
+
+
+@pytest.mark.parametrize("level", [3, 4])
+def test_sphere_comes_back_from_a_thin_plate_within_one_percent(level):
+    open_sphere = without_cap(level, 0.87)
+    filled = fill_holes(open_sphere, order=2)
+    new = np.linalg.norm(filled.vertices[len(open_sphere.vertices) :], axis=1)
+    assert new == pytest.approx(1, abs=0.01)
+    assert filled.volume == pytest.approx(icosphere(level).volume, rel=2e-3)
+    assert_closed_and_oriented(filled)
+
+
+def test_membrane_is_flatter_than_a_thin_plate():
+    open_sphere = without_cap(3, 0.87)
+    flat = fill_holes(open_sphere, order=1).vertices[len(open_sphere.vertices) :]
+    assert np.linalg.norm(flat, axis=1).min() < 0.95
+
+
+def test_what_was_there_keeps_positions_and_numbers():
+    rough = noisy(without_cap(3, 0.8), 0.1)
+    filled = fill_holes(rough)
+    assert (filled.vertices[: len(rough.vertices)] == rough.vertices).all()
+    assert (filled.faces[: len(rough.faces)] == rough.faces).all()
+    assert len(filled.faces) > len(rough.faces)
+
+
+def test_patch_is_as_dense_as_the_mesh_around_it():
+    open_sphere = without_cap(4, 0.87)
+    filled = fill_holes(open_sphere)
+    patch = Mesh(filled.vertices, filled.faces[len(open_sphere.faces) :])
+    assert patch.mean_edge_length == pytest.approx(open_sphere.mean_edge_length, rel=0.15)
+    sides = np.roll(patch.corners, -1, axis=1) - patch.corners
+    lengths = np.linalg.norm(sides, axis=2)
+    cosines = -(sides * np.roll(sides, 1, axis=1)).sum(axis=2) / (lengths * np.roll(lengths, 1, axis=1))
+    assert np.degrees(np.arccos(cosines)).min() > 15
+
+
+def test_flat_hole_is_filled_flat_and_its_area_is_what_was_missing():
+    plane = grid(12, 12)
+    middle = (abs(plane.centroids[:, :2] - 6) < 3).all(axis=1)
+    pierced = without(plane, middle)
+    for order in (1, 2, 3):
+        filled = fill_holes(pierced, order=order, max_edges=30)  # the outer boundary has 48
+        assert abs(filled.vertices[:, 2]).max() < 1e-12
+        assert filled.area == pytest.approx(144, rel=1e-9)
+        assert (filled.face_normals[:, 2] > 0.999).all()
+
+
+def test_several_holes_and_holes_that_touch_at_a_vertex():
+    box = cube(6)
+    corner = box.topology.vertex_faces.row(20)
+    far = np.argmax(np.linalg.norm(box.vertices - box.vertices[20], axis=1))
+    faces = np.zeros(len(box.faces), bool)
+    faces[corner] = faces[box.topology.vertex_faces.row(far)] = True
+    pierced = without(box, faces)
+    assert [len(loop) for loop in boundary_loops(pierced)] == [
+        len(box.topology.vertex_neighbors.row(i)) for i in (20, far)
+    ]
+    assert_closed_and_oriented(fill_holes(pierced))
+
+    plane = grid(6, 6)
+    touching = without(plane, np.isin(np.arange(72), [7, 36 + 7, 14, 36 + 14]))  # two squares with one corner in common
+    loops = boundary_loops(touching)
+    assert sorted(len(loop) for loop in loops) == [4, 4, 24]
+    filled = fill_holes(touching, max_edges=8, order=1)
+    assert filled.area == pytest.approx(36)
+
+
+def test_a_loop_beyond_the_optimal_length_is_filled_too():
+    plane = grid(90, 90)
+    pierced = without(plane, (abs(plane.centroids[:, :2] - 45) < 40).all(axis=1))
+    filled = fill_holes(pierced, max_edges=330)
+    assert filled.area == pytest.approx(8100, rel=1e-6)
+    assert abs(filled.vertices[:, 2]).max() < 1e-9
+
+
+def test_missing_triangle_gets_one_triangle():
+    sphere = icosphere(2)
+    filled = fill_holes(without(sphere, np.arange(320) == 7))
+    assert len(filled.faces) == 320 and len(filled.vertices) == 162
+    assert set(filled.faces[-1]) == set(sphere.faces[7])
+    assert_closed_and_oriented(filled)
+
+
+def test_no_edge_appears_twice():
+    """A tube pinched to a strip: the best chord of its hole is an edge of the mesh already."""
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    tent = Mesh([*square, (0.5, 0.5, -1)], [(1, 0, 4), (2, 1, 4), (3, 2, 4), (0, 3, 4)])
+    with_diagonal = Mesh([*square, (0.5, 0.5, -1), (2, 2, 2)], [*tent.faces, (0, 2, 5)])
+    filled = fill_holes(with_diagonal, max_edges=4)
+    assert (Mesh(filled.vertices, filled.faces).topology.edge_faces.counts <= 2).all()
+
+
+def test_closed_meshes_and_long_holes_are_left_alone():
+    for mesh, longest in ((icosphere(2), None), (without_cap(3, 0.5), 10)):
+        filled = fill_holes(mesh, max_edges=longest)
+        assert (filled.vertices == mesh.vertices).all() and (filled.faces == mesh.faces).all()
+
+
+def test_chains_that_do_not_close_are_left_open():
+    twisted = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], [(0, 1, 2), (1, 2, 3)])
+    assert boundary_loops(twisted) == []
+    assert len(fill_holes(twisted).faces) == 2
+
+
+@pytest.mark.parametrize("settings", [{"order": 4}, {"max_edges": 2}])
+def test_bad_settings_are_refused(settings):
+    with pytest.raises(ParameterError, match="must be"):
+        fill_holes(without_cap(2, 0.5), **settings)
+
+
+@pytest.mark.parametrize("exponent", [996, -900])
+def test_the_size_of_the_coordinates_does_not_matter(exponent):
+    holed = without_cap(3, 0.8)
+    expected = fill_holes(holed)
+    scaled = holed.moved(np.ldexp(holed.vertices, exponent))
+    filled = fill_holes(scaled)
+    np.testing.assert_array_equal(filled.faces, expected.faces)
+    count = len(holed.vertices)
+    assert filled.vertices[:count].tobytes() == scaled.vertices.tobytes()
+    np.testing.assert_allclose(np.ldexp(filled.vertices, -exponent), expected.vertices, rtol=0, atol=1e-12)
+
+
+def test_far_from_the_origin_nothing_is_lost():
+    holed = without_cap(3, 0.8)
+    expected, shift = fill_holes(holed), np.array([5e6, 4e6, 0])
+    filled = fill_holes(holed.moved(holed.vertices + shift))
+    np.testing.assert_array_equal(filled.faces, expected.faces)
+    np.testing.assert_allclose(filled.vertices - shift, expected.vertices, rtol=0, atol=1e-7)
+
+
+def test_faces_that_repeat_a_vertex_close_no_hole():
+    mesh = without_cap(3, 0.9)
+    loop = boundary_loops(mesh)[0]
+    lines = np.stack([loop, np.roll(loop, 1), loop], axis=1)
+    expected, found = fill_holes(mesh), fill_holes(Mesh(mesh.vertices, np.vstack([mesh.faces, lines])))
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    np.testing.assert_array_equal(found.faces[: len(mesh.faces) + len(lines)], np.vstack([mesh.faces, lines]))
+    np.testing.assert_array_equal(found.faces[-10:], expected.faces[-10:])

@@ -1,0 +1,63 @@
+"""What `auto` guarantees holds for any displacement that a model may come up with."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapes import cube, cylinder, grid, icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.geometry.foldovers import foldovers, without_flips
+from cascadenorm.learned.safeguards import safeguarded
+from cascadenorm.mesh import Mesh
+
+
+def flipped(before: Mesh, vertices: np.ndarray) -> np.ndarray:
+    """Faces whose normal is 90° or more from what it was; a face without area has none."""
+    turn = np.einsum("ij,ij->i", before.moved(vertices).area_vectors, before.area_vectors)
+    return (turn <= 0) & (before.areas > 0)
+
+
+SHAPES = {
+    "ball": icosphere(2),
+    "noisy ball": noisy(icosphere(2), 0.3),
+    "sheet": noisy(grid(8, 8), 0.1),
+    "slivers": grid(30, 4).moved(grid(30, 4).vertices * [1, 0.01, 1] + [0, 0, 0.3]),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@given(seed=st.integers(0, 10**6), size=st.floats(0.01, 10))
+def test_no_face_flips_but_foldovers_whatever_is_asked_for(name, seed, size):
+    mesh = SHAPES[name]
+    wanted = mesh.vertices + size * np.random.default_rng(seed).normal(size=mesh.vertices.shape)
+    assert not (flipped(mesh, without_flips(mesh, wanted)) & ~foldovers(mesh)).any()
+
+
+@pytest.mark.parametrize("mesh", [cube(1), cube(6), cylinder(10), cylinder(90)])
+@given(seed=st.integers(0, 10**6))
+def test_exact_meshes_stay_bit_for_bit(mesh, seed):
+    wanted = mesh.vertices + np.random.default_rng(seed).normal(size=mesh.vertices.shape)
+    assert safeguarded(mesh, wanted).tobytes() == mesh.vertices.tobytes()
+
+
+def test_what_does_no_harm_is_not_touched():
+    mesh = noisy(icosphere(4), 0.1)
+    clean = icosphere(4).vertices
+    assert without_flips(mesh, clean).tobytes() == clean.tobytes()
+
+
+def test_a_foldover_may_be_undone():
+    mesh = grid(6, 6)
+    middle = 3 * 7 + 3
+    folded = mesh.vertices.copy()
+    folded[middle, :2] += 1.4 * (mesh.vertices[middle + 8, :2] - mesh.vertices[middle, :2])
+    bent = Mesh(folded + 0.01 * np.random.default_rng(0).normal(size=folded.shape), mesh.faces)
+    assert foldovers(bent).any()
+    assert without_flips(bent, mesh.vertices)[middle] == pytest.approx(mesh.vertices[middle])
+
+
+@pytest.mark.parametrize("mesh", [cube(1), cylinder(24), cylinder(300, 20.0)], ids=["cube", "strips", "long strips"])
+def test_auto_leaves_cad_alone(mesh):
+    vertices = mesh.vertices.astype(np.float32)
+    assert cn.denoise(vertices, mesh.faces).tobytes() == vertices.tobytes()

@@ -1,0 +1,189 @@
+"""No half files: whatever happens while one is written, the old one or the new one is there, whole."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from io import BytesIO, TextIOWrapper
+from pathlib import Path
+
+import pytest
+from shapes import icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.cli import main, run
+from cascadenorm.io import OutputError
+from cascadenorm.io.atomic import write_atomically, write_together
+from cascadenorm.io.interop import save_mesh
+
+FAST = ["--method", "laplacian"]
+MAIN = "from cascadenorm.cli import main; main()"
+STOPPED = """
+import os, sys, time
+from pathlib import Path
+from cascadenorm.io.atomic import write_atomically
+
+def stop(*_):
+    print(flush=True)
+    time.sleep(60)
+
+def pieces():
+    yield b"new" * 100_000
+    if sys.argv[2] == "writing":
+        stop()
+
+if sys.argv[2] != "writing":
+    setattr(os, sys.argv[2], stop)
+write_atomically(Path(sys.argv[1]), pieces(), force=True)
+"""
+
+
+@pytest.fixture
+def ball(tmp_path, monkeypatch) -> Path:
+    """A mesh file of some size in the working directory."""
+    monkeypatch.chdir(tmp_path)
+    save_mesh(tmp_path / "ball.ply", noisy(icosphere(3), 0.2))
+    return tmp_path / "ball.ply"
+
+
+@pytest.mark.parametrize(
+    ("stage", "old"),
+    [(stage, old) for stage in ("writing", "fsync", "replace") for old in (None, b"old")] + [("chmod", b"old")],
+)
+def test_a_killed_process_leaves_what_was_there(tmp_path, stage, old):
+    target = tmp_path / "out.ply"
+    if old is not None:
+        target.write_bytes(old)
+    with subprocess.Popen([sys.executable, "-c", STOPPED, str(target), stage], stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        process.send_signal(signal.SIGKILL)
+    assert (target.read_bytes() if target.exists() else None) == old
+    rest = [path.name for path in tmp_path.iterdir() if path != target]
+    assert all(name.startswith(".") and name.endswith(".part") for name in rest)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+def test_new_files_have_the_permissions_of_new_files_and_others_keep_theirs(tmp_path, monkeypatch):
+    before = os.umask(0o027)
+    monkeypatch.setattr(os, "umask", None)  # which is the process's, not ours
+    try:
+        write_atomically(tmp_path / "new.ply", [b"new"])
+        (tmp_path / "old.ply").touch()
+        for mode in (0o600, 0o666):
+            (tmp_path / "old.ply").chmod(mode)
+            write_atomically(tmp_path / "old.ply", [b"new"], force=True)
+            assert (tmp_path / "old.ply").stat().st_mode & 0o777 == mode
+    finally:
+        monkeypatch.undo()
+        os.umask(before)
+    assert (tmp_path / "new.ply").stat().st_mode & 0o777 == 0o640
+
+
+def test_a_terminated_command_removes_its_temporary_file(ball):
+    code = "import os, signal\nos.fsync = lambda handle: os.kill(os.getpid(), signal.SIGTERM)\n" + MAIN
+    done = subprocess.run([sys.executable, "-c", code, "denoise", "ball.ply", *FAST])
+    assert done.returncode == 128 + signal.SIGTERM
+    assert os.listdir() == ["ball.ply"]
+
+
+@pytest.fixture
+def full_disk():
+    """Files that may not grow beyond 5000 bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("old", [None, b"precious"])
+def test_a_full_disk_leaves_what_was_there(ball, old, full_disk, capsys):
+    if old is not None:
+        Path("out.ply").write_bytes(old)
+    before = sorted(os.listdir())
+    assert run(["denoise", "ball.ply", *FAST, "-o", "out.ply", "--force"]) == 5
+    assert capsys.readouterr().err == "cascadenorm: out.ply cannot be written: File too large\n"
+    assert sorted(os.listdir()) == before
+    assert old is None or Path("out.ply").read_bytes() == old
+
+
+FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full here")
+
+
+@FULL
+def test_a_full_device_is_one_line_and_exit_code_5(ball, capsys):
+    assert run(["denoise", "ball.ply", *FAST, "-o", "/dev/full"]) == 5
+    assert capsys.readouterr().err == "cascadenorm: /dev/full cannot be written: No space left on device\n"
+
+
+@FULL
+@pytest.mark.parametrize("words", [["denoise", "ball.ply", *FAST, "-o", "-"], ["methods"]])
+def test_a_full_stdout_is_one_line_and_exit_code_5(ball, words):
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run([sys.executable, "-c", MAIN, *words], stdout=full, stderr=subprocess.PIPE)
+    assert done.returncode == 5
+    assert done.stderr.count(b"\n") == 1 and b"cannot be written: No space left on device" in done.stderr
+
+
+def test_of_several_files_none_is_new_unless_all_are_complete(tmp_path):
+    def broken():
+        yield b"half"
+        raise OSError(28, "No space left on device")
+
+    for force in (False, True):
+        with pytest.raises(OutputError, match="b cannot be written: No space left"):
+            write_together([(tmp_path / "a", [b"new"]), (tmp_path / "b", broken())], force=force)
+        assert not os.listdir(tmp_path)
+    write_together([(tmp_path / "a", [b"1"]), (tmp_path / "b", [b"2"])])
+    assert (tmp_path / "a").read_bytes() + (tmp_path / "b").read_bytes() == b"12"
+
+
+def test_a_link_keeps_pointing_to_what_is_replaced(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link.ply").symlink_to("there/real.ply")
+    write_atomically(tmp_path / "link.ply", [b"first"])
+    assert (tmp_path / "there" / "real.ply").read_bytes() == b"first"
+    with pytest.raises(OutputError, match="exists already"):
+        write_atomically(tmp_path / "link.ply", [b"second"])
+    write_atomically(tmp_path / "link.ply", [b"second"], force=True)
+    assert (tmp_path / "link.ply").is_symlink() and (tmp_path / "there" / "real.ply").read_bytes() == b"second"
+    assert sorted(os.listdir(tmp_path)) == ["link.ply", "there"] and os.listdir(tmp_path / "there") == ["real.ply"]
+
+
+# names
+
+
+def said(monkeypatch, *arguments: str) -> tuple[int, bytes]:
+    """Run the program on streams that are strict about encodings; its exit code, and what it printed."""
+    stream = TextIOWrapper(BytesIO(), encoding="utf-8")
+    monkeypatch.setattr(sys, "stdout", stream)
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    stream.flush()
+    return end.value.code, stream.buffer.getvalue()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are any bytes on Linux alone")
+def test_names_of_any_bytes(ball, monkeypatch):
+    name = b"caf\xe9 \xff\n.ply"
+    os.rename("ball.ply", name)
+    assert said(monkeypatch, "denoise", os.fsdecode(name), *FAST)[0] == 0
+    assert len(cn.read(os.fsdecode(b"caf\xe9 \xff\n_denoised.ply")).mesh.faces) == 1280
+    code, text = said(monkeypatch, "denoise", os.fsdecode(b"\xff.ply"))
+    assert code == 3 and text == b"cascadenorm: \\udcff.ply does not exist: check the name\n"
+
+
+def test_names_that_cannot_be_are_refused_in_words(ball, capsys):
+    for name, words in {"n" * 300: "File name too long", "zero\0byte.ply": "null"}.items():
+        assert run(["denoise", name, *FAST, "-o", "out.ply"]) == 3
+        assert words in capsys.readouterr().err
+        assert run(["denoise", "ball.ply", *FAST, "-o", f"{name}.ply"]) == 5
+        assert words in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/mem"), reason="there is no file here that not even root can read")
+def test_unreadable_files_are_refused_in_words(capsys):
+    assert run(["denoise", "/proc/self/mem", *FAST, "-o", "out.ply"]) == 3
+    assert "cannot be read: Input/output error" in capsys.readouterr().err

@@ -1,0 +1,453 @@
+"""What holds for every format: nothing but positions and normals changes, and no file breaks the reader."""
+
+import io as streams
+import json
+import re
+import struct
+import tracemalloc
+from base64 import b64encode
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from shapes import grid
+
+from cascadenorm import io
+from cascadenorm.io.content import Content
+from cascadenorm.io.files import FORMATS
+from cascadenorm.io.obj import ObjFile
+from cascadenorm.io.off import OffFile
+from cascadenorm.mesh import MeshError
+from cascadenorm.mesh.polygons import Polygons
+
+TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+SIDES = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]
+
+PLY_TEXT = """ply
+format ascii 1.0
+comment caf\xe9, made by  hand
+obj_info num_cols 4
+element vertex 5
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+property double quality
+element face 3
+property list uchar int vertex_indices
+property int material
+element edge 1
+property int vertex1
+property int vertex2
+end_header
+0 0.10 0 255 0 0 0.5
+1.000 0 0 0 255 0 0.25
+1 1 1e-3 0 0 255 -1
+0   1\t0 1 2 3 4
+0.5 0.5 1 9 9 9 9
+4 0 1 2 3 7
+3 0 1 4 8
+3 1 2 4 9
+0 1
+""".encode("latin-1")
+
+
+def ply_binary(order: str) -> bytes:
+    """Return a binary PLY with normals, a quad between triangles, a list per vertex and an element after the faces."""
+    name = {"<": "little", ">": "big"}[order]
+    header = f"""ply
+format binary_{name}_endian 1.0
+comment keep me
+element camera 1
+property float fov
+element vertex 4
+property double x
+property double y
+property double z
+property float nx
+property float ny
+property float nz
+property list uchar short views
+element face 4
+property uchar flags
+property list uchar uint vertex_index
+property list uchar float texcoord
+element range_grid 2
+property list uchar int vertex_indices
+end_header
+"""
+    body = struct.pack(order + "f", 0.7)
+    for i, p in enumerate(TETRAHEDRON):
+        body += struct.pack(order + "3d3f", *p, 0, 0, 1) + struct.pack(order + "B" + "h" * i, i, *range(i))
+    for f in [*SIDES[:3], (0, 3, 2, 1)]:
+        uv = np.arange(2 * len(f)) / 8
+        body += struct.pack(f"{order}BB{len(f)}I", 1, len(f), *f) + struct.pack(f"{order}B{len(uv)}f", len(uv), *uv)
+    return header.encode() + body + struct.pack(order + "BBi", 0, 1, 3)
+
+
+OBJ = b"""# exported by nobody # twice
+mtllib some materials.mtl
+o first part
+v 0 0 0 1.0 0.5 0.25
+v 1.0  0 0 1.0 0.5 0.25
+v\t1 1 0 1.0 0.5 0.25 # remark
+v 0 1 0 1.0 0.5 0.25
+v 0 0 1 1.0 0.5 0.25
+vt 0 0
+vt 1 0
+vt 0.5 1
+vn 0 0 1
+vn 0 0 -1
+g base
+usemtl steel # shiny
+s 1
+f 1/1/1 2/2/1 3/3/1 4/1/1
+s off
+f -5//2 -4//2 \\
+  -1//2
+f 2 3 5
+l 1 2
+"""
+
+
+def stl_binary() -> bytes:
+    """Return the tetrahedron with a coloured header and an attribute for each face."""
+    records = np.zeros(4, [("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")])
+    records["c"], records["a"] = np.array(TETRAHEDRON)[np.array(SIDES)], [1, 2, 3, 65535]
+    return b"solid COLOR=\xff\x00\x7f\xff".ljust(80, b" ") + struct.pack("<I", 4) + records.tobytes()
+
+
+def stl_text() -> bytes:
+    """Return the tetrahedron as two solids."""
+    out = ""
+    for name, sides in ("first vertex", SIDES[:2]), ("zweites St\xfcck", SIDES[2:]):
+        out += f"solid {name}\r\n"
+        for side in sides:
+            out += "  facet normal 0 0 0\r\n    outer loop\r\n"
+            out += "".join("      vertex {:.1f} {} {:e}\r\n".format(*TETRAHEDRON[v]) for v in side)
+            out += "    endloop\r\n  endfacet\r\n"
+        out += f"endsolid {name}\r\n"
+    return out.encode("latin-1")
+
+
+OFF = b"""OFF # a comment
+# another
+5 4 0
+
+0 0 0
+1 0 0
+1.50 1 0 # here too
+0 1 0
+0.5 0.5 1
+4 0 1 2 3 255 0 0
+3 0 1 4 0 255 0
+3 1 2 4 0 0 255
+3 2 3 4 1 1 1
+"""
+COFF = b"COFF 4 2 0\n0 0 0 1 2 3 255\n1 0 0 4 5 6 255\n1 1 0 7 8 9 255\n0 1 0 0 0 0 255\n3 0 1 2\n3 0 2 3\n"
+NOFF = b"NOFF\n4 2 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n3 0 2 3"
+
+
+def glb() -> bytes:
+    """Return two meshes in interleaved and packed vectors: a quad with a cut across it, and a strip shown twice."""
+    cut = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], "<f4")
+    up = np.tile(np.array([(0, 0, 1)], "<f4"), (6, 1))
+    strip = np.array([(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, 0)], "<f4")
+    parts = [np.hstack([cut, up]).tobytes(), bytes(range(48)), struct.pack("<6H", 0, 1, 2, 3, 5, 4), strip.tobytes()]
+    starts = np.cumsum([0, *map(len, parts)]).tolist()
+    views = [{"buffer": 0, "byteOffset": s, "byteLength": len(p)} for s, p in zip(starts, parts, strict=False)]
+    views[0]["byteStride"] = 24
+    vec3 = {"componentType": 5126, "type": "VEC3"}
+    document = {
+        "asset": {"version": "2.0", "generator": "caf\xe9 3.10"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1, 2]}],
+        "nodes": [{"mesh": 0, "scale": [2, 2, 2]}, {"mesh": 1}, {"mesh": 1, "translation": [5.0, 0, 0.1]}],
+        "materials": [{"name": "steel", "extras": {"id": 12345678901234567890, "x": 1e-07}}],
+        "meshes": [
+            {
+                "name": "cut",
+                "primitives": [
+                    {"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3, "material": 0},
+                    {"attributes": {"POSITION": 0}, "mode": 0},
+                ],
+            },
+            {"primitives": [{"attributes": {"POSITION": 4}, "mode": 5}]},
+        ],
+        "accessors": [
+            {"bufferView": 0, "count": 6, **vec3, "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 0, "byteOffset": 12, "count": 6, **vec3},
+            {"bufferView": 1, "componentType": 5126, "count": 6, "type": "VEC2"},
+            {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
+            {"bufferView": 3, "count": 4, **vec3, "min": [0, 0, 0], "max": [1, 1, 0]},
+        ],
+        "bufferViews": views,
+        "buffers": [{"byteLength": starts[-1]}],
+    }
+    text = json.dumps(document, ensure_ascii=False).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = [(b"JSON", text), (b"BIN\0", b"".join(parts)), (b"EXTR", b"1234")]
+    body = b"".join(struct.pack("<I4s", len(chunk), name) + chunk for name, chunk in chunks)
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+def gltf() -> bytes:
+    """Return the same document as text, spaced by hand, with its buffer in it."""
+    data = glb()
+    size = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + size])
+    start = 28 + size
+    (buffer,) = document["buffers"]
+    buffer["uri"] = "data:application/gltf-buffer;base64," + b64encode(data[start : start + 252]).decode()
+    return json.dumps(document, ensure_ascii=False, indent=1).replace("0.1", "1.0E-1 ").encode()
+
+
+SAMPLES = {
+    "ply text": PLY_TEXT,
+    "ply text, crlf": PLY_TEXT.replace(b"\n", b"\r\n"),
+    "ply little": ply_binary("<"),
+    "ply big": ply_binary(">"),
+    "obj": OBJ,
+    "obj, crlf": OBJ.replace(b"\n", b"\r\n"),
+    "stl binary": stl_binary(),
+    "stl text": stl_text(),
+    "off": OFF,
+    "off, colours": COFF,
+    "off, normals": NOFF,
+    "glb": glb(),
+    "gltf": gltf(),
+}
+NATIVE = ("ply", "obj", "stl", "off")
+every_sample = pytest.mark.parametrize("data", SAMPLES.values(), ids=SAMPLES.keys())
+
+
+def read(data: bytes, format: str | None = None) -> io.MeshFile:
+    return io.read(streams.BytesIO(data), format)
+
+
+def written(file: io.MeshFile) -> bytes:
+    return b"".join(file.pieces())
+
+
+@every_sample
+def test_unmoved_file_comes_out_as_it_went_in(data):
+    file = read(data)
+    assert written(file) == data
+    assert written(file.with_vertices(file.mesh.vertices)) == data
+    there = file.with_vertices(file.mesh.vertices + 1)
+    assert written(there.with_vertices(file.mesh.vertices)) == data
+
+
+@every_sample
+def test_moved_file_reads_back_as_moved(data):
+    file = read(data)
+    wanted = file.mesh.vertices * 1.7 + np.random.default_rng(0).normal(size=file.mesh.vertices.shape)
+    moved = file.with_vertices(wanted)
+    again = read(written(moved))
+    assert np.array_equal(again.positions, moved.positions)
+    assert np.array_equal(again.positions, wanted[file.welds].astype(file.positions.dtype))
+    assert np.array_equal(again.polygons.corners, file.polygons.corners)
+    assert np.array_equal(moved.mesh.faces, file.mesh.faces)
+
+
+@every_sample
+def test_writing_moved_positions_twice_changes_nothing(data):
+    once = read(data)
+    once = read(written(once.with_vertices(once.mesh.vertices + 0.3)))
+    assert written(once.with_vertices(once.mesh.vertices)) == written(once)
+
+
+@pytest.mark.parametrize("name", ["ply text", "obj", "stl text", "off"])
+def test_text_around_moved_numbers_stays(name):
+    file = read(SAMPLES[name])
+    vertices = file.mesh.vertices.copy()
+    vertices[1] += 0.25
+    before, after = SAMPLES[name].split(b"\n"), written(file.with_vertices(vertices)).split(b"\n")
+    assert len(before) == len(after)
+    for old, new in zip(before, after, strict=True):
+        number = rb"(?<!\S)[-+]?[\d.]+(e[-+]?\d+)?(?!\S)"
+        assert re.sub(number, b"#", old) == re.sub(number, b"#", new)
+        if not old.lstrip().startswith((b"v", b"facet", b"1")):  # positions, normals
+            assert old == new
+
+
+def test_only_coordinates_that_differ_are_respelled():
+    file = read(PLY_TEXT)
+    vertices = file.mesh.vertices.copy()
+    vertices[0, 0] = 0.1
+    assert written(file.with_vertices(vertices)) == PLY_TEXT.replace(b"\n0 0.10 0", b"\n0.1 0.10 0")
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_binary_bytes_beside_positions_and_normals_stay(order):
+    data = ply_binary(order)
+    file = read(data)
+    moved = written(file.with_vertices(file.mesh.vertices * 3))
+    differ = np.flatnonzero(np.frombuffer(data, np.uint8) != np.frombuffer(moved, np.uint8))
+    start = data.index(b"end_header\n") + 11 + 4
+    rows = start + np.cumsum([0, *(36 + 1 + 2 * i for i in range(3))])
+    assert len(data) == len(moved)
+    assert all(any(row <= at < row + 36 for row in rows) for at in differ)
+    # the face flags, lists, and the element after the faces lie behind all of that
+    assert differ.max() < rows[-1] + 36
+
+
+@every_sample
+def test_vertices_stay_float32_or_become_float64(data):
+    file = read(data)
+    assert file.positions.dtype in (np.float32, np.float64)
+    assert file.mesh.vertices.dtype == np.float64
+
+
+@every_sample
+def test_wrong_shape_and_infinite_vertices_are_refused(data):
+    file = read(data)
+    with pytest.raises(MeshError, match="shape"):
+        file.with_vertices(file.mesh.vertices[1:])
+    with pytest.raises(MeshError, match="not finite"):
+        file.with_vertices(np.full(file.mesh.vertices.shape, np.inf))
+
+
+def outcome(data: bytes, format: str | None = None) -> str:
+    """Read, weld and move; anything but success and our own errors fails the test."""
+    try:
+        file = read(data, format)
+        assert written(file) == data
+        moved = written(file.with_vertices(file.mesh.vertices + 1))
+        assert np.array_equal(read(moved, file.format).positions, file.with_vertices(file.mesh.vertices + 1).positions)
+    except io.ReadError as error:
+        assert len(str(error)) < 1000
+        return "unreadable"
+    except MeshError:
+        return "no mesh"
+    return "read"
+
+
+@every_sample
+def test_file_cut_anywhere_is_refused_or_read(data):
+    format = read(data).format
+    for size in range(len(data)):
+        assert outcome(data[:size], format) in OUTCOMES
+
+
+@pytest.mark.parametrize("name", ["ply little", "ply big", "stl binary", "glb"])
+def test_binary_file_cut_anywhere_is_refused(name):
+    data = SAMPLES[name]
+    assert {outcome(data[:size], read(data).format) for size in range(0, len(data), 7)} == {"unreadable"}
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(sorted(SAMPLES)), st.data())
+def test_damaged_bytes_are_refused_or_read(name, data):
+    content = bytearray(SAMPLES[name])
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        content[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
+    assert outcome(bytes(content), SAMPLES_FORMAT[name]) in OUTCOMES
+
+
+SAMPLES_FORMAT = {name: re.match(r"\w+", name)[0] for name in SAMPLES}
+OUTCOMES = ("read", "unreadable", "no mesh")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(max_size=200), st.sampled_from([*FORMATS, None]), st.sampled_from(sorted(SAMPLES)))
+def test_random_bytes_are_refused_or_read(noise, format, name):
+    assert outcome(noise, format) in OUTCOMES
+    assert outcome(SAMPLES[name][: len(SAMPLES[name]) // 2] + noise, SAMPLES_FORMAT[name]) in OUTCOMES
+
+
+finite = st.floats(-(2.0**99), 2.0**99, width=32)
+
+
+@st.composite
+def contents(draw):
+    """Return meshes of a few polygons with colours and other properties."""
+    kind = draw(st.sampled_from([np.float32, np.float64]))
+    count = draw(st.integers(3, 8))
+    positions = draw(hnp.arrays(kind, (count, 3), elements=finite, unique=True))
+    corners = st.lists(st.integers(0, count - 1), min_size=3, max_size=5, unique=True)
+    faces = draw(st.lists(corners, min_size=1, max_size=5))
+    sizes = np.array([len(f) for f in faces])
+    polygons = Polygons.from_counts(sizes, np.concatenate(faces).astype(np.int64))
+    kinds = st.sampled_from([np.uint8, np.int16, np.int32, np.float32, np.float64])
+    values = st.integers(0, 100)
+    vertex = {n: draw(hnp.arrays(draw(kinds), count, elements=values)) for n in draw(st.sets(st.sampled_from("abc")))}
+    colors = {n: draw(hnp.arrays(np.uint8, count)) for n in ("red", "green", "blue")} if draw(st.booleans()) else {}
+    face = {n: draw(hnp.arrays(draw(kinds), len(faces), elements=values)) for n in draw(st.sets(st.sampled_from("de")))}
+    return Content(positions, polygons, {**vertex, **colors}, face)
+
+
+@settings(max_examples=60, deadline=None)
+@given(contents(), st.sampled_from(NATIVE))
+def test_encoded_content_reads_back(content, format):
+    pieces, lost = FORMATS[format].encode(content)
+    data = b"".join(pieces)
+    file = FORMATS[format](data)
+    assert written(file) == data
+    again = file.content()
+    if format == "stl":
+        assert np.array_equal(file.positions, content.positions.astype(np.float32)[file_triangles(content)])
+        return
+    assert np.array_equal(again.positions.astype(content.positions.dtype), content.positions)
+    assert np.array_equal(again.polygons.indptr, content.polygons.indptr)
+    assert np.array_equal(again.polygons.corners, content.polygons.corners)
+    for of, values in ("vertex", "vertex_values"), ("face", "face_values"):
+        kept = {n: v for n, v in getattr(content, values).items() if f"{of} property '{n}'" not in lost}
+        assert kept.keys() == getattr(again, values).keys()
+        assert all(np.array_equal(v, getattr(again, values)[n]) for n, v in kept.items())
+
+
+def file_triangles(content):
+    return FORMATS["ply"](b"".join(FORMATS["ply"].encode(content)[0])).triangles.ravel()
+
+
+@settings(max_examples=40, deadline=None)
+@given(contents(), st.sampled_from(NATIVE), st.data())
+def test_any_vertices_can_be_stored(content, format, data):
+    file = FORMATS[format](b"".join(FORMATS[format].encode(content)[0]))
+    vertices = data.draw(hnp.arrays(np.float32, file.mesh.vertices.shape, elements=finite))
+    moved = FORMATS[format](written(file.with_vertices(vertices)))
+    assert np.array_equal(moved.positions, vertices[file.welds])
+
+
+@pytest.mark.parametrize("source", NATIVE)
+@pytest.mark.parametrize("target", FORMATS)
+@pytest.mark.parametrize("name", ["ply text", "obj", "off"])
+def test_conversion_keeps_the_surface(name, source, target, tmp_path):
+    first, second = tmp_path / f"a.{source}", tmp_path / f"b.{target}"
+    io.write(read(SAMPLES[name]), first)
+    lost = io.write(io.read(first), second)
+    a, b = io.read(first).mesh, io.read(second).mesh
+    assert b.area == pytest.approx(a.area, rel=1e-6)
+    assert len(a.faces) == len(b.faces) or "stl" in (source, target)
+    assert bool(lost) == (source != target and (target == "stl" or bool(lost)))
+
+
+# memory
+
+
+@pytest.mark.parametrize("kind", [ObjFile, OffFile, "text"])
+def test_reading_a_text_takes_a_few_times_its_size(kind, monkeypatch):
+    monkeypatch.setattr("cascadenorm.io.text.text.BLOCK", 1 << 12)
+    sheet = grid(100, 100)
+    content = Content(sheet.vertices / 7, Polygons.from_rows(sheet.faces.astype(np.int64)))
+    if kind == "text":
+        data = b"ply\nformat ascii 1.0\nelement vertex %d\n" % len(sheet.vertices)
+        data += b"property double x\nproperty double y\nproperty double z\n"
+        data += b"element face %d\nproperty list uchar int vertex_indices\nend_header\n" % len(sheet.faces)
+        data += b"".join(OffFile.encode(content)[0]).split(b"\n", 2)[2]
+    else:
+        data = b"".join(kind.encode(content)[0])
+    read(data)  # compiles, and imports
+    peaks = []
+    for _ in range(3):  # other threads of the process can only add to the peak
+        tracemalloc.start()
+        read(data)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert min(peaks) < 6 * len(data)

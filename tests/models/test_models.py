@@ -1,0 +1,312 @@
+import hashlib
+import json
+import subprocess
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import cube, icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.baselines.vertex_update import recover_vertices
+from cascadenorm.cli import run
+from cascadenorm.data_gen import DatasetConfig, pair
+from cascadenorm.evaluation.pairs import training_pairs
+from cascadenorm.geometry.metrics import measure
+from cascadenorm.learned.cascade import apply_stage
+from cascadenorm.learned.config import read_config
+from cascadenorm.learned.methods import shipped
+from cascadenorm.learned.regression import stage_stack
+from cascadenorm.learned.training.training_log import Pass, read_passes, recording
+from cascadenorm.mesh import Mesh, in_frame, scaled_alike
+
+ROOT = Path(__file__).parents[2]
+HELD_OUT = DatasetConfig(seed=1_000_003, min_faces=3000, max_faces=5000, noise_kinds=("normal",), min_level=0.2)
+TINY = """
+faces_per_mesh = 300
+clusters = 2
+[fit]
+hidden = [8]
+epochs = 15
+[data]
+count = 2
+families = ["smooth"]
+min_faces = 1200
+max_faces = 1250
+"""
+
+
+@pytest.mark.parametrize("name", ["auto", "cascade"])
+def test_the_shipped_weights_have_the_settings_of_their_configuration(name):
+    config = read_config(ROOT / "configs" / f"{name}.toml")
+    assert shipped(name).card["config"] == json.loads(json.dumps(asdict(config)))
+    assert tuple(stage.settings for stage in shipped(name).stages) == config.stages
+
+
+def test_the_shipped_cascade_is_the_published_method():
+    """B-FND and G-FND, then B-FND twice; clusters with one hidden layer each; nothing but the filtered normals."""
+    filtered = {"B+G": 2 * 5 + 2 * 4, "B": 2 * 5}
+    stages = shipped("cascade").stages
+    assert [stage.settings.descriptor for stage in stages] == ["B+G", "B", "B"]
+    for stage in stages:
+        settings, count = stage.settings, filtered[stage.settings.descriptor]
+        assert (settings.neighborhood, settings.weighting, settings.foldovers) == ("distance", "heights", "ignore")
+        assert settings.activation == "tanh"
+        assert len(stage.centers) == 4 and len(stage.layers) == 2
+        assert stage.layers[0][0].shape[1] == stage.centers.shape[1] == count * (count - 1) // 2
+        assert stage.layers[-1][1].shape[1] == count
+
+
+@pytest.mark.parametrize("name", ["auto", "cascade"])
+def test_each_stage_comes_closer_to_shapes_that_no_training_saw(name):
+    made = [pair(HELD_OUT, index) for index in (0, 1, 2, 3)]
+    errors = np.array(
+        [[measure(m, p.clean).normal_error_deg for m in (p.noisy, *shipped(name).steps(p.noisy))] for p in made]
+    ).mean(axis=0)
+    assert (np.diff(errors) < 0).all(), errors
+    bilateral = [measure(cn.denoise(p.noisy, method="bilateral-normal"), p.clean).normal_error_deg for p in made]
+    assert errors[-1] < np.mean(bilateral)
+
+
+def test_the_last_stage_of_auto_alone_is_fitted_by_angles():
+    assert [stage.settings.weighting for stage in shipped("auto").stages] == ["heights", "heights", "angles"]
+
+
+@pytest.mark.parametrize(
+    "update",
+    [
+        {"weighting": weighting, "foldovers": foldovers, "sweeps": sweeps}
+        for weighting in ("heights", "angles")
+        for foldovers in ("avoid", "ignore")
+        for sweeps in (3, 20)
+    ],
+)
+def test_a_stage_moves_vertices_to_its_normals_as_its_settings_say(update):
+    rough, stage = noisy(icosphere(3), 0.4), shipped("auto").stages[0]
+    stage = replace(stage, settings=replace(stage.settings, **update))
+    normals = stage.normals(rough, stage_stack(stage.settings, rough, rough))
+    expected = recover_vertices(rough, normals, **update)
+    np.testing.assert_array_equal(apply_stage(stage, rough, rough).vertices, expected)
+
+
+@pytest.mark.parametrize("settings", [{}, {"strength": 1.5}])
+@pytest.mark.parametrize("name", ["auto", "cascade"])
+def test_a_denoiser_is_the_method_with_its_weights(name, settings):
+    mesh = noisy(icosphere(3), 0.2)
+    mesh = Mesh(
+        np.concatenate([mesh.vertices, 5 + cube(4).vertices]), np.concatenate([mesh.faces, 642 + cube(4).faces])
+    )
+    expected = cn.denoise(mesh, method=name, **settings).vertices
+    np.testing.assert_array_equal(cn.Denoiser.shipped(name).denoise(mesh, **settings).vertices, expected)
+    if "strength" not in settings:  # above 1 it removes detail
+        assert (expected[642:] == mesh.vertices[642:]).all() == (name == "auto")  # which leaves exact geometry alone
+
+
+def test_a_model_in_a_file_denoises_as_the_default_method_does(tmp_path):
+    path, mesh = tmp_path / "mine.safetensors", noisy(icosphere(2), 0.2)
+    path.write_bytes(shipped("cascade").to_bytes())
+    expected = cn.denoise(mesh, model=path).vertices
+    np.testing.assert_array_equal(cn.Denoiser.load(path).denoise(mesh).vertices, expected)
+
+
+def test_a_denoiser_takes_no_other_method_or_model():
+    mesh = noisy(icosphere(2), 0.2)
+    with pytest.raises(cn.ParameterError, match="method is set by the Denoiser"):
+        cn.Denoiser.shipped("cascade").denoise(mesh, method="auto")
+    with pytest.raises(cn.ParameterError, match="model is a Denoiser; it must be the path"):
+        cn.denoise(mesh, model=cn.Denoiser.shipped("cascade"))
+
+
+def test_nobody_changes_the_model_of_all():
+    denoiser = cn.Denoiser.shipped()
+    denoiser.card["config"]["seed"] = 99
+    assert denoiser.card["config"]["seed"] != 99
+    for array in denoiser.cascade.stages[0].arrays().values():
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+
+
+def test_train_records_each_pass_and_its_curves_are_shown(tmp_path, capsys):
+    settings, weights, log = tmp_path / "tiny.toml", tmp_path / "tiny.safetensors", tmp_path / "log.jsonl"
+    settings.write_text(TINY)
+    words = ["train", "--config", str(settings), "-o", str(weights), "--threads", "1", "--log", str(log)]
+    assert run([*words, "--tensorboard", str(tmp_path / "events")]) == 0
+    passes = read_passes(log)
+    stages = {done.stage for done in passes}
+    assert stages == set(range(1, len(read_config(settings).descriptors) + 1)) and {1, 2} == {p.cluster for p in passes}
+    recorded = [
+        [min(p.validation for p in passes if (p.stage, p.cluster) == (stage, cluster)) for cluster in (1, 2)]
+        for stage in sorted(stages)
+    ]
+    losses = cn.Denoiser.load(weights).card["validation_chord_by_stage_and_cluster"]
+    np.testing.assert_allclose(losses, recorded, atol=1e-5)
+    for done in passes:  # the angle is a convex function of the chord, below its secant
+        assert np.degrees(2 * np.arcsin(done.validation / 2)) <= done.validation_deg <= 90 * done.validation
+
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(tmp_path / "events"))
+    events.Reload()
+    scalars = [event.value for event in events.Scalars("stage1/cluster2/validation_deg")]
+    expected = [done.validation_deg for done in passes if (done.stage, done.cluster) == (1, 2)]
+    np.testing.assert_allclose(scalars, expected, rtol=1e-6)
+
+    capsys.readouterr()
+    assert run(["models", "--curves", str(log)]) == 0
+    best = min((p for p in passes if (p.stage, p.cluster) == (1, 1)), key=lambda p: p.validation)
+    assert f"{best.validation_deg:.2f}°" in capsys.readouterr().out
+    assert run(words) == 5  # the model is there already
+    weights.unlink()
+    assert run(words) == 5 and "log" in capsys.readouterr().err  # and so is the log
+
+
+def test_the_card_for_the_hub_has_the_digest_and_the_licence_of_the_file(tmp_path):
+    own, card = tmp_path / "mine.safetensors", tmp_path / "README.md"
+    own.write_bytes(shipped("cascade").to_bytes())
+    assert run(["models", str(own), "--hub", str(card)]) == 0
+    _, metadata, text = card.read_text(encoding="utf-8").split("---\n", 2)
+    assert metadata.startswith("license: mit\nlibrary_name: cascadenorm\ntags:\n- mesh-denoising\n")
+    digest = hashlib.sha256(own.read_bytes()).hexdigest()
+    assert f"| `mine.safetensors` | {own.stat().st_size} | `{digest}` | MIT |" in text
+    losses = shipped("cascade").card["validation_chord_by_stage_and_cluster"]
+    assert f"| 2 | {' | '.join(f'{loss:.4f}' for loss in losses[1])} |" in text
+    assert run(["models", "auto", "--hub", str(card)]) == 5  # it exists
+    assert run(["models", "auto", "--hub", str(card), "--force"]) == 0
+    shipped_file = Path(cn.__file__).parent / "weights" / "auto.safetensors"
+    assert hashlib.sha256(shipped_file.read_bytes()).hexdigest() in card.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("suffix", ["csv", "jsonl"])
+def test_a_log_goes_on_after_an_interruption_and_the_later_of_two_passes_counts(tmp_path, suffix):
+    log = tmp_path / f"log.{suffix}"
+    first, again = Pass(1, 1, 1, 0.5, 0.4, 30.0), Pass(1, 1, 1, 0.3, 0.2, 20.0)
+    with recording(log, None, resumed=False) as record:
+        record(first)
+        line = log.read_text().splitlines()[-1]  # it is there at once
+        assert line == "1,1,1,0.5,0.4,30.0" if suffix == "csv" else json.loads(line) == first._asdict()
+    with recording(log, None, resumed=True) as record:
+        record(again)
+        record(Pass(1, 2, 1, 0.9, 0.8, 50.0))
+    assert read_passes(log) == [again, Pass(1, 2, 1, 0.9, 0.8, 50.0)]
+    with recording(log, None, resumed=False) as record:
+        record(first)
+    assert read_passes(log) == [first]
+
+
+def test_logs_of_another_kind_are_refused(tmp_path, capsys):
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    assert run(["models", "--curves", str(tmp_path / "other.csv")]) == 3
+    assert "holds no passes of a training" in capsys.readouterr().err
+    assert run(["train", "--quick", "-o", str(tmp_path / "w.safetensors"), "--log", str(tmp_path / "log.txt")]) == 2
+    assert "must end in .csv or .jsonl" in capsys.readouterr().err
+
+
+def test_train_writes_a_model_that_denoises(tmp_path, capsys):
+    settings, weights = tmp_path / "tiny.toml", tmp_path / "tiny.safetensors"
+    settings.write_text(TINY)
+    arguments = ["train", "--config", str(settings), "-o", str(weights), "--threads", "1"]
+    assert run(arguments) == 0
+    assert "cascadenorm denoise scan.ply --model" in capsys.readouterr().out
+    assert not Path(f"{weights}.training").exists()
+    mesh = noisy(icosphere(3), 0.2)
+    out = cn.Denoiser.load(weights).denoise(mesh.vertices, mesh.faces)
+    given, denoised = (measure(m, icosphere(3)).normal_error_deg for m in (mesh, mesh.moved(out)))
+    assert denoised < 0.6 * given
+    before = weights.read_bytes()
+    assert run(arguments) == 5
+    assert weights.read_bytes() == before
+    assert run(["models", str(weights)]) == 0
+    assert json.loads(capsys.readouterr().out)["card"]["config"]["clusters"] == 2
+    assert run([*arguments, "--force", "--seed", "1"]) == 0
+    assert weights.read_bytes() != before
+
+
+def save(mesh: cn.Mesh, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cn.write(cn.from_arrays(mesh.vertices, mesh.faces), path)
+
+
+def test_own_shapes_get_noise_again_and_again_and_own_pairs_are_taken_as_they_are(tmp_path):
+    ball, rough = icosphere(3), noisy(icosphere(4), 0.2)
+    save(ball, tmp_path / "shapes" / "ball.ply")
+    save(rough, tmp_path / "pairs" / "ball" / "noisy.ply")
+    save(icosphere(4), tmp_path / "pairs" / "ball" / "clean.ply")
+    config = DatasetConfig(count=12, min_faces=1200, max_faces=1280, noise_kinds=("normal",), min_level=0.1)
+    made = training_pairs([tmp_path / "shapes"], [tmp_path / "pairs"], config)
+    shapes, pieces = made[:3], made[3:]
+    assert len(pieces) == 4 and sum(len(p.clean.faces) for p in pieces) == len(rough.faces)
+    for p in shapes:
+        np.testing.assert_array_equal(p.clean.vertices, in_frame(ball)[0].vertices)
+        spread = np.linalg.norm(p.noisy.vertices - p.clean.vertices, axis=1).std() / p.clean.mean_edge_length
+        assert spread > 0.03 and p.family == "own"
+    assert (shapes[0].noisy.vertices != shapes[1].noisy.vertices).any()
+    corners = np.concatenate([p.noisy.corners for p in pieces]).reshape(-1, 9)
+    expected = scaled_alike(rough, icosphere(4))[0].corners.reshape(-1, 9)
+    np.testing.assert_array_equal(np.unique(corners, axis=0), np.unique(expected, axis=0))
+    cn.write(cn.from_arrays(ball.vertices, ball.faces), tmp_path / "pairs" / "ball" / "noisy.ply", force=True)
+    with pytest.raises(cn.MeshError, match="different faces"):
+        training_pairs([], [tmp_path / "pairs"], config)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(cn.ReadError, match="holds no mesh files"):
+        training_pairs([tmp_path / "empty"], [], config)
+
+
+def test_own_meshes_are_wound_as_they_are_to_be_denoised(tmp_path):
+    ball, rough = icosphere(4), noisy(icosphere(4), 0.2)
+    faces = ball.faces.copy()
+    faces[::3] = faces[::3, ::-1]
+    save(Mesh(ball.vertices, faces), tmp_path / "shapes" / "ball.ply")
+    save(Mesh(rough.vertices, faces), tmp_path / "pairs" / "ball" / "noisy.ply")
+    save(Mesh(ball.vertices, faces), tmp_path / "pairs" / "ball" / "clean.ply")
+    config = DatasetConfig(count=8, min_faces=1200, max_faces=1280)
+    made = training_pairs([tmp_path / "shapes"], [tmp_path / "pairs"], config)
+    assert len(made) == 8
+    for p in made:
+        assert ((p.clean.face_normals * p.clean.centroids).sum(axis=1) > 0).all()
+        np.testing.assert_array_equal(p.noisy.faces, p.clean.faces)
+
+
+def test_without_what_makes_shapes_neither_training_nor_generating_begins(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "skimage", None)
+    assert run(["train", "-o", str(tmp_path / "new.safetensors")]) == 1
+    assert 'training needs skimage, which is not installed: pip install "cascadenorm[train]"' in capsys.readouterr().err
+    assert run(["generate", str(tmp_path / "data")]) == 1
+    needed = 'generating data needs skimage, which is not installed: pip install "cascadenorm[train]"'
+    assert needed in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_own_meshes_change_the_model_and_stand_in_its_card(tmp_path):
+    settings, plain, other = (tmp_path / name for name in ("tiny.toml", "plain.safetensors", "other.safetensors"))
+    settings.write_text(TINY)
+    save(icosphere(3), tmp_path / "ball.ply")
+    arguments = ["train", "--config", str(settings), "--threads", "1"]
+    assert run([*arguments, "-o", str(plain)]) == 0
+    assert run([*arguments, "-o", str(other), "--shapes", str(tmp_path / "ball.ply")]) == 0
+    assert "and 2 meshes that were handed in" in cn.Denoiser.load(other).card["data"]
+    assert cn.Denoiser.load(other).cascade.to_bytes() != cn.Denoiser.load(plain).cascade.to_bytes()
+    assert run([*arguments, "-o", str(tmp_path / "no.safetensors"), "--shapes", str(tmp_path / "no.ply")]) == 3
+
+
+def test_wrong_settings_are_a_usage_error(tmp_path, capsys):
+    settings = tmp_path / "wrong.toml"
+    settings.write_text("cluster = 3")
+    assert run(["train", "--config", str(settings), "-o", str(tmp_path / "w.safetensors")]) == 2
+    assert "there is no setting cluster" in capsys.readouterr().err
+    assert run(["train", "--config", str(settings), "--quick"]) == 2
+
+
+def test_train_py_is_the_same_command():
+    done = subprocess.run([sys.executable, ROOT / "train.py", "--help"], capture_output=True, text=True, check=True)
+    assert "--quick" in done.stdout and "cascadenorm train" in done.stdout
+
+
+@pytest.mark.slow
+def test_quick_training_beats_the_noisy_input(tmp_path):
+    weights = tmp_path / "quick.safetensors"
+    assert run(["train", "--quick", "-o", str(weights)]) == 0
+    made = pair(HELD_OUT, 0)
+    out = cn.Denoiser.load(weights).denoise(made.noisy)
+    assert measure(out, made.clean).normal_error_deg < 0.5 * measure(made.noisy, made.clean).normal_error_deg

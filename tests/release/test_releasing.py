@@ -1,0 +1,138 @@
+"""What is released agrees with the package: recipe, tag, versions; and is well made: sdist, wheel."""
+
+import importlib
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cascadenorm as cn
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+WORKFLOW = (ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8")
+CONDA = {"torch": "pytorch"}
+"""Packages that conda-forge calls otherwise."""
+
+
+def requirements(texts):
+    """Name → bounds, as conda writes them; what another Python needs is needed by all there."""
+    found = {}
+    for text in texts:
+        name, bounds = re.fullmatch(r"([\w.-]+?)\s*((?:[<>=!]=?[\w.]+,?)*)", text.partition(";")[0].strip()).groups()
+        found[CONDA.get(name, name).lower()] = ",".join(sorted(bounds.split(","), reverse=True))
+    return found
+
+
+@pytest.fixture(scope="module")
+def recipe():
+    """The recipe, rendered as rattler-build does for conda-forge."""
+    rattler_build = pytest.importorskip("rattler_build")
+    (variant,) = rattler_build.Stage0Recipe.from_file(ROOT / "recipe" / "recipe.yaml").render()
+    return variant.recipe.to_dict()
+
+
+def test_the_recipe_asks_for_what_the_package_asks_for(recipe):
+    assert recipe["package"] == {"name": "cascadenorm", "version": cn.__version__}
+    asked = [text.replace(" ", "", 1) for text in recipe["requirements"]["run"]]
+    wanted = requirements([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
+    assert requirements(asked) == wanted
+    extras = PROJECT["optional-dependencies"]
+    users = [text for name in ("formats", "pyvista", "viz", "train") for text in extras[name] if "[" not in text]
+    limits = requirements([text.replace(" ", "", 1) for text in recipe["requirements"]["run_constraints"]])
+    assert limits == {name: bounds for name, bounds in requirements(users).items() if name != "tqdm"}
+
+
+def test_the_recipe_tests_commands_that_exist(recipe):
+    (commands,) = [test["script"] for test in recipe["tests"] if "script" in test]
+    for command in commands:
+        words = command.split()[1:]
+        run = [sys.executable, "-m", "cascadenorm", words[0], *(["--help"] if not words[0].startswith("-") else [])]
+        assert subprocess.run(run, capture_output=True).returncode == 0, command
+    script = PROJECT["scripts"]["cascadenorm"]
+    assert recipe["build"]["python"]["entry_points"] == [f"cascadenorm = {script}"]
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="bash is not installed")
+@pytest.mark.parametrize(("tag", "code"), [(f"v{cn.__version__}", 0), ("v99.0.0", 1), (cn.__version__, 1)])
+def test_a_tag_that_is_not_the_version_is_refused(tag, code):
+    line = re.search(r"is the version of the package\n +run: (.+)", WORKFLOW)[1]
+    done = subprocess.run(["bash", "-c", line], cwd=ROOT, env={"GITHUB_REF_NAME": tag, "PATH": "/usr/bin:/bin"})
+    assert done.returncode == code
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="bash is not installed")
+def test_nothing_is_released_before_the_address_is_known():
+    line = re.search(r"address of the repository is set\n +run: \"(.+)\"", WORKFLOW)[1]
+    done = subprocess.run(["bash", "-c", line], cwd=ROOT, stdout=subprocess.DEVNULL)
+    assert done.returncode == ("/OWNER/" in PROJECT["urls"]["Repository"])
+
+
+@pytest.fixture
+def address(monkeypatch):
+    """The script that writes the address of the repository."""
+    monkeypatch.syspath_prepend(ROOT / "release")
+    return importlib.import_module("address")
+
+
+def test_the_address_is_that_of_pyproject_in_every_file(address):
+    found = {}
+    for path in [*address.files(), *(ROOT / "docs" / "how-to").glob("*.md"), ROOT / "CONTRIBUTING.md"]:
+        text = path.read_text(encoding="utf-8")
+        found[path] = set(re.findall(r"(?:github\.com/|/github/|uses: )([\w.-]+/cascadenorm)\b", text))
+    assert set().union(*found.values()) == {address.repository()}
+    assert {path.name for path, names in found.items() if names} >= {"README.md", "start.md", "first_steps.ipynb"}
+
+
+def test_one_command_writes_the_address_everywhere(address, tmp_path):
+    for path in address.files():
+        copy = tmp_path / path.relative_to(ROOT)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, copy)
+    before = {path: path.read_text(encoding="utf-8") for path in address.files(tmp_path)}
+    address.main(["https://github.com/acme/meshes.git"], tmp_path)
+    assert address.repository(tmp_path) == "acme/meshes"
+    for path, old in before.items():
+        new = path.read_text(encoding="utf-8")
+        assert (
+            new.count("acme/meshes") == old.count(address.repository())
+            and "OWNER/" not in new
+            and address.NOTE not in new
+        ), path
+    address.main(["https://github.com/" + address.repository()], tmp_path)
+    assert all(path.read_text(encoding="utf-8") == old.replace(address.NOTE, "") for path, old in before.items())
+    with pytest.raises(SystemExit):
+        address.main(["acme"], tmp_path)
+
+
+def test_scripts_of_the_workflow_exist_and_only_one_job_may_publish():
+    scripts = re.findall(r"python (\S+\.py)", WORKFLOW)
+    assert scripts and all((ROOT / name).exists() for name in scripts)
+    jobs = re.split(r"\n  (?=\w+:\n    )", WORKFLOW.partition("\njobs:")[2])
+    trusted = [job for job in jobs if "id-token: write" in job]
+    assert len(trusted) == 1 and "pypa/gh-action-pypi-publish" in trusted[0] and "checkout" not in trusted[0]
+
+
+def test_completion_of_commands_and_options_for_shells():
+    run = [sys.executable, "-m", "cascadenorm"]
+    for words, expected in (
+        ("cascadenorm den", "denoise\ndenoise-regions"),
+        ("cascadenorm denoise --stre", "--strength"),
+    ):
+        asked = {"_CASCADENORM_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+        done = subprocess.run(run, env=asked, capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == expected
+
+
+@pytest.mark.slow  # builds, installs into a fresh environment, compiles every kernel
+def test_the_commands_of_the_dockerfile_make_a_program_that_denoises(tmp_path):
+    run = [sys.executable, ROOT / "container" / "replay.py", tmp_path / "root"]
+    assert "denoised" in subprocess.run(run, capture_output=True, text=True, check=True).stdout

@@ -1,0 +1,132 @@
+"""The wheel holds the whole package under one name, and works where the repository is not."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numba
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCES = ("cascadenorm", "baselines", "data_gen")
+FILES = ("pyproject.toml", "README.md", "LICENSE")
+
+LOOK = """
+import sys
+from pathlib import Path
+
+import cascadenorm, cascadenorm.api.api, cascadenorm.baselines, cascadenorm.data_gen
+
+for package in (cascadenorm, cascadenorm.baselines, cascadenorm.data_gen):
+    assert Path(sys.argv[1]) in Path(package.__file__).parents, package.__file__
+mesh = cascadenorm.api.api.as_mesh(Path(cascadenorm.__file__).parent / "demo_data" / "part" / "noisy.ply")
+piece = cascadenorm.Mesh(mesh.vertices, mesh.faces[:60])
+assert (cascadenorm.denoise(piece, method=sys.argv[2]).vertices != piece.vertices).any()
+assert "torch" not in sys.modules
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A folder into which the wheel was unpacked; it is built from a copy, so that nothing old gets in."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    for name in SOURCES:
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in FILES:
+        shutil.copy(ROOT / name, source)
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(source)]
+    subprocess.run(build, check=True, stdout=subprocess.DEVNULL)
+    (wheel,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder / "site")
+    return folder / "site"
+
+
+@pytest.mark.parametrize(
+    "check", [["twine", "check", "--strict"], ["check_wheel_contents"]], ids=lambda words: words[0]
+)
+def test_what_checks_uploads_finds_nothing(installed, check):
+    (wheel,) = installed.parent.glob("*.whl")
+    done = subprocess.run([sys.executable, "-m", *check, wheel], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_it_installs_one_name(installed):
+    names = {path.name for path in installed.iterdir() if not path.name.endswith(".dist-info")}
+    assert names == {"cascadenorm"}
+
+
+def test_it_holds_every_module_and_all_data(installed):
+    for folder, place in (("cascadenorm", ""), ("baselines", "baselines"), ("data_gen", "data_gen")):
+        for path in (ROOT / folder).rglob("*"):
+            if path.is_file() and "__pycache__" not in path.parts:
+                assert (installed / "cascadenorm" / place / path.relative_to(ROOT / folder)).exists(), path
+
+
+@pytest.mark.parametrize("method", ["bilateral-normal"])
+def test_it_denoises_from_another_folder(installed, tmp_path, method):
+    environment = {**os.environ, "PYTHONPATH": str(installed), "NUMBA_DISABLE_JIT": "1"}  # compiling takes longer
+    command = [sys.executable, "-c", LOOK, str(installed), method]
+    assert subprocess.run(command, cwd=tmp_path, env=environment).returncode == 0
+
+
+DENOISE = """
+import sys
+from hashlib import sha256
+from pathlib import Path
+import numba.core.event as events
+
+class Listener(events.Listener):
+    def on_start(self, event):
+        print(event.data["dispatcher"])
+
+    def on_end(self, event):
+        pass
+
+events.register("numba:compile", Listener())
+import cascadenorm as cn
+from cascadenorm.api.api import as_mesh
+whole = as_mesh(Path(cn.__file__).parent / "demo_data" / "part" / "noisy.ply")
+for method in cn.methods():
+    if method != "fairing":
+        found = cn.denoise(whole.vertices, whole.faces[:300], method=method)
+        print(method, sha256(found.tobytes()).hexdigest(), file=sys.stderr)
+"""
+
+
+@pytest.mark.slow  # compiles every kernel, twice
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_with_compiled_kernels_a_first_run_compiles_nothing_and_gives_the_same_bytes(installed, tmp_path):
+    (pure,) = installed.parent.glob("*.whl")
+    make = [sys.executable, ROOT / "release" / "platform_wheel.py", pure, "--output", tmp_path]
+    subprocess.run(make, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    for check in (["twine", "check", "--strict"], ["check_wheel_contents"]):
+        subprocess.run([sys.executable, "-m", *check, wheel], check=True)
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "0", "PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv"], check=True)
+    install = [sys.executable, "-m", "pip", "--python", tmp_path / "venv", "install", "--no-deps", wheel]
+    subprocess.run(install, check=True)
+    (site,) = (tmp_path / "venv").rglob("site-packages")
+    runs = []
+    for folder in (site, installed):
+        environment |= {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(tmp_path / f"kernels{len(runs)}")}
+        command = [sys.executable, "-c", DENOISE]
+        runs.append(subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True))
+    shipped, compiled = runs
+    assert shipped.stderr == compiled.stderr
+    assert shipped.stdout == ""
+    assert len(compiled.stdout.splitlines()) > 100
+
+
+@pytest.mark.slow  # compiles every kernel
+def test_its_demonstration_leaves_pictures_where_it_says(installed, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    command = [sys.executable, "-m", "cascadenorm", "demo"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    assert "cascadenorm-demo" in done.stdout
+    assert (tmp_path / "cascadenorm-demo" / "before-after.png").exists()

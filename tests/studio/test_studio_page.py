@@ -1,0 +1,290 @@
+"""The studio's page in a real browser, from a dropped mesh to a saved file."""
+
+import re
+import shlex
+import time
+
+import numpy as np
+import pytest
+from browsers import needs_browser, webdriver
+from selenium.webdriver.common.keys import Keys
+from shapes import grid, noisy
+from studio_pages import ROUGH
+from studios import Studio
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.io.interop import save_mesh
+from cascadenorm.registry import FAMILIES, by_family
+
+
+@needs_browser
+def test_from_a_dropped_mesh_to_a_downloaded_file(page, studio, tmp_path):
+    save_mesh(tmp_path / "rough.ply", ROUGH)
+    page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
+    page.driver.get_log("browser"), page.driver.get_log("performance")
+    page.at(studio).wait("empty")
+    page.drop(tmp_path / "rough.ply")
+    page.wait()
+    assert page.one("h1").text == "rough.ply" and "1,280 faces" in page.one(".counts").text
+    by_default = page.canvas()
+
+    # the answer to another method is shown on the right, and the input on the left stays
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    page.fill(".strength input[type=range]", "0.5")
+    page.begun()
+    picture = page.canvas()
+    differs = (np.abs(picture - by_default) > 4).any(axis=2)
+    middle = picture.shape[1] // 2
+    assert not differs[45:, : middle - 20].any() and differs[:, middle + 20 :].mean() > 0.05
+
+    # what is downloaded is what the library writes
+    page.press_button("Save…")
+    page.fill("#saving-name", "smooth.obj")
+    page.press_button("Download")
+    page.said(".saving [role=status]", "Downloaded as smooth.obj")
+    while not (tmp_path / "smooth.obj").exists():
+        time.sleep(0.05)
+    cn.denoise_file(tmp_path / "rough.ply", tmp_path / "same.obj", method="laplacian", strength=0.5)
+    assert (tmp_path / "smooth.obj").read_bytes() == (tmp_path / "same.obj").read_bytes()
+
+    # nothing went wrong, and nobody else was asked
+    assert [entry for entry in page.driver.get_log("browser") if entry["level"] != "INFO"] == []
+    asked = re.findall(r'"Network.requestWillBeSent".*?"url":"([^"]*)"', str(page.driver.get_log("performance")))
+    assert asked and {url.split("/")[2] for url in asked if url.startswith("http")} == {studio.host}
+    assert {url.partition(":")[0] for url in asked} <= {"http", "about", "data", "blob"}
+
+
+@needs_browser
+def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, tmp_path):
+    page.at(named).wait()
+    page.press_button("Save…")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", r"Saved as rough_denoised.ply\. All attributes")
+    saved = (tmp_path / "rough_denoised.ply").read_bytes()
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "exists already")
+    (tmp_path / "rough_denoised.ply").write_bytes(b"")
+    page.press_button("Replace rough_denoised.ply")
+    page.said(".saving [role=status]", "Saved as")
+    assert (tmp_path / "rough_denoised.ply").read_bytes() == saved
+    cn.denoise_file(tmp_path / "rough.ply", tmp_path / "same.ply")
+    assert (tmp_path / "same.ply").read_bytes() == saved
+    page.press_button("Close")
+
+    page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
+    page.press_button("Copy as command line")
+    command = shlex.split(page.said(".status code", "cascadenorm.*"))
+    assert command == ["cascadenorm", "denoise", "rough.ply", "-o", "rough_denoised.ply", "--method", "auto"]
+    assert "It reads" not in page.one(".said").text
+    page.press_button("Copy as Python")
+    page.said(".status code", r"cn\.denoise_file\('rough.ply', 'rough_denoised.ply', method='auto'\)")
+
+
+@needs_browser
+def test_what_is_wrong_is_said_and_what_is_open_stays(page, named, tmp_path):
+    page.at(named).wait()
+    (tmp_path / "letter.ply").write_text("dear reader", encoding="utf-8")
+    page.drop(tmp_path / "letter.ply", replacing=True)
+    page.said(".failed", "letter.ply")
+    assert page.one("h1").text == "rough.ply"
+    page.fill(".strength input[type=number]", "-3")
+    page.said(".failed", "“Strength” is -3; it must be at least 0")
+    page.fill(".strength input[type=number]", "0.7")
+    page.begun()
+    assert not page.one(".failed").is_displayed()
+
+
+@needs_browser
+@pytest.mark.parametrize("size", [(1300, 850), (390, 844)], ids=["desk", "phone"])
+def test_an_error_is_in_view_and_its_field_is_marked(page, named, size):
+    page.sized(*size)
+    page.at(named).wait()
+    page.js("document.querySelectorAll('details').forEach(one => one.open = true)")
+    fields = {".strength input[type=number]": "-3", "#controls-creases": "abc"}
+    for selector, value in fields.items():
+        page.js("document.querySelector(arguments[0]).scrollIntoView({block: 'end'})", selector)
+        page.fill(selector, value)
+        page.said(".failed", "“Strength” is -3" if value == "-3" else "abc")
+        for part in (".failed", selector):  # nothing lies over it, and it is on the screen
+            assert page.js(
+                "const e = document.querySelector(arguments[0]), b = e.getBoundingClientRect();"
+                "const at = part => document.elementFromPoint(b.x + b.width / 2, b.y + part * b.height);"
+                "return [0.1, 0.5, 0.9].every(part => e.contains(at(part)))",
+                part,
+            )
+        marked = "return [...document.querySelectorAll('[aria-invalid=true]')].map(e => e.name)"
+        assert page.js(marked) == [page.one(selector).get_attribute("name")]
+        page.fill(selector, "")
+        page.begun()
+        assert page.js(marked) == []
+    page.sized(1200, 800)
+
+
+@needs_browser
+def test_the_address_without_its_token_opens_nothing(page, named):
+    page.driver.get("about:blank")
+    page.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": f"http://{named.host}", "storageTypes": "all"})
+    page.driver.switch_to.new_window("tab")
+    page.driver.get(f"http://{named.host}/")
+    page.wait("ended")
+    assert "token" in page.one(".ended").text
+    page.driver.get(f"http://{named.host}/#token=wrong")
+    page.driver.refresh()
+    page.wait("ended")
+    assert "the token is wrong" in page.one(".ended").text
+    page.driver.close()
+    page.driver.switch_to.window(page.driver.window_handles[0])
+
+
+@needs_browser
+def test_a_page_that_is_loaded_again_goes_on_and_one_that_is_closed_ends_the_studio(page, named):
+    page.at(named).wait()
+    assert page.js("return location.hash").find("token") == -1
+    page.js("window.onbeforeunload = null")
+    page.driver.refresh()
+    page.wait()
+    page.driver.get("about:blank")
+    assert named.ended(20) == 0
+
+
+@needs_browser
+def test_a_page_says_when_the_studio_has_ended(page, studio, tmp_path):
+    save_mesh(tmp_path / "one.ply", cn.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    page.at(studio).wait("empty")
+    page.drop(tmp_path / "one.ply")
+    page.wait()
+    assert page.one(".counts").text == "1 face, 3 vertices"
+    studio.close()
+    page.wait("ended")
+    assert page.one(".failed").text == "The studio has ended: start it again."
+
+
+@needs_browser
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_sticks_out_on_a_phone_and_controls_have_names(page, named, dark):
+    page.sized(390, 844, dark=dark)
+    page.at(named).wait()
+    assert page.js("return document.documentElement.scrollWidth") <= 390
+    stage, side, panel = (page.one(part).rect["y"] for part in (".stage", ".side", ".panel"))
+    assert stage < side < panel
+    nameless = page.js(
+        "return [...document.querySelectorAll('input:not([type=file]), select, button, canvas, progress, [role]')]"
+        ".filter(e => e.checkVisibility() && "
+        "!(e.ariaLabel || e.labels?.length || e.textContent.trim() || ['status', 'alert'].includes(e.role)))"
+        ".map(e => e.outerHTML)"
+    )
+    assert nameless == []
+    page.sized(1200, 800)
+
+
+@needs_browser
+def test_methods_are_listed_by_family_and_said_in_plain_words(page, named):
+    page.at(named).wait()
+    listed = page.js(
+        "return [...document.querySelectorAll('.settings > label option')]"
+        ".map(e => [e.parentElement.label ?? '', e.value, e.textContent])"
+    )
+    assert listed[0] == ["", "auto", "auto (recommended)"]
+    assert [name for _, name, _ in listed[1:]] == [
+        method.name for members in by_family().values() for method in members if method.name != "auto"
+    ]
+    assert {group for group, *_ in listed[1:]} == {family.title for family in by_family()}
+    page.fill(".settings select", "taubin")
+    page.begun()
+    assert page.one(".about").text == FAMILIES["smoothing"].about
+    assert "Taubin 1995" in page.one(".settings .note").text
+
+
+@needs_browser
+def test_colours_are_those_of_the_last_result_and_a_face_stays_picked(page, named):
+    page.at(named).wait()
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    page.js("location.hash = 'mode=one&left=before&light=unlit&color=displacement&limits=0,0.2&view=0,0,1,0,0,0,3.2'")
+    page.settle()
+    webdriver.ActionChains(page.driver).move_to_element(page.one("canvas")).click().perform()
+    page.settle()
+
+    def displacement():
+        shown = dict(zip(*(page.js(f"return [...document.querySelectorAll('.figures {e}')].map(e => e.innerText)")
+                           for e in ("dt", "dd")), strict=True))  # fmt: skip
+        return shown["Before"], float(shown["Displacement"].split()[0])
+
+    face, moved = displacement()
+    strong = page.canvas()
+    page.fill(".strength input[type=range]", "0.25")
+    page.begun()
+    assert displacement() == (face, pytest.approx(moved / 4, rel=0.05))
+    weak = page.canvas()
+    middle = np.s_[len(weak) // 2 - 60 : len(weak) // 2 + 60, weak.shape[1] // 2 - 60 : weak.shape[1] // 2 + 60]
+    assert weak[middle].mean() < strong[middle].mean() - 10  # viridis is the darker, the less a vertex has moved
+
+
+@needs_browser
+def test_the_view_is_copied_as_a_command_that_says_what_it_reads(page, named, tmp_path, monkeypatch):
+    page.at(named).wait()
+    page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
+    page.press_button("Copy view as command line")
+    said = page.said(".panel [role=status]", "(?s)cascadenorm render.*")
+    command, needs = said.split(" It reads ")
+    assert needs == "rough_denoised.ply: save the result first."
+    page.press_button("Save…")
+    page.fill("#saving-name", "mine.ply")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "Saved as mine.ply")
+    page.press_button("Close")
+    page.press_button("Copy view as command line")
+    command = shlex.split(page.said(".panel [role=status]", "(?s)cascadenorm render.*"))
+    assert command[:4] == ["cascadenorm", "render", "rough.ply", "mine.ply"]
+    monkeypatch.chdir(tmp_path)
+    assert run(command[1:]) == 0 and (tmp_path / "view.png").exists()
+
+
+@needs_browser
+def test_on_a_phone_the_page_is_as_wide_as_the_phone_and_its_head_is_low(page, named):
+    page.sized(390, 844)
+    try:
+        page.at(named).wait()
+        assert page.js("return document.documentElement.scrollWidth") <= 390
+        assert page.one("h1").rect["height"] < 40 and page.one(".bar").rect["height"] < 110
+        assert page.one(".stage").rect["width"] > 380
+    finally:
+        page.sized(1200, 800)
+
+
+@needs_browser
+def test_controls_of_the_studio_have_names_and_are_reached_by_keys(page, named):
+    page.at(named).wait()
+    nameless = page.js(
+        "return [...document.querySelectorAll('input, select, button, progress, canvas, dialog, [role]')].filter(e => !"
+        "(e.ariaLabel || e.labels?.length || e.textContent.trim() || e.getAttribute('aria-labelledby')"
+        " || ['status', 'alert'].includes(e.role))).map(e => e.outerHTML)"
+    )
+    assert nameless == []
+    seen = set()
+    for _ in range(60):
+        webdriver.ActionChains(page.driver).send_keys(Keys.TAB).perform()
+        seen.add(page.js("const e = document.activeElement; return e.textContent || e.ariaLabel || e.name || e.type"))
+    assert {"Open…", "Save…", "Strength", "Copy as Python", "Place of the split", "Whole mesh"} <= seen
+
+
+@needs_browser
+@pytest.mark.slow  # a million faces
+def test_a_million_faces_are_shown_whole(page, tmp_path):
+    plane = grid(707, 707)
+    clean = plane.moved(plane.vertices + 30 * np.sin(plane.vertices[:, :1] / 40) * (0, 0, 1))
+    save_mesh(tmp_path / "million.ply", noisy(clean, 0.2))
+    studio = Studio("million.ply", folder=tmp_path)
+    try:
+        page.at(studio)
+        while not page.js("return document.querySelector('#viewer canvas')"):
+            time.sleep(0.02)
+        page.settle()
+        assert not page.one(".decimated").is_displayed()
+        picture = page.canvas()
+        middle = picture[len(picture) // 2 - 50 :][:100, picture.shape[1] // 2 - 50 :][:, :100]
+        assert len(np.unique(middle.reshape(-1, 3), axis=0)) > 50  # no blank canvas
+    finally:
+        studio.close()

@@ -1,0 +1,232 @@
+"""Painting in the studio: masks and pinned vertices, and what is asked before they are lost."""
+
+import re
+import shlex
+import time
+from io import BytesIO
+
+import numpy as np
+import pytest
+from browsers import needs_browser, webdriver
+from selenium.webdriver.common.keys import Keys
+from shapes import icosphere, noisy
+from studio_pages import ROUGH
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.io.interop import save_mesh
+
+
+def under_the_brush(radius, height):
+    """Distances of the vertices from what lies in the middle of the canvas, over the radius of the brush there."""
+    lower, upper = ROUGH.vertices.min(axis=0), ROUGH.vertices.max(axis=0)
+    middle, size = (lower + upper) / 2, (upper - lower).max()
+    for corners in ROUGH.corners:
+        if corners[:, 2].min() > 0:  # in front
+            weights = np.linalg.solve(np.vstack([corners[:, :2].T, np.ones(3)]), [*middle[:2], 1])
+            if weights.min() >= 0:
+                hit = weights @ corners
+    depth = 3.2 * size + middle[2] - hit[2]
+    return np.linalg.norm(ROUGH.vertices - hit, axis=1) / (radius * 2 * np.tan(np.radians(15)) * depth / height)
+
+
+@needs_browser
+def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, tmp_path, monkeypatch):
+    page.at(named).wait()
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    page.js("location.hash = 'mode=one&left=before&view=0,0,1,0,0,0,3.2'")
+    page.settle()
+    plain = page.canvas()
+    height = min(page.one("canvas").rect[side] for side in ("width", "height"))
+
+    def take(tool):
+        page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
+
+    def saved():
+        """The files that are saved, and which vertices are where they were."""
+        page.press_button("Save…")
+        page.fill("#saving-name", "out.ply")
+        page.js("document.querySelector('.saving button[type=submit]').click()")
+        page.said(".saving [role=status]", "Saved as")
+        page.press_button("Close")
+        files = {path.name: path.read_bytes() for path in tmp_path.glob("out*")}
+        moved = cn.read(tmp_path / "out.ply").mesh.vertices != cn.read(tmp_path / "rough.ply").mesh.vertices
+        for path in tmp_path.glob("out*"):
+            path.unlink()
+        return files, ~moved.any(axis=1)
+
+    # one dab
+    take("pin")
+    page.fill(".painting input[type=range][max='120']", "60")
+    page.drag((0, 0))
+    page.begun()
+    pinned = page.canvas()
+    assert (np.abs(pinned - plain)[len(plain) // 2] > 20).any()
+    files, kept = saved()
+    away = under_the_brush(60, height)
+    assert set(files) == {"out.ply", "out_fixed.npy"} and kept.sum() > 5
+    assert kept[away < 0.98].all() and not kept[away > 1.02].any()
+
+    # half of the displacement along a stroke, and its command
+    take("mask")
+    page.fill(".painting input[type=range][max='100']", "50")
+    page.drag((-80, 100), (80, 0), (80, 0))
+    page.begun()
+    files, kept = saved()
+    weights = np.load(BytesIO(files["out_mask.npy"]))
+    assert set(np.unique(weights)) == {0.5, 1.0} and 10 < (weights == 0.5).sum() < 300
+    for name in ("out_fixed.npy", "out_mask.npy"):
+        (tmp_path / name).write_bytes(files[name])
+    page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
+    page.press_button("Copy as command line")
+    command = shlex.split(page.said(".status code", "cascadenorm.*"))
+    assert {"out_mask.npy", "out_fixed.npy"} < set(command)
+    page.said(".said", "It reads out_mask.npy and out_fixed.npy: save the result first")
+    monkeypatch.chdir(tmp_path)
+    assert run(command[1:]) == 0
+    assert (tmp_path / "out.ply").read_bytes() == files["out.ply"]
+    for path in tmp_path.glob("out*"):
+        path.unlink()
+
+    # beside the mesh it turns
+    view = page.js("return location.hash")
+    page.drag((-250, -300), (60, 0))
+    time.sleep(0.4)
+    assert page.js("return location.hash") != view
+
+    # back, step by step, and forth again
+    page.press_button("Undo")
+    page.begun()
+    assert set(saved()[0]) == {"out.ply", "out_fixed.npy"}
+    page.one("body").send_keys(Keys.CONTROL, "z")
+    page.begun()
+    files, kept = saved()
+    assert set(files) == {"out.ply"} and not kept.any()
+    page.press_button("Redo")
+    page.begun()
+    assert set(saved()[0]) == {"out.ply", "out_fixed.npy"}
+
+
+@needs_browser
+def test_a_page_that_is_loaded_again_has_no_paint_and_neither_has_its_result(page, named):
+    page.at(named).wait()
+    page.js("document.querySelector('.painting input[value=pin]').click()")
+    page.drag((60, 0), (20, 0))
+    page.begun()
+    moved = f"{len(ROUGH.vertices)} vertices moved"
+    assert moved not in page.one(".said").text
+    page.at(named).wait()
+    assert not page.one(".painting > button").is_displayed() and moved in page.one(".said").text
+
+
+@needs_browser
+@pytest.mark.parametrize("level", [4, 2])
+def test_another_mesh_is_opened_after_painting_without_the_paint(page, named, tmp_path, level):
+    save_mesh(tmp_path / "other.ply", noisy(icosphere(level), 0.2))
+    page.at(named).wait()
+    page.js("document.querySelector('.painting input[value=pin]').click()")
+    page.drag((60, 0), (20, 0))
+    page.begun()
+    assert page.one(".painting > button").text == "Clear all paint"
+    page.drop(tmp_path / "other.ply", replacing=True)
+    page.said("h1", "other.ply")
+    page.begun()
+    after = page.canvas()
+    faces = 20 * 4**level
+    assert f"{faces:,} faces" in page.one(".counts").text and page.one(".bar .buttons > :last-child").is_enabled()
+    assert not page.one(".failed").is_displayed() and not page.one(".painting > button").is_displayed()
+
+    # it looks as it does without another one before it
+    page.at(named).wait()
+    page.drop(tmp_path / "other.ply", replacing=True)
+    page.said("h1", "other.ply")
+    page.begun()
+    assert (page.canvas() == after).all()
+
+
+@needs_browser
+def test_it_is_asked_before_what_is_not_saved_is_lost(page, named, tmp_path):
+    save_mesh(tmp_path / "other.ply", noisy(icosphere(2), 0.2))
+    page.at(named).wait()
+    leaving = "const e = new Event('beforeunload', {cancelable: true}); dispatchEvent(e); return e.defaultPrevented"
+    lost = "return document.querySelector('.leaving[open] p')?.innerText"
+
+    # the result is kept, by the button that has the focus and by Escape
+    for key in (Keys.ENTER, Keys.ESCAPE):
+        page.drop(tmp_path / "other.ply")
+        assert page.js(lost) == "The result is not saved and will be lost."
+        assert page.one(".leaving h2").text == "Open other.ply in place of rough.ply?"
+        assert page.js("return document.activeElement.innerText") == "Keep rough.ply" and page.js(leaving)
+        webdriver.ActionChains(page.driver).send_keys(key).perform()
+        page.settle()
+        assert page.js(lost) is None and page.one("h1").text == "rough.ply"
+
+    # what is saved is not lost, but what is painted then
+    page.press_button("Save…")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "Saved as")
+    page.press_button("Close")
+    assert not page.js(leaving)
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    assert page.js(leaving)
+    page.js("document.querySelector('.painting input[value=pin]').click()")
+    page.drag((60, 0), (20, 0))
+    page.begun()
+    page.drop(tmp_path / "other.ply")
+    assert page.js(lost) == "The paint and the result are not saved and will be lost."
+    page.press_button("Open other.ply")
+    page.said("h1", "other.ply")
+    page.begun()
+
+    # saved again: another mesh is opened unasked
+    page.press_button("Save…")
+    page.press_button("Download")
+    page.said(".saving [role=status]", "Downloaded as")
+    page.press_button("Close")
+    page.drop(tmp_path / "rough.ply")
+    assert page.js(lost) is None
+    page.said("h1", "rough.ply")
+    page.begun()
+
+
+@needs_browser
+def test_the_files_that_are_replaced_are_named(page, named, tmp_path):
+    page.at(named).wait()
+    for tool, place in (("pin", -60), ("mask", 60)):
+        page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
+        page.drag((place, 0), (0, 20))
+        page.begun()
+    page.press_button("Save…")
+    page.fill("#saving-name", "mine.ply")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "Saved as mine.ply")
+    page.fill("#saving-name", "mine.stl")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", r"^mine_mask.npy and mine_fixed.npy exist already: choose another name")
+    assert not (tmp_path / "mine.stl").exists()
+    before = (tmp_path / "mine.ply").read_bytes()
+    page.press_button("Replace mine_mask.npy and mine_fixed.npy")
+    page.said(".saving [role=status]", "Saved as mine.stl")
+    assert (tmp_path / "mine.stl").exists() and (tmp_path / "mine.ply").read_bytes() == before
+    page.press_button("Close")
+
+
+@needs_browser
+def test_pinned_vertices_have_the_colour_of_the_legend_and_weights_another(page, named):
+    page.at(named).wait()
+    page.js("location.hash = 'mode=one&left=before&view=0,0,1,0,0,0,3.2&light=unlit'")
+    page.settle()
+    shown = {}
+    for tool in ("mask", "pin"):
+        page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
+        page.fill(".painting input[type=range][max='120']", "60")
+        page.drag((0, 0))
+        page.begun()
+        picture = page.canvas()
+        shown[tool] = picture[picture.shape[0] // 2 + 10, picture.shape[1] // 2 + 10]
+    assert page.one(".legend").text.split() == ["Pinned", "Weight", "0", "%", "100", "%"]
+    swatch = page.js("return getComputedStyle(document.querySelector('.legend i')).backgroundColor")
+    assert np.abs(shown["pin"] - np.array(re.findall(r"\d+", swatch), int)).max() <= 2
+    assert np.abs(shown["mask"] - [68, 1, 84]).max() <= 2  # viridis at 0
