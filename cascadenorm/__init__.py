@@ -8,6 +8,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cascadenorm import display
+from cascadenorm.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from cascadenorm.api.api import Whole, compare, denoise, denoise_file, methods
     from cascadenorm.api.denoised_files import DenoisingSummary
@@ -42,8 +45,6 @@ if TYPE_CHECKING:
     from cascadenorm.reports import report
     from cascadenorm.reports.notebook import view
     from cascadenorm.streaming.streaming import denoise_large_file
-
-__version__ = "0.1.0"
 
 if (_checkout := Path(__file__).parents[1]).joinpath("baselines", "__init__.py").exists():
     # In a checkout `baselines/` and `data_gen/` lie beside the package instead of in it.
@@ -147,6 +148,14 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'cascadenorm' has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(f"cascadenorm.{_HOMES[name]}"), name)
     return value
+
+
+def _described(mesh: object) -> str:
+    """Describe a mesh in HTML by what draws meshes, which is loaded when a notebook first shows one."""
+    return str(import_module("cascadenorm.reports.notebook").described(mesh))
+
+
+display.described = _described
 
 
 def __dir__() -> list[str]:

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from threadpoolctl import threadpool_limits
 
-import cascadenorm
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.processes import Work
 from cascadenorm.batch.scheduling import Place
@@ -36,6 +35,7 @@ from cascadenorm.execution.cluster import (
 )
 from cascadenorm.execution.memory import available_memory
 from cascadenorm.mesh import limit_threads
+from cascadenorm.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -71,7 +71,7 @@ def about() -> About:
 
     worker = get_worker()
     limit = worker.memory_manager.memory_limit or available_memory()
-    return About(TOKEN, cascadenorm.__version__, os.getcwd(), worker.state.nthreads, int(MEMORY * limit))
+    return About(TOKEN, __version__, os.getcwd(), worker.state.nthreads, int(MEMORY * limit))
 
 
 def do(process: str, work: Work, task: Task, threads: int) -> Outcome:
@@ -206,8 +206,8 @@ class ClusterProcesses:
             if future.status == "error":  # else it has gone meanwhile
                 self._refused[address] = in_words(error)
             return
-        if about.version != cascadenorm.__version__:
-            self._refused[address] = f"it has cascadenorm {about.version}, and here is {cascadenorm.__version__}"
+        if about.version != __version__:
+            self._refused[address] = f"it has cascadenorm {about.version}, and here is {__version__}"
         elif self._folder not in (None, about.folder):
             self._refused[address] = f"it runs in {about.folder}, where relative names mean others: give absolute ones"
         elif about.process not in self._hung:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-import cascadenorm
 from cascadenorm.batch.work import Settings
 from cascadenorm.controls.settings import checked
 from cascadenorm.errors import ParameterError
@@ -18,6 +17,7 @@ from cascadenorm.io.digests import file_digest
 from cascadenorm.learned.gated import read_model
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.registry import find
+from cascadenorm.version import __version__
 
 NO_RESULT = ("threads", "progress")
 """Controls that change no byte of a result; they concern the batch as a whole."""
@@ -36,7 +36,7 @@ def settings_of(
     values = find(method).checked(parameters)
     given = {name: value for name, value in every.items() if name not in NO_RESULT}
     defaults = {name: setting.default for name, setting in find(method).settings.items()}
-    parts = [cascadenorm.__version__, method, defaults | values, given, format]
+    parts = [__version__, method, defaults | values, given, format]
     parts = [json.dumps(parts, sort_keys=True, default=_as_text), *map(_content, given.values())]
     if "model" in defaults:
         parts.append(_weights(method, values.get("model")))

@@ -16,7 +16,7 @@ app = typer.Typer(
 def options(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
     """Denoise triangle meshes by cascaded normal regression, or by one of the classical methods."""
     if version:
-        from cascadenorm import __version__
+        from cascadenorm.version import __version__
 
         print(f"cascadenorm {__version__}")
         raise typer.Exit

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import cascadenorm
-from cascadenorm.evaluation.pairs import Pair
 from cascadenorm.io.atomic import make_folder, write_atomically
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.io.pairs import Pair
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find
+from cascadenorm.version import __version__
 
 
 class Records(NamedTuple):
@@ -38,7 +38,7 @@ class Records(NamedTuple):
         if settings is not None and "model" in find(name).settings:
             weights = file_digest(weights_file(name, settings.get("model")))
         parts = [
-            cascadenorm.__version__,
+            __version__,
             file_digest(pair.noisy),
             file_digest(pair.clean),
             {key: str(value) for key, value in (settings or {}).items() if key != "threads"},

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-import cascadenorm
+from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import ParameterError, WorkerError
 from cascadenorm.execution.cluster import (
     ANSWER,
@@ -26,7 +26,7 @@ from cascadenorm.execution.cluster import (
 )
 from cascadenorm.execution.memory import FREE, available_memory
 from cascadenorm.execution.process_map import Map, done_by
-from cascadenorm.mesh import limit_threads
+from cascadenorm.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -75,7 +75,7 @@ def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[
         )
     memory = int(FREE * available_memory() / workers)
     with connected(scheduler, workers=workers, threads=1, memory=memory) as client:
-        yield partial(_mapped, client, scheduler, _Here(cascadenorm.__version__, folder))
+        yield partial(_mapped, client, scheduler, _Here(__version__, folder))
 
 
 @contextmanager
@@ -116,8 +116,8 @@ def _do(here: _Here, work: Callable[[Item], Result], item: Item) -> Result | _Ra
     from distributed import get_worker
 
     name, folder = get_worker().address, os.getcwd()
-    if here.version != cascadenorm.__version__:
-        raise WorkerError(f"the worker {name} has cascadenorm {cascadenorm.__version__}, and here is {here.version}")
+    if here.version != __version__:
+        raise WorkerError(f"the worker {name} has cascadenorm {__version__}, and here is {here.version}")
     if here.folder not in (None, folder):
         raise WorkerError(f"the worker {name} runs in {folder}, where relative names mean others: give absolute ones")
     with _one_at_a_time, limit_threads(1), threadpool_limits(1):

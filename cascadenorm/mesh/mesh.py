@@ -2,12 +2,12 @@
 
 import math
 from functools import cached_property
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm import display
 from cascadenorm.compute.arrays import Floats, Ints32, Vectors, box_of, first_places, row_distances, row_lengths, unit
 from cascadenorm.compute.csr import Csr, grouped
 from cascadenorm.compute.kernels import kernel
@@ -77,8 +77,7 @@ class Mesh:
 
     def _repr_html_(self) -> str:
         """What a notebook shows of the mesh: its size, and a picture where Pillow is installed."""
-        drawing = import_module("cascadenorm.reports.notebook")  # by its name, as it imports this module
-        return str(drawing.described(self))
+        return display.described(self)
 
     @property
     def corners(self) -> NDArray[np.float64]:

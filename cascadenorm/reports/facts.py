@@ -7,7 +7,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
-import cascadenorm
 from cascadenorm.api.denoised_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
 from cascadenorm.errors import counted
@@ -17,6 +16,7 @@ from cascadenorm.io.digests import file_digest
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.registry import find
 from cascadenorm.reports.given import Given
+from cascadenorm.version import __version__
 
 Rows = list[tuple[str, ...]]
 
@@ -77,7 +77,7 @@ def setting_rows(done: DenoisingSummary) -> Rows:
 
 def version_rows(done: DenoisingSummary | None) -> Rows:
     """What the result depends on besides files and settings."""
-    rows: Rows = [("cascadenorm", cascadenorm.__version__), ("Python", platform.python_version())]
+    rows: Rows = [("cascadenorm", __version__), ("Python", platform.python_version())]
     rows += [(name, version(name)) for name in LIBRARIES]
     if done is not None:
         rows.append(("seed", "none: no random numbers are drawn, and the number of threads changes nothing"))

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import cascadenorm
 from cascadenorm.api.api import denoise
 from cascadenorm.api.apply import controlled, in_words
 from cascadenorm.api.denoised_files import DenoisingSummary
@@ -39,6 +38,7 @@ from cascadenorm.streaming.stages import LEARNED, learned_steps
 from cascadenorm.streaming.stl_records import check_triangles, moved_records, welded
 from cascadenorm.streaming.store import Store, StoredPatch
 from cascadenorm.streaming.sweeps import WIDTH
+from cascadenorm.version import __version__
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -238,7 +238,7 @@ def _key(source: Path, method: Method, parameters: Mapping[str, Any], controls: 
     """Return a digest of all that patches depend on; the source counts by its size and time of change."""
     state = os.stat(source)
     settings = {**method.checked(parameters), **in_words(controls), "strength": controls["strength"]}
-    parts = [cascadenorm.__version__, method.name, settings, state.st_size, state.st_mtime_ns, str(source.resolve())]
+    parts = [__version__, method.name, settings, state.st_size, state.st_mtime_ns, str(source.resolve())]
     if steps is not None:
         parts.append(steps.weights)
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from test_batch import COMMAND, FAST, LINUX, done_so_far, lines, results, scans, wait_for
 
-import cascadenorm
 from cascadenorm.batch import cluster_processes
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.cli import run
@@ -163,7 +162,7 @@ def test_workers_that_cannot_do_the_work_are_named(place, cluster, monkeypatch):
     np.save(mask, np.ones(162))
     with pytest.raises(WorkerError, match="relative names"):
         denoise_files([place / "scans"], place / "out", method="taubin", scheduler=cluster[0], mask="mask.npy")
-    monkeypatch.setattr(cascadenorm, "__version__", "0.0.1")
+    monkeypatch.setattr(cluster_processes, "__version__", "0.0.1")
     with pytest.raises(WorkerError, match=r"it has cascadenorm .*, and here is 0\.0\.1"):
         denoise_files([place / "scans"], place / "out", method="taubin", scheduler=cluster[0])
 
