@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 
 from cascadenorm.data_gen import DatasetConfig, pairs
-from cascadenorm.evaluation.pairs import find_pairs
 from cascadenorm.execution.process_map import Map, side_by_side
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.io.interop import as_mesh
+from cascadenorm.io.pairs import find_pairs
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig, read_config
 from cascadenorm.learned.training import training

@@ -13,9 +13,9 @@ from results import between_markers
 
 import cascadenorm as cn
 from cascadenorm.data_gen.noise.noise import displacements
-from cascadenorm.evaluation.pairs import find_pairs
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io.interop import as_mesh
+from cascadenorm.io.pairs import find_pairs
 
 LEVELS = (0.0, 0.01, 0.03)  # mean edge lengths
 BEGIN, END = "<!-- low noise: written by benchmarks/low_noise.py -->", "<!-- end of low noise -->"

@@ -23,9 +23,9 @@ import numpy as np
 from cascadenorm.baselines.bilateral_normal import bilateral_normals, joint_bilateral_pass, spatial_weights
 from cascadenorm.baselines.edge_operators import mean_dihedral
 from cascadenorm.baselines.guided_normal import centroid_distance, faces_within, patch_guidance
-from cascadenorm.evaluation.pairs import find_pairs
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io.interop import as_mesh
+from cascadenorm.io.pairs import find_pairs
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import find
 

@@ -19,8 +19,8 @@ import method_figure
 
 from cascadenorm.cli import run
 from cascadenorm.evaluation.harness import DEFAULT_METHODS
-from cascadenorm.evaluation.pairs import find_pairs
 from cascadenorm.io.digests import file_digest
+from cascadenorm.io.pairs import find_pairs
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.models.models import SHIPPED
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from cascadenorm.controls import checked
 from cascadenorm.errors import ParameterError, ReadError
-from cascadenorm.evaluation.pairs import Pair, Places, find_pairs, with_noise
+from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import checked_command
 from cascadenorm.evaluation.records import Records
 from cascadenorm.evaluation.runs import COLUMNS, NOISY, Failure, Result, Run, forget, run
@@ -21,6 +21,7 @@ from cascadenorm.execution.cluster_map import side_by_side_on
 from cascadenorm.execution.process_map import side_by_side
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.metrics import Measures
+from cascadenorm.io.pairs import Pair, Places, find_pairs
 from cascadenorm.registry import find
 
 __all__ = ["COLUMNS", "DEFAULT_METHODS", "NOISY", "Evaluation", "Failure", "Result", "evaluate"]

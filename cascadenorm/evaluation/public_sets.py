@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from cascadenorm.errors import ParameterError, ReadError
-from cascadenorm.evaluation.pairs import Pair
 from cascadenorm.io.interop import as_mesh
+from cascadenorm.io.pairs import Pair
 
 Split = Literal["train", "test"]
 SPLITS: tuple[Split, ...] = ("train", "test")

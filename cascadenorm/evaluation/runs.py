@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cascadenorm.api.api import denoise
-from cascadenorm.evaluation.pairs import Pair, result_file
 from cascadenorm.evaluation.programs import run_program
 from cascadenorm.evaluation.records import Records
 from cascadenorm.execution.memory import peak_memory
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io.interop import as_mesh
+from cascadenorm.io.pairs import Pair, result_file
 from cascadenorm.mesh import Mesh
 
 FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)

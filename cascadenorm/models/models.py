@@ -10,18 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from cascadenorm.api.api import denoise
-from cascadenorm.errors import MissingDependencyError
-from cascadenorm.evaluation.pairs import Places, training_pairs
+from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
-from cascadenorm.learned.cascade import Cascade
+from cascadenorm.io.pairs import Places
+from cascadenorm.learned.cascade import Cascade, shipped
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.gated import GatedCascades, read_model
 from cascadenorm.learned.methods import Learned, shipped
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.training_log import checked_log, recording, unrecorded
 from cascadenorm.mesh import limit_threads
-from cascadenorm.registry import ParameterError
+from cascadenorm.models.training_pairs import training_pairs
 
 SHIPPED = ("auto", "cascade")
 

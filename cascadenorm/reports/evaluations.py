@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import tables
 from cascadenorm.evaluation.harness import Evaluation, Failure, Result
-from cascadenorm.evaluation.pairs import Pair
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.metrics import errors
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.interop import as_mesh
+from cascadenorm.io.pairs import Pair
 from cascadenorm.mesh import Mesh, scaled_alike
 from cascadenorm.render import Camera, rasterized, stacked, webp
 from cascadenorm.render.camera import MARGIN, projected

@@ -22,12 +22,13 @@ from cascadenorm.cli.tables import print_evaluation
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import public_sets, tables
 from cascadenorm.evaluation.harness import NOISY, Evaluation, evaluate
-from cascadenorm.evaluation.pairs import find_pairs, write_pairs
 from cascadenorm.evaluation.public_sets import public_pairs
 from cascadenorm.execution.memory import peak_memory
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import OutputError, ReadError
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.io.pairs import find_pairs
+from cascadenorm.models.training_pairs import write_pairs
 from cascadenorm.reports.evaluations import report_evaluation
 
 SHAPES = {"ball": icosphere(2), "cube": cube(4)}

@@ -12,14 +12,13 @@ from shapes import icosphere, noisy
 from test_batch import LINUX, START, children, results, running, wait_for
 from test_cluster_processes import LocalCluster, cluster  # noqa: F401 - a fixture
 
-import cascadenorm
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError, WorkerError
 from cascadenorm.evaluation.harness import evaluate
-from cascadenorm.evaluation.pairs import write_pairs
 from cascadenorm.execution import cluster_map
 from cascadenorm.execution.cluster_map import on_cluster
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.models.training_pairs import write_pairs
 
 BALL = icosphere(2)
 
@@ -107,7 +106,7 @@ def test_workers_that_cannot_do_the_work_are_named(tmp_path, cluster, monkeypatc
         evaluate("pairs", methods="taubin", noise=0.1, scheduler=cluster[0])
     with pytest.raises(ParameterError, match=r"workers is 2; at .* all workers of the cluster work: leave it out"):
         evaluate("pairs", methods="taubin", workers=2, scheduler=cluster[0])
-    monkeypatch.setattr(cascadenorm, "__version__", "0.0.1")
+    monkeypatch.setattr(cluster_map, "__version__", "0.0.1")
     with pytest.raises(WorkerError, match=r"has cascadenorm .*, and here is 0\.0\.1"):
         write_pairs(tmp_path / "out", count=1, seed=0, scheduler=cluster[0])
 

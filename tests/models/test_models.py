@@ -13,7 +13,6 @@ import cascadenorm as cn
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.cli import run
 from cascadenorm.data_gen import DatasetConfig, pair
-from cascadenorm.evaluation.pairs import training_pairs
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.learned.cascade import apply_stage
 from cascadenorm.learned.config import read_config
@@ -21,6 +20,7 @@ from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.regression import stage_stack
 from cascadenorm.learned.training.training_log import Pass, read_passes, recording
 from cascadenorm.mesh import Mesh, in_frame, scaled_alike
+from cascadenorm.models.training_pairs import training_pairs
 
 ROOT = Path(__file__).parents[2]
 HELD_OUT = DatasetConfig(seed=1_000_003, min_faces=3000, max_faces=5000, noise_kinds=("normal",), min_level=0.2)

@@ -21,7 +21,7 @@ from cascadenorm.cli.options import (
 
 if TYPE_CHECKING:
     from cascadenorm.evaluation.harness import Evaluation
-    from cascadenorm.evaluation.pairs import Pair
+    from cascadenorm.io.pairs import Pair
 
 
 @app.command()

@@ -22,10 +22,10 @@ def generate(
 ) -> None:
     """Generate pairs of noisy and clean meshes: random shapes with many kinds of noise."""
     from cascadenorm.cli import progress_bars
-    from cascadenorm.evaluation import pairs
+    from cascadenorm.models.training_pairs import write_pairs
 
     with progress_bars.progress_tasks() as progress:
-        pairs.write_pairs(
+        write_pairs(
             folder, count=count, seed=seed, workers=workers, scheduler=scheduler, force=force, progress=progress
         )
     print(f"{counted(count, 'pair')} in {folder}")

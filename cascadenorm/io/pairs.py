@@ -1,0 +1,77 @@
+"""Folders of noisy/clean pairs, found on disk."""
+
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+from cascadenorm.io import ReadError, is_mesh_name
+
+Places = str | PathLike[str] | Iterable[str | PathLike[str]]
+"""One path or several."""
+
+
+class Pair(NamedTuple):
+    """Two files of the same surface.
+
+    Parameters
+    ----------
+    seed : of the noise that was added to the clean mesh; None where the noisy one was given
+    """
+
+    name: str
+    noisy: Path
+    clean: Path
+    seed: int | None = None
+
+
+def find_pairs(folders: Places) -> list[Pair]:
+    """List the pairs `noisy.*` + `clean.*` in each folder itself and in the folders in it, by name, each once.
+
+    Raises
+    ------
+    ReadError : a folder that does not exist or holds no pair, half a pair, two files of one name
+    """
+    known: dict[Path, Pair] = {}
+    for folder in paths_of(folders):
+        if not folder.is_dir():
+            raise ReadError(f"{folder} is not a folder: give one that holds noisy.* and clean.*, or folders that do")
+        found = [pair for place in (folder, *sorted(folder.iterdir())) if (pair := _pair(place))]
+        if not found:
+            raise ReadError(f"{folder} holds no pairs: put noisy.ply and clean.ply into it, or into folders in it")
+        for pair in found:
+            known.setdefault(pair.noisy.resolve(), pair)
+    pairs = list(known.values())
+    if len({pair.name for pair in pairs}) < len(pairs):
+        pairs = [pair._replace(name=str(pair.noisy.parent)) for pair in pairs]
+    return pairs
+
+
+def result_file(folder: Path, pair: Pair) -> Path:
+    """Return the mesh `<name of the pair>.*` in a folder of results; raises ReadError unless there is just one."""
+    files = sorted(file for file in folder.iterdir() if file.stem == pair.name and is_mesh_name(file))
+    if len(files) != 1:
+        found = f"{len(files)} meshes" if files else "no mesh"
+        raise ReadError(f"{folder} holds {found} {pair.name}.*; it must hold exactly one")
+    return files[0]
+
+
+def paths_of(places: Places) -> list[Path]:
+    return [Path(places)] if isinstance(places, str | PathLike) else [Path(place) for place in places]
+
+
+def _pair(folder: Path) -> Pair | None:
+    """Return the pair in a folder; None where there is neither half of one."""
+    if not folder.is_dir():
+        return None
+    halves = {}
+    for half in ("noisy", "clean"):
+        files = sorted(file for file in folder.glob(f"{half}.*") if file.is_file())
+        files = [file for file in files if is_mesh_name(file)] or files  # beside them may lie what they name
+        if len(files) > 1:
+            raise ReadError(f"{folder} holds {len(files)} files {half}.*: leave one")
+        if files:
+            halves[half] = files[0]
+    if len(halves) == 1:
+        raise ReadError(f"{folder} holds {next(iter(halves.values())).name} only: a pair needs noisy.* and clean.*")
+    return Pair(folder.resolve().name, halves["noisy"], halves["clean"]) if halves else None

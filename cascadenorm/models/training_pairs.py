@@ -1,0 +1,119 @@
+"""Pairs to train on: read from files of one's own, or generated and written to files."""
+
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from cascadenorm import data_gen
+from cascadenorm.data_gen import DatasetConfig, write_dataset
+from cascadenorm.data_gen.meshing.patches import patch, patches
+from cascadenorm.errors import MissingDependencyError
+from cascadenorm.execution.cluster_map import side_by_side_on
+from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.geometry.orientation import oriented
+from cascadenorm.io import OutputError, ReadError, is_mesh_name
+from cascadenorm.io.interop import as_mesh, save_mesh
+from cascadenorm.io.pairs import Places, find_pairs, paths_of
+from cascadenorm.learned.config import DATA
+from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
+
+
+def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[data_gen.Pair]:
+    """Read meshes of one's own to train on: oriented, of about unit size, in patches of at most config.max_faces.
+
+    Parameters
+    ----------
+    shapes : clean meshes, or folders of them; they get noise as `config` says, each again and again until they are
+        about a quarter of what is generated, or for the twentieth time
+    noisy : folders of pairs, as `find_pairs` takes them, of equal faces
+    config : of the generated pairs
+
+    Raises
+    ------
+    ReadError, MeshError : a file that is missing or no mesh, a folder without one, a pair of different faces
+    """
+    own = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
+    rounds = max(1, min(20, config.count // (4 * len(own)))) if own else 0
+    made = [data_gen.own_pair(config, i, part) for i, part in enumerate(own * rounds)]
+    for files in find_pairs(noisy):
+        first, true = as_mesh(files.noisy), as_mesh(files.clean)
+        if not np.array_equal(first.faces, true.faces):
+            raise MeshError(
+                f"{files.noisy} and {files.clean} have different faces: training needs the same faces in both"
+            )
+        first, true = scaled_alike(first, true)
+        true = oriented(true)
+        first = Mesh(first.vertices, true.faces)
+        for chosen in patches(true, faces=config.max_faces):
+            clean = patch(true, chosen)
+            made.append(data_gen.Pair(patch(first, chosen), clean, clean.face_normals, data_gen.OWN, "none", 0.0))
+    return made
+
+
+def _patches(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
+    return [patch(mesh, chosen) for chosen in patches(mesh, faces=config.max_faces)]
+
+
+def _mesh_files(places: Places) -> list[Path]:
+    """List files as they are, and the mesh files in folders by name."""
+    files = []
+    for place in paths_of(places):
+        found = (
+            sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
+            if place.is_dir()
+            else [place]
+        )
+        if not found:
+            raise ReadError(f"{place} holds no mesh files: put clean meshes into it")
+        files += found
+    return files
+
+
+def write_pairs(
+    folder: Path,
+    *,
+    count: int,
+    seed: int,
+    workers: int = 1,
+    scheduler: str | None = None,
+    force: bool = False,
+    progress: Progress = silent,
+) -> None:
+    """Generate pairs as trainings do, each in a folder of its own, and `dataset.json` beside them.
+
+    Parameters
+    ----------
+    folder : made if it is not there
+    count, seed : how many, and of what; the same numbers give the same files
+    workers : processes
+    scheduler : address of the scheduler of a Dask cluster, whose workers make the pairs; "local" makes a cluster of so
+        many processes on this machine; None starts processes without Dask. Files are written here
+    force : write into a folder that is not empty
+    progress : called with (task, pairs done, pairs in all) after each pair
+
+    Raises
+    ------
+    OutputError : the folder is not empty and force is not given, or it is a file or cannot be made
+    MissingDependencyError : scikit-image is not installed, or distributed for a scheduler
+    ParameterError, WorkerError : as `on_cluster` says
+    """
+    if find_spec("skimage") is None:
+        raise MissingDependencyError("generating data", package="skimage", extra="train")
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder} is a file: give the name of a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not force:
+        raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
+    config = replace(DATA, count=count, seed=seed)
+    try:
+        with side_by_side_on(scheduler, workers=workers, folder=None):
+            write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
+
+
+def _overwrite(path: Path, mesh: Mesh) -> None:
+    save_mesh(path, mesh, force=True)
