@@ -141,7 +141,8 @@ def denoise_files(
         from cascadenorm.batch.cluster_processes import ClusterProcesses  # needs distributed
 
         values = [*settings.parameters.values(), *settings.controls.values()]
-        place = folder_of_names([*listed(sources), output], values)
+        places = [name for name in (*listed(sources), output) if not is_url(name)]
+        place = folder_of_names(places, values)
         started = ClusterProcesses(partial(work, settings), scheduler, here, count=workers, folder=place)
     with closing(started) as processes, closing(Manifest(record.parent, record.name)) as lines:
         run = _Run(settings.key, folder, lines, processes, retries, timeout, listener, on_failure)

@@ -7,7 +7,6 @@ from contextlib import ExitStack, contextmanager
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from cascadenorm.batch.remote_files import is_url
 from cascadenorm.errors import MissingDependencyError, ParameterError, WorkerError
 from cascadenorm.execution.child_processes import interrupts_blocked
 
@@ -91,7 +90,7 @@ def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[obje
     values : anything; those that are files count
     """
     files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
-    absolute = all(is_url(name) or os.path.isabs(name) for name in [*places, *files])
+    absolute = all(os.path.isabs(name) for name in [*places, *files])
     return None if absolute else os.getcwd()
 
 

@@ -14,9 +14,9 @@ from typing import Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.child_processes import end_with_parent, interrupts_blocked
-from cascadenorm.mesh import limit_threads
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -15,9 +15,9 @@ from typing import Any, Generic, NoReturn, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.child_processes import interrupts_blocked
-from cascadenorm.mesh import limit_threads
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
