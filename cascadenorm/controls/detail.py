@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from cascadenorm.baselines.rolling_guidance import rolling_guidance_normal
 from cascadenorm.controls.displacement import limited
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.registry import find
 
 WIDEST = 10.0
 """In diagonals of the mesh; a larger width to keep takes away the mean displacement of a component, and no more."""
@@ -81,7 +81,7 @@ def without_finer(removal: Removal, mesh: Mesh, vertices: Vectors) -> Vectors:
     if removal.width == 0 or not left.mean_edge_length > 0:
         return vertices
     width = min(removal.width, WIDEST * mesh.diagonal)
-    filtered = find("rolling-guidance-normal")(left, width=width / left.mean_edge_length)
+    filtered = rolling_guidance_normal(left, width=width / left.mean_edge_length)
     kept = np.zeros(len(vertices), bool) if removal.everywhere else (vertices == mesh.vertices).all(axis=1)
     displacement = limited(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
     return without_flips(mesh, vertices + removal.share * displacement)

@@ -6,11 +6,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors, first_places
-from cascadenorm.registry import ParameterError
 
 
 def fair(mesh: Mesh, region: Region, *, order: Order = 2, weights: Weights = "cotan", iterations: int = 2) -> Vectors:

@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.geodesic_windows import ExactDistances
 from cascadenorm.geometry.laplacians import cotangent_laplacian_of, face_cotangents
 from cascadenorm.geometry.sparse_solvers import Factorisation
@@ -22,7 +23,6 @@ from cascadenorm.mesh import (
     scatter_add,
     without_lines,
 )
-from cascadenorm.registry import ParameterError
 
 LEAST_HEAT = 1e-300
 """Share of the largest heat below which its gradient is not trusted: then it flows for longer."""

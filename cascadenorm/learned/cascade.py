@@ -7,6 +7,7 @@ from os import PathLike, fspath
 from typing import Any
 
 from cascadenorm.baselines.vertex_update import recover_vertices
+from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import track
 from cascadenorm.learned.descriptors import (
     CUTOFF,

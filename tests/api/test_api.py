@@ -8,10 +8,11 @@ from shapes import cube, grid, icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.api.apply import controlled, step_key
 from cascadenorm.controls import checked
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.volume import closed_parts, is_closed, with_volume_of
 from cascadenorm.io.interop import adapter
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import FAMILIES, Method, ParameterError
+from cascadenorm.registry import FAMILIES, Method
 from cascadenorm.registry import method as register
 
 BALL = noisy(icosphere(2), 0.2)

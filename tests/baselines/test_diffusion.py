@@ -7,11 +7,12 @@ from scipy.linalg import eigh
 from shapes import grid, icosphere, noisy
 
 from cascadenorm.baselines.diffusion import diffuse, laplacian
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry import sparse_solvers
 from cascadenorm.geometry.laplacians import cotangent_laplacian, laplacian_of
 from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import ParameterError, find
+from cascadenorm.registry import find
 
 MESH = noisy(icosphere(2), 0.15)
 

@@ -3,9 +3,9 @@ import pytest
 from shapes import icosphere, noisy
 
 from cascadenorm.baselines.spectral import filtered, spectral
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.spectra.harmonics import manifold_harmonics
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import ParameterError
 
 MESH = noisy(icosphere(2), 0.2)
 BASIS = manifold_harmonics(MESH, 162)

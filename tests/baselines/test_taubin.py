@@ -5,7 +5,7 @@ from test_diffusion import spectrally
 
 from cascadenorm.baselines.diffusion import laplacian
 from cascadenorm.baselines.taubin import opposite_step, taubin
-from cascadenorm.registry import ParameterError
+from cascadenorm.errors import ParameterError
 
 MESH = noisy(icosphere(2), 0.15)
 

@@ -5,10 +5,10 @@ from shapes import cube, grid, icosphere, noisy
 from test_prescribed_mean_curvature import cylinder
 
 from cascadenorm.baselines.fairing import fairing
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.fairing import blend, grown
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import ParameterError
 
 PLANE = grid(24, 24)
 X, Y, _ = PLANE.vertices.T / 24

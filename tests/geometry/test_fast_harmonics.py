@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from shapes import icosphere, noisy
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
 from cascadenorm.geometry.spectra.harmonics import manifold_harmonics
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import ParameterError
 
 MESH = noisy(icosphere(4), 0.1)
 

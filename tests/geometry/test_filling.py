@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.holes.filling import boundary_loops, fill_holes
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import ParameterError
 
 
 def without(mesh, faces):

@@ -4,11 +4,11 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 from shapes import grid, icosphere, noisy
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.spectra import harmonics
 from cascadenorm.geometry.spectra.harmonics import manifold_harmonics, shape_dna
 from cascadenorm.mesh import Mesh, one_blas_thread
-from cascadenorm.registry import ParameterError
 
 SPHERE = icosphere(4)  # 2,562 vertices: found in bands
 

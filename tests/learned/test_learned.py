@@ -14,6 +14,7 @@ from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.baselines.iterated_bilateral import LANES, _bilateral_range, iterated_bilateral_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
 from cascadenorm.compute.threads import BLOCK
+from cascadenorm.errors import ParameterError
 from cascadenorm.learned.cascade import CONSTANTS, FORMAT, Cascade
 from cascadenorm.learned.config import Fit
 from cascadenorm.learned.descriptors import (
@@ -43,7 +44,6 @@ from cascadenorm.learned.stage_settings import StageSettings
 from cascadenorm.learned.training.networks import Network
 from cascadenorm.mesh import Mesh, angles_between, in_blocks, limit_threads, unit
 from cascadenorm.mesh.averages import averaged_around
-from cascadenorm.registry import ParameterError
 
 MESH = noisy(icosphere(2), 0.2)
 TURN = Rotation.from_euler("xyz", [0.4, -1.1, 2.0]).as_matrix()

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.fairing import fair
 from cascadenorm.geometry.holes.refinement import refine
 from cascadenorm.geometry.holes.triangulation import triangulate_loop
 from cascadenorm.geometry.laplacians import Order
 from cascadenorm.mesh import Mesh, in_frame, scatter_add, without_lines
-from cascadenorm.registry import ParameterError
 
 FAIRINGS = 5  # solutions with a new Laplacian each, from a membrane to the order wanted
 

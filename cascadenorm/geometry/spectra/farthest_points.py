@@ -5,9 +5,9 @@ import heapq
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.geodesic_windows import UnfoldedFaces, unfolded
 from cascadenorm.mesh import Bools, Floats, Ints, Mesh, in_frame, kernel, without_lines
-from cascadenorm.registry import ParameterError
 
 PROGRESS = 1e-12
 """Relative decrease of a distance that is worth passing on."""

@@ -6,10 +6,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import Laplacian, cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import Mesh, one_blas_thread
-from cascadenorm.registry import ParameterError
 
 BAND = 60  # eigenpairs around one shift
 TOLERANCE = 1e-10  # relative residual of an eigenvalue of the inverse; its own error is of the order of the square
