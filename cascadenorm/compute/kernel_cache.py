@@ -5,6 +5,7 @@ import pickle
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from hashlib import sha256
 from pickle import UnpicklingError
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.runtime.nrt import rtsys
 
-from cascadenorm.compute.shipped_kernels import shipped_file
+from cascadenorm.compute.shipped_kernels import shipped_file, source_digest
 
 
 def _readable(place: type[Any]) -> type[Any]:
@@ -45,11 +46,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file = KernelFiles(
-            cache_path=self._cache_path,
-            filename_base=self._impl.filename_base,
-            source_stamp=self._impl.locator.get_source_stamp(),
-        )
+        digest = partial(source_digest, function.__module__)
+        self._cache_file = KernelFiles(self._cache_path, self._impl.filename_base, digest)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the compiled form for a signature, or None.
@@ -81,15 +79,33 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
-    """Files that several processes may write at once.
+    """Files that several processes may write at once, valid for one source of a kernel and of those that it calls.
 
     numba numbers the compiled forms of a function. Two processes that compile it at once for different types may take
     the same number, and the next process runs for one type what was compiled for the other. Here a file has a name of
     its own for each key, and is there before the index names it; at worst the index forgets one.
+
+    numba takes a kernel for unchanged as long as the file that holds it is, whatever becomes of the kernels that it
+    calls. Here a digest of all their sources decides. It is asked for when a kernel is first called, since modules are
+    not yet complete when the kernel is defined.
+
+    Parameters
+    ----------
+    cache_path
+        Folder of the files.
+    filename_base
+        What their names begin with.
+    digest
+        Returns what tells one source from another.
     """
+
+    def __init__(self, cache_path: str, filename_base: str, digest: Callable[[], object]) -> None:
+        super().__init__(cache_path, filename_base, source_stamp=None)
+        self._digest_of_sources = digest
 
     def save(self, key: Any, data: Any) -> None:
         """Keep compiled data under a key."""
+        self._source_stamp = self._digest_of_sources()
         digest = sha256(repr((self._source_stamp, key)).encode()).hexdigest()[:16]
         name = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
         self._save_data(name, data)
@@ -97,6 +113,7 @@ class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
 
     def _load_index(self) -> dict[Any, str]:
         """Read the index; one that another version has left, and this one cannot read, counts as empty."""
+        self._source_stamp = self._digest_of_sources()
         try:
             return dict(super()._load_index())
         except (ImportError, AttributeError, ValueError, TypeError, EOFError, UnpicklingError):

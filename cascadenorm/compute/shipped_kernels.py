@@ -42,7 +42,7 @@ def shipped_file(function: Callable[..., Any], signature: object, target: tuple[
     python = sys.implementation.cache_tag, getattr(sys, "abiflags", "")
     versions = numba.__version__, llvmlite.__version__, np.__version__.partition(".")[0]
     name = f"{function.__module__}.{function.__qualname__}"
-    key = name, _digest(function.__module__), str(signature), python, versions, system, shipped
+    key = name, source_digest(function.__module__), str(signature), python, versions, system, shipped
     return FOLDER / f"{name}-{sha256(repr(key).encode()).hexdigest()[:32]}.nbc"
 
 
@@ -54,8 +54,11 @@ def shipped_processor(triple: str, processor: str, features: str) -> str | None:
 
 
 @cache
-def _digest(module: str) -> str:
-    """Return a digest of what the kernels of a module are compiled from: its source, and that of kernels they call."""
+def source_digest(module: str) -> str:
+    """Return a digest of what the kernels of a module are compiled from: its source, and that of kernels they call.
+
+    The module must have been imported to its end; the digest is then that of the process.
+    """
     modules = [module]
     constants = []
     for name in modules:

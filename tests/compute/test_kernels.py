@@ -77,6 +77,18 @@ def test_the_next_process_takes_what_was_compiled_for_each_type(tmp_path):
     assert run_twice(tmp_path).split("\n") == [out + "1", out + "2", ""]
 
 
+def test_a_change_to_a_kernel_that_it_calls_compiles_it_anew(tmp_path):
+    helper = "from cascadenorm.compute.kernels import kernel\n\n@kernel\ndef amount():\n    return {}\n"
+    (tmp_path / "helper.py").write_text(helper.format("2.0"))
+    (tmp_path / "module.py").write_text("from helper import amount\n" + TWICE.replace("*= 2", "*= amount()"))
+    doubled, tripled = "[0.0, 2.0, 4.0, 3.0] ", "[0.0, 3.0, 6.0, 3.0] "
+    assert run_twice(tmp_path).split("\n") == [doubled + "0", doubled + "0", ""]
+    assert run_twice(tmp_path).split("\n") == [doubled + "1", doubled + "2", ""]
+    (tmp_path / "helper.py").write_text(helper.format("3.00"))  # of another size, so that Python sees the change
+    assert run_twice(tmp_path).split("\n") == [tripled + "0", tripled + "0", ""]
+    assert run_twice(tmp_path).split("\n") == [tripled + "1", tripled + "2", ""]
+
+
 def test_kernels_are_read_where_nothing_can_be_written(tmp_path):
     locked = """
 import os, tempfile
@@ -99,7 +111,7 @@ def test_a_full_disk_keeps_nothing_and_stops_nobody(tmp_path):
 
 def test_of_two_that_write_at_once_none_reads_what_the_other_wrote(tmp_path):
     for number in range(300):
-        both = [KernelFiles(cache_path=tmp_path, filename_base=str(number), source_stamp=0) for _ in range(2)]
+        both = [KernelFiles(tmp_path, str(number), int) for _ in range(2)]
         start = Barrier(2)
 
         def save(key, both=both, start=start):
