@@ -80,7 +80,7 @@ def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[
 
 @contextmanager
 def side_by_side_on(scheduler: str | None, *, workers: int, folder: str | None) -> Iterator[None]:
-    """Have `process_map.side_by_side` work on a cluster for the block, as `on_cluster` does; here where there is none."""
+    """Have `process_map.side_by_side` work on a cluster for the block, as `on_cluster` does; here without one."""
     if scheduler is None:
         yield
         return

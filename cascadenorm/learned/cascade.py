@@ -26,7 +26,6 @@ from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage_settings import CHOICES, StageSettings
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.registry import ParameterError
 
 FORMAT = "cascadenorm/6"
 CONSTANTS = {

@@ -14,7 +14,7 @@ from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
 from cascadenorm.io.pairs import Places
-from cascadenorm.learned.cascade import Cascade, shipped
+from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.gated import GatedCascades, read_model
 from cascadenorm.learned.methods import Learned, shipped
