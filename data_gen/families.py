@@ -15,6 +15,7 @@ from cascadenorm.data_gen.noise.relief import log_uniform
 from cascadenorm.data_gen.scanning.fusion import fused
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.points import reconstruction
+from cascadenorm.data_gen.scanning.tetrahedra import tetrahedral_surface
 from cascadenorm.data_gen.scanning.views import view
 from cascadenorm.data_gen.scanning.volumes import segmentation, tomogram
 from cascadenorm.data_gen.shapes import cad, organic
@@ -28,8 +29,8 @@ USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
 
 
 Part = Literal[
-    "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram", "points",
-    "tessellation", "structured", "subdivided",
+    "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram",
+    "tetrahedra", "points", "tessellation", "structured", "subdivided",
 ]  # fmt: skip
 
 
@@ -46,8 +47,8 @@ class Family:
     part : the whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces ("low-poly"), or
         one with detail far finer than the decimated mesh can hold ("decimated"); what a depth camera or a laser scanner
         sees from one side; what several cameras do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
-        level of a tomogram; the surface reconstructed from noisy points; faces of a CAD model, each triangulated; a
-        surface over a grid of parameters; or a subdivided cage
+        level of a tomogram; a noisy distance field meshed by marching tetrahedra; the surface reconstructed from noisy points;
+        faces of a CAD model, each triangulated; a surface over a grid of parameters; or a subdivided cage
     """
 
     shape: Callable[[float, np.random.Generator], Field] | None
@@ -63,7 +64,7 @@ class Family:
     @property
     def measured(self) -> bool:
         """Whether the error comes with the mesh, and there is no other."""
-        return self.part in ("mask", "slices", "tomogram", "points")
+        return self.part in ("mask", "slices", "tomogram", "tetrahedra", "points")
 
     @property
     def seen(self) -> bool:
@@ -94,6 +95,8 @@ class Family:
             return segmentation(field, extent, faces=faces, slices=self.part == "slices", rng=rng)
         if self.part == "tomogram":
             return tomogram(field, extent, faces=faces, level=level, rng=rng)
+        if self.part == "tetrahedra":
+            return tetrahedral_surface(field, extent, faces=faces, level=level, rng=rng)
         if self.part == "points":
             return reconstruction(field, extent, faces=faces, level=level, rng=rng)
         if self.part == "view":
@@ -158,6 +161,7 @@ FAMILIES: dict[str, Family] = {
     "segmentation": Family(OBJECTS, 0.9, sharp=True, part="mask"),
     "slices": Family(OBJECTS, 0.9, sharp=True, part="slices"),
     "tomogram": Family(OBJECTS, 0.9, sharp=True, part="tomogram"),
+    "tetrahedra": Family(OBJECTS, 0.9, sharp=True, part="tetrahedra"),
     "points": Family(OBJECTS, 0.9, sharp=True, part="points"),
     "cad_tessellation": Family(None, 0.9, sharp=True, part="tessellation"),
 }

@@ -48,15 +48,15 @@ def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng:
     nets, kept = (True, 1.0) if voxel_faces else _mesher(rng=rng)
     voxel = float(np.sqrt(STEPPED * (NETS if nets else 1) * extent.area / (faces / kept) / stretch**0.6))
     steps = voxel * np.array([1.0, 1.0, stretch])
-    nodes, axes = _lattice(extent, steps, rng=rng)
-    volume = _mask(_sampled(field, nodes) / voxel, slices=slices, rng=rng)
+    nodes, axes = random_lattice(extent, steps, rng=rng)
+    volume = _mask(sampled(field, nodes) / voxel, slices=slices, rng=rng)
     if voxel_faces:
         mesh = without_voxel_faces(surface_nets(np.round(volume), centered=True))
     else:
         mesh = surface_nets(volume) if nets else marching_cubes(volume)
         if rng.random() < SMOOTHED:
             mesh = mesh.moved(averaged(mesh.vertices, mesh.topology.vertex_neighbors, int(rng.integers(1, 9))))
-    return _measured(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
+    return measured_surface(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
 
 
 def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume:
@@ -83,8 +83,8 @@ def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.
     nets, kept = _mesher(rng=rng)
     voxel = float(np.sqrt(GREY * extent.area / (faces / kept) / stretch**0.6))
     steps = voxel * np.array([1.0, 1.0, stretch])
-    nodes, axes = _lattice(extent, steps, rng=rng)
-    share = np.clip(0.5 - _sampled(field, nodes) / voxel, 0, 1)  # of a voxel that the shape fills, nearly
+    nodes, axes = random_lattice(extent, steps, rng=rng)
+    share = np.clip(0.5 - sampled(field, nodes) / voxel, 0, 1)  # of a voxel that the shape fills, nearly
     spread = float(rng.uniform(0.4, 1.4))
     blurred = gaussian_filter(share, spread / np.array([1.0, 1.0, stretch]))
     grain = gaussian_filter(rng.normal(size=blurred.shape), float(rng.uniform(0.3, 1.3)))
@@ -92,7 +92,7 @@ def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.
     threshold = 0.5 + float(rng.uniform(-0.08, 0.08))
     volume -= threshold - 0.5
     mesh = surface_nets(volume) if nets else marching_cubes(volume)
-    return _measured(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
+    return measured_surface(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
 
 
 def _mesher(*, rng: np.random.Generator) -> tuple[bool, float]:
@@ -168,7 +168,7 @@ def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
     return Mesh(vertices, np.concatenate(triangles).astype(np.int32))
 
 
-def _lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random.Generator) -> tuple[Volume, Vectors]:
+def random_lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random.Generator) -> tuple[Volume, Vectors]:
     """Nodes (p, q, r, 3) of a lattice turned and shifted at random, and its three edges as rows."""
     turn = _orientation(rng=rng)
     half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + MARGIN * steps
@@ -185,11 +185,12 @@ def _orientation(*, rng: np.random.Generator) -> Vectors:
     return np.asarray(Rotation.from_rotvec(tilt * direction(rng=rng), degrees=True).as_matrix())
 
 
-def _sampled(field: Field, nodes: NDArray[np.float64]) -> Volume:
+def sampled(field: Field, nodes: NDArray[np.float64]) -> Volume:
+    """Return the values of a field at nodes, (p, q, r)."""
     return field(nodes.reshape(-1, 3)).reshape(nodes.shape[:3])
 
 
-def _measured(
+def measured_surface(
     field: Field,
     mesh: Mesh,
     nodes: NDArray[np.float64],
@@ -199,6 +200,7 @@ def _measured(
     kept: float,
     rng: np.random.Generator,
 ) -> Measured:
+    """Place a mesh in units of voxels on its lattice, drop islands, decimate it, and find its truth."""
     placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
     placed = largest_components(untangled(largest_components(placed, share=SMALLEST)), share=SMALLEST)
     if kept < 1:
