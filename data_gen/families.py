@@ -47,8 +47,8 @@ class Family:
     part : the whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces ("low-poly"), or
         one with detail far finer than the decimated mesh can hold ("decimated"); what a depth camera or a laser scanner
         sees from one side; what several cameras do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
-        level of a tomogram; a noisy distance field meshed by marching tetrahedra; the surface reconstructed from noisy points;
-        faces of a CAD model, each triangulated; a surface over a grid of parameters; or a subdivided cage
+        level of a tomogram; a noisy distance field meshed by marching tetrahedra; the surface reconstructed from noisy
+        points; faces of a CAD model, each triangulated; a surface over a grid of parameters; or a subdivided cage
     """
 
     shape: Callable[[float, np.random.Generator], Field] | None

@@ -26,6 +26,28 @@ LEAST_WEIGHT = 0.02
 FOLDS = 5
 
 
+DATA = DatasetConfig(
+    seed=1_000_099,
+    count=3000,
+    families=(
+        "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue",
+        "mounted", "bust", "bumpy", "smooth", "rock", "machined_piece", "grown_piece", "low_poly", "low_poly",
+        "decimated", "decimated", "decimated", "subdivided", "subdivided", "structured", "structured", "structured",
+        "cad_tessellation", "cad_tessellation", "view", "view", "view", "view", "view", "laser", "laser", "laser",
+        "fused", "fused", "segmentation", "segmentation", "segmentation", "slices", "slices", "slices", "tomogram",
+        "tomogram", "tomogram", "tetrahedra", "tetrahedra", "points", "points", "points",
+    ),
+    min_faces=1200,
+    max_faces=2500,
+    noise_kinds=(
+        "normal", "normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "correlated", "correlated",
+        "quantised", "sensor", "none", "none", "none",
+    ),
+    relief=0.15,
+)  # fmt: skip
+"""Noisy meshes of all kinds, from a seed that no training of a network has."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class GateConfig:
     """Everything that decides what the training of a gate makes.
@@ -39,15 +61,13 @@ class GateConfig:
     least
         Fewest meshes at a leaf.
     data
-        Noisy meshes, drawn with another seed than those that the networks were trained on.
+        Noisy meshes.
     """
 
     seed: int = 0
     trees: int = 200
     least: int = 4
-    data: DatasetConfig = field(
-        default_factory=lambda: DatasetConfig(seed=1_000_099, count=2500, min_faces=1500, max_faces=4000, relief=0.15)
-    )
+    data: DatasetConfig = field(default_factory=lambda: DATA)
 
 
 class Compared(NamedTuple):
