@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cascadenorm import data_gen
-from cascadenorm.data_gen import DatasetConfig, write_dataset
+from cascadenorm.data_gen import OWN, DatasetConfig, Pair, own_pair, write_dataset
 from cascadenorm.data_gen.meshing.patches import patch, patches
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.execution.cluster_map import side_by_side_on
@@ -20,7 +19,7 @@ from cascadenorm.learned.config import DATA
 from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
 
 
-def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[data_gen.Pair]:
+def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[Pair]:
     """Read meshes of one's own to train on: oriented, of about unit size, in patches of at most config.max_faces.
 
     Parameters
@@ -36,7 +35,7 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
     """
     own = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
     rounds = max(1, min(20, config.count // (4 * len(own)))) if own else 0
-    made = [data_gen.own_pair(config, i, part) for i, part in enumerate(own * rounds)]
+    made = [own_pair(config, i, part) for i, part in enumerate(own * rounds)]
     for files in find_pairs(noisy):
         first, true = as_mesh(files.noisy), as_mesh(files.clean)
         if not np.array_equal(first.faces, true.faces):
@@ -48,7 +47,7 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
         first = Mesh(first.vertices, true.faces)
         for chosen in patches(true, faces=config.max_faces):
             clean = patch(true, chosen)
-            made.append(data_gen.Pair(patch(first, chosen), clean, clean.face_normals, data_gen.OWN, "none", 0.0))
+            made.append(Pair(patch(first, chosen), clean, clean.face_normals, OWN, "none", 0.0))
     return made
 
 
