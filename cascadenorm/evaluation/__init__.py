@@ -1,1 +1,1 @@
-"""Methods measured: metrics, folders of noisy/clean pairs, and the harness that runs one on the other."""
+"""Methods measured: the harness that runs them on pairs of noisy and clean meshes, records, and tables."""

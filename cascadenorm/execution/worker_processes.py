@@ -1,6 +1,6 @@
 """Processes that do one job at a time; one that ends early takes its own job along and no other.
 
-`workers` is for work that fails as a whole: there the end of a process ends the pool.
+`process_map` is for work that fails as a whole: there the end of a process ends the pool.
 """
 
 import os

@@ -1,1 +1,1 @@
-"""What is true of any surface: Laplacians, sparse systems, eigenproblems, neighbourhoods, nearest points, holes."""
+"""What is true of any surface: Laplacians, sparse systems, spectra, neighbourhoods, nearest points, holes, metrics."""

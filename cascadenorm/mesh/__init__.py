@@ -1,4 +1,4 @@
-"""Triangle meshes: arrays, topology, geometry, checks, and threads for the kernels that walk over them."""
+"""Triangle meshes: vertices and faces, topology, checks, and what kernels over them need."""
 
 from cascadenorm.compute.arrays import (
     Bools,
