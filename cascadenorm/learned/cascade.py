@@ -58,6 +58,11 @@ class Cascade:
     stages: tuple[Regression, ...]
     card: Mapping[str, Any]
 
+    @property
+    def networks(self) -> dict[str, "Cascade"]:
+        """The only network, without a name; a model with a gate has two."""
+        return {"": self}
+
     def steps(self, mesh: Mesh) -> Iterator[Mesh]:
         """Yield the mesh after each stage."""
         noisy = mesh

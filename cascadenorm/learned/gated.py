@@ -43,7 +43,7 @@ class GatedCascades:
         return {"vertex": self.vertex.card, "surface": self.surface.card, "gate": self.gate_card}
 
     @property
-    def cascades(self) -> dict[str, Cascade]:
+    def networks(self) -> dict[str, Cascade]:
         """Both networks by their names."""
         return {"vertex": self.vertex, "surface": self.surface}
 

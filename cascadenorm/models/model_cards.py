@@ -1,6 +1,7 @@
 """The card of a model as the Hugging Face Hub shows it: metadata in YAML, then Markdown with the file's digest."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,23 +37,27 @@ cn.denoise("scan.ply", model="{file}")
 
 or `cascadenorm denoise scan.ply --model {file}`. The file is read as plain arrays; nothing in it is executed.
 
-## Training data
+{networks}
+The settings are in the file: `cascadenorm models {file}` prints them.
+"""
+
+NETWORK = """## Training data{of}
 
 {data}. Faces trained on: {faces}.
 
-## Validation
+## Validation{of}
 
 Mean chord between regressed and true normals of faces that were held out, by stage and cluster:
 
 {losses}
 
-## Limits
+## Limits{of}
 
 {limits}.
 
-## Made with
+## Made with{of}
 
-{versions}. The settings are in the file: `cascadenorm models {file}` prints them.
+{versions}.
 """
 
 
@@ -63,7 +68,8 @@ def hub_card(model: str) -> str:
     ------
     ParameterError : the file is missing, or holds no model
     """
-    card = named(model).card
+    networks = named(model).model.networks
+    card = next(iter(networks.values())).card
     file = weights_file(model) if model in SHIPPED else Path(model)
     return TEXT.format(
         license=card["licence"].lower(),
@@ -74,11 +80,18 @@ def hub_card(model: str) -> str:
         file=file.name,
         size=file.stat().st_size,
         digest=file_digest(file),
+        networks="\n".join(_network(name, cascade.card) for name, cascade in networks.items()),
+    )
+
+
+def _network(name: str, card: Mapping[str, Any]) -> str:
+    return NETWORK.format(
+        of=f" of the {name} network" if name else "",
         data=_sentence(card["data"]),
         faces=f"{card['faces_trained_on']:,}",
         losses=_losses(card["validation_chord_by_stage_and_cluster"]),
         limits=_sentence(card["limits"]),
-        versions=", ".join(f"{name} {version}" for name, version in card["made_with"].items()),
+        versions=", ".join(f"{library} {version}" for library, version in card["made_with"].items()),
     )
 
 

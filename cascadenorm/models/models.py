@@ -16,7 +16,7 @@ from cascadenorm.io.atomic import check_output, make_folder, write_atomically
 from cascadenorm.io.pairs import Places
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig
-from cascadenorm.learned.gated import GatedCascades, read_model
+from cascadenorm.learned.gated import read_model
 from cascadenorm.learned.methods import Learned, shipped
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.training_log import checked_log, recording, unrecorded
@@ -99,11 +99,9 @@ def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = F
     from cascadenorm.learned.onnx_export import stage_model
 
     folder = Path(folder)
-    gated = isinstance(model.model, GatedCascades)
-    cascades = {f"{name}-": cascade for name, cascade in model.model.cascades.items()} if gated else {"": model.model}
     stages = {
-        folder / f"{prefix}stage{number}.onnx": stage
-        for prefix, cascade in cascades.items()
+        folder / f"{name}-stage{number}.onnx".removeprefix("-"): stage
+        for name, cascade in model.model.networks.items()
         for number, stage in enumerate(cascade.stages, 1)
     }
     make_folder(folder)

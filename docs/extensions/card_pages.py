@@ -19,11 +19,31 @@ def card_page() -> str:
 What the weights say of themselves; `cascadenorm models NAME` prints it. [The shipped models](../models.md) has their
 accuracy, what decided on their settings, and their limits.
 """
-    return "\n".join([head, *map(_card, MODELS)])
+    networks = {
+        f"`{model}`, {name} network" if name else f"`{model}`": dict(cascade.card)
+        for model in MODELS
+        for name, cascade in named(model).model.networks.items()
+    }
+    return "\n".join(
+        [head, *(_card(title, card) for title, card in networks.items()), _gate(named("auto").card["gate"])]
+    )
 
 
-def _card(model: str) -> str:
-    card = named(model).card
+def _gate(card: dict[str, Any]) -> str:
+    """Return the section of the gate: the mean angles that it was trained on."""
+    rows = [(name, *(f"{angle:.2f}" for angle in angles.values())) for name, angles in card["mean_angles_deg"].items()]
+    return "\n".join(
+        [
+            "## `auto`, gate\n",
+            f"{card['model'].capitalize()}. A component is treated as a measured surface from a probability of "
+            f"{card['threshold']}. Mean angles to the truth on the generated meshes of its training, in degrees: after "
+            "either network, after the one that the gate chooses in cross-validation, and after the better one.\n",
+            table(("family", "vertex", "surface", "chosen", "better"), rows),
+        ]
+    )
+
+
+def _card(title: str, card: dict[str, Any]) -> str:
     config = card["config"]
     losses = [
         (f"{stage}", *(f"{loss:.4f}" for loss in stages))
@@ -38,7 +58,7 @@ def _card(model: str) -> str:
     settings = [(f"`{key}`", f"`{json.dumps(value)}`") for key, value in _flat(config) if key not in SHARES]
     return "\n".join(
         [
-            f"## `{model}`\n",
+            f"## {title}\n",
             table(("entry", "value"), about),
             "Validation loss, the mean chord between regressed and true normals:\n",
             table(titles, losses),

@@ -90,13 +90,15 @@ def spelled(text: str) -> set[str]:
 
 def test_the_page_of_model_cards_has_every_setting():
     page = card_pages.card_page()
-    for name in ("auto", "cascade"):
-        card = cn.Denoiser.shipped(name).card
-        section = page.split(f"## `{name}`")[1].split("\n## ")[0]
+    auto = cn.Denoiser.shipped("auto").card
+    cards = {"`auto`, vertex network": auto["vertex"], "`auto`, surface network": auto["surface"]}
+    for title, card in {**cards, "`cascade`": cn.Denoiser.shipped("cascade").card}.items():
+        section = page.split(f"## {title}\n")[1].split("\n## ")[0]
         assert f"{card['faces_trained_on']:,}" in section
         assert f"| `seed` | `{card['config']['seed']}` |" in section
         assert f"| `fit.hidden` | `{card['config']['fit']['hidden']}` |" in section
         assert card["config"]["data"]["families"][0] in section
+    assert f"| all | {auto['gate']['mean_angles_deg']['all']['vertex']:.2f} |" in page
 
 
 def test_the_python_reference_has_every_public_name():

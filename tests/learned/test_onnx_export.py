@@ -32,11 +32,17 @@ def inputs(session, stage, mesh, stack):
 
 @pytest.mark.parametrize("name", ["auto", "cascade"])
 def test_every_stage_gives_the_same_normals(name, tmp_path):
-    mesh, cascade = ROUGH, shipped(name)
     assert run(["export-onnx", str(tmp_path / "out"), "--model", name]) == 0
-    assert len(list((tmp_path / "out").iterdir())) == len(cascade.stages)
-    for number, stage in enumerate(cascade.stages, 1):
-        session = onnxruntime.InferenceSession(tmp_path / "out" / f"stage{number}.onnx")
+    networks = shipped(name).networks
+    assert len(list((tmp_path / "out").iterdir())) == sum(len(cascade.stages) for cascade in networks.values())
+    for network, cascade in networks.items():
+        same_normals(cascade, [tmp_path / "out" / f"{network}-stage{n}.onnx".removeprefix("-") for n in (1, 2, 3)])
+
+
+def same_normals(cascade, files):
+    mesh = ROUGH
+    for stage, file in zip(cascade.stages, files, strict=True):
+        session = onnxruntime.InferenceSession(file)
         assert json.loads(session.get_modelmeta().custom_metadata_map["stage"]) == asdict(stage.settings)
         stack = stage_stack(stage.settings, mesh, ROUGH)
         feed = inputs(session, stage, mesh, stack)
@@ -50,7 +56,7 @@ def test_every_stage_gives_the_same_normals(name, tmp_path):
 def test_a_sum_that_vanishes_gives_the_first_normal():
     from cascadenorm.learned.onnx_export import stage_model
 
-    stage = shipped("auto").stages[0]
+    stage = shipped("auto").surface.stages[0]
     stack = np.zeros((2, 21, 3), np.float32)
     (normals,) = onnxruntime.InferenceSession(stage_model(stage)).run(
         None, {"stack": stack, "context": np.zeros((2, 121), np.float32)}
@@ -60,9 +66,9 @@ def test_a_sum_that_vanishes_gives_the_first_normal():
 
 def test_files_are_replaced_only_with_force(tmp_path):
     assert run(["export-onnx", str(tmp_path)]) == 0
-    before = (tmp_path / "stage2.onnx").read_bytes()
+    before = (tmp_path / "vertex-stage2.onnx").read_bytes()
     assert run(["export-onnx", str(tmp_path)]) == 5
     assert run(["export-onnx", str(tmp_path), "--force"]) == 0
-    assert (tmp_path / "stage2.onnx").read_bytes() == before
+    assert (tmp_path / "vertex-stage2.onnx").read_bytes() == before
     with pytest.raises(cn.ParameterError):
-        cn.Denoiser.load(tmp_path / "stage2.onnx")
+        cn.Denoiser.load(tmp_path / "vertex-stage2.onnx")
