@@ -117,7 +117,7 @@ def row(name: str, use: Use, faces: int, total: float, machine: Machine) -> str:
 def network_operations() -> int:
     """Multiplications and additions a face of the matrix products in the stages of `auto`."""
     total = 0
-    for stage in shipped("auto").stages:
+    for stage in shipped("auto").surface.stages:
         sizes = [*(weight.shape[1] for weight, _ in stage.layers), stage.layers[-1][0].shape[2]]
         total += 2 * (stage.scaler.projection.size + sum(a * b for a, b in pairwise(sizes)))
     return total

@@ -115,7 +115,7 @@ axis.set(xlabel="passes × σ_r of a single filter", ylabel="mean angle to the t
 # The method of the package extends this: wider filters, networks in place of least squares, generated
 # shapes and many kinds of error for training, and a *cascade*, in which the vertices follow the normals and the next
 # stage starts from the better mesh. The error falls from stage to stage.
-model = cn.Denoiser.shipped("auto").cascade
+model = cn.Denoiser.shipped("auto").model.vertex
 
 stages = [test_noisy, *model.steps(test_noisy)]
 figure, axes = plt.subplots(1, 4, figsize=(9, 2.7), layout="constrained")
