@@ -12,7 +12,7 @@ from cascadenorm.data_gen.scanning.volumes import Volume, measured_surface, rand
 from cascadenorm.data_gen.shapes.fields import Field
 from cascadenorm.mesh import Mesh
 
-FACES = 4.6  # of marching tetrahedra, for a surface whose area is that of a voxel's side
+FACES = 8.9  # of marching tetrahedra, for a surface whose area is that of a voxel's side
 GRAIN = 0.0, 1.0  # voxels over which the error of the distances is spread
 CUTS = {1: ((0, 1), (0, 2), (0, 3)), 3: ((3, 0), (3, 2), (3, 1))}
 """Edges cut where one or three corners of a tetrahedron lie inside; corners inside come first."""
@@ -30,7 +30,7 @@ def tetrahedral_surface(
     faces
         About so many, which give the edge of a voxel.
     level
-        Standard deviation of the error of the distances, in voxels.
+        Standard deviation of the error of the distances, in thirds of a voxel.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def tetrahedral_surface(
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     distance = sampled(field, nodes) / voxel
     grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(*GRAIN)))
-    mesh = marching_tetrahedra(0.5 - distance + level * grain / grain.std())
+    mesh = marching_tetrahedra(0.5 - distance + level / 3 * grain / grain.std())
     return measured_surface(field, mesh, nodes, axes, cell=voxel, kept=1.0, rng=rng)
 
 
