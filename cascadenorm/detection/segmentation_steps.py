@@ -12,6 +12,7 @@ from cascadenorm.mesh import (
     Mesh,
     Vectors,
     angles_between,
+    any_in_rows,
     kernel,
     row_distances,
     scatter_add,
@@ -105,13 +106,12 @@ def _steps(part: Part) -> Found:
     vertices, in planes : how many vertices have faces, and of how many these all lie in one plane, to 0.03 degrees
     """
     mesh, topology = part.mesh, part.mesh.topology
-    first, second = topology.face_pairs.T
-    rise = rises(mesh, topology.face_pairs)
-    ends = topology.edges[topology.interior_edges]
-    length = row_distances(mesh.vertices, ends)
-    bend = (
-        length * angles_between(mesh.face_normals[first], mesh.face_normals[second]) * (np.abs(rise) > rounding(mesh))
-    )
+    has_area = any_in_rows(mesh.face_normals != 0)
+    bends = has_area[topology.face_pairs].all(axis=1)
+    pairs, ends = topology.face_pairs[bends], topology.edges[topology.interior_edges[bends]]
+    rise = rises(mesh, pairs)
+    length, angle = row_distances(mesh.vertices, ends), angles_between(*mesh.face_normals[pairs.T])
+    bend = length * angle * (np.abs(rise) > rounding(mesh))
     signed = np.stack([np.copysign(bend, rise), bend], axis=1)
     at_vertices = scatter_add(ends.ravel(), np.repeat(signed, 2, axis=0), len(mesh.vertices))
     left, total = np.abs(averaged(at_vertices, topology.vertex_neighbors, 2)[part.vertices]).T

@@ -1,5 +1,7 @@
 """The kind of error is told from meshes whose error is known."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -11,6 +13,7 @@ from cascadenorm.cli import run
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.scanning.volumes import surface_nets
 from cascadenorm.detection.error_kind import correlation_length, error_kind
+from cascadenorm.detection.segmentation_steps import is_segmentation
 from cascadenorm.detection.voxel_lattice import lattice_of_grey_values, lattice_of_mask
 from cascadenorm.inspection import inspect
 from cascadenorm.io.interop import save_mesh
@@ -141,3 +144,16 @@ def test_noise_that_is_drawn_correlated_is_not_independent():
         moved = displacements(BALL, "correlated", level=0.3, rng=rng)
         lengths.append(error_kind(BALL.moved(BALL.vertices + moved), BALL.vertices).length)
     assert np.median(lengths) > 1.2
+
+
+@pytest.mark.parametrize("extract", [surface_nets, partial(surface_nets, centered=True)])
+def test_a_segmentation_with_an_edge_of_length_zero_is_told_by_its_steps(extract):
+    """Snapping, decimation and exports with few digits collapse edges; the faces there have no normal and no bend."""
+    mesh = extract(np.where(volume("egg", (1.0, 1.0, 1.0)) > 0, 1.0, 0.0))
+    vertices, (a, b) = mesh.vertices.copy(), mesh.faces[len(mesh.faces) // 2, :2]
+    vertices[a] = vertices[b]
+    collapsed = mesh.moved(vertices)
+    assert np.count_nonzero(collapsed.areas == 0) == 2
+    assert is_segmentation(mesh) and is_segmentation(collapsed)
+    assert inspect(collapsed).error.kind == "segmentation"
+    assert np.isfinite(cn.denoise(vertices, mesh.faces)).all()
