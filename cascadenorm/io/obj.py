@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterable
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.hole_patches import Patches
 from cascadenorm.io.materials import textures
+from cascadenorm.io.references import content_beside, file_beside
 from cascadenorm.io.text.spelling import lines_of, respelled, rows_of
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Places
@@ -102,10 +102,11 @@ class ObjFile(MeshFile):
         if (counts == 3).all():
             return named.reshape(-1, 3)
         # A polygon that visits a vertex twice may name either of its two normals there.
-        keys = self.polygons.owners * len(self.positions) + self.polygons.corners
+        count = int(self.polygons.corners.max(initial=0)) + 2  # a corner may be out of range, at least -1
+        keys = self.polygons.owners * count + self.polygons.corners + 1
         order = np.argsort(keys, kind="stable")
-        wanted = self.triangle_polygons[:, None] * len(self.positions) + self.triangles
-        return named[order[np.searchsorted(keys[order], wanted)]]
+        wanted = self.triangle_polygons[:, None] * count + self.triangles + 1
+        return named[order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]]
 
     def with_patches(self, patches: Patches) -> "ObjFile":
         """Return this file with further vertices and triangles at its end; all of its bytes stay.
@@ -149,17 +150,14 @@ class ObjFile(MeshFile):
             words = self.data[text.starts[first] : text.ends[last]].replace(b"\\", b"/")
             for name in self._libraries(os.fsdecode(words)):
                 names.append(name)
-                if self._is_beside(name):
-                    names += textures((Path(self.folder or "") / name).read_bytes(), name)
+                names += textures(content_beside(self.folder, name) or b"", name)
         return dict.fromkeys(names, False)
 
     def _libraries(self, names: str) -> list[str]:
         """Split the names of a line: a name may have spaces in it, or be followed by another one."""
         apart = names.split()
-        return apart if not self._is_beside(names) and all(map(self._is_beside, apart)) else [names]
-
-    def _is_beside(self, name: str) -> bool:
-        return self.folder is not None and os.path.isfile(self.folder / name)
+        together = file_beside(self.folder, names) is not None
+        return apart if not together and all(file_beside(self.folder, name) for name in apart) else [names]
 
     def _read_content(self) -> Content:
         text = self._text
@@ -183,9 +181,12 @@ class ObjFile(MeshFile):
         named = self._references(1, lines)
         if not len(lines) or (named < 0).any() or (named >= len(lines)).any():
             return {}
+        owners, missing = self.polygons.owners, self.polygons.out_of_range(len(self.positions))
+        exist = ~np.isin(owners, owners[missing]) if missing.any() else ~missing  # other formats leave such faces out
+        corners, named = self.polygons.corners[exist], named[exist]
         of_position = np.full(len(self.positions), -1)
-        of_position[self.polygons.corners] = named
-        if (of_position[self.polygons.corners] != named).any():
+        of_position[corners] = named
+        if (of_position[corners] != named).any():
             return {}
         found = self._text.numbers(self._text.columns(lines, 2))
         used = np.where(of_position[:, None] >= 0, found[of_position], 0)

@@ -1,11 +1,14 @@
 """Files that a mesh file names, textures say, taken along when it is written into another folder."""
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
 from cascadenorm.errors import OutputError
 from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.references import content_beside, is_within
+
+MOST_SHOWN = 80
+"""Characters of a name that messages show."""
 
 
 def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path, Iterable[Piece]], list[str]]:
@@ -23,8 +26,8 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
 
     Raises
     ------
-    OutputError : a name that the file needs leads out of its folder, or other content lies in the way and force is
-        not given
+    OutputError : a file that is needed is missing, or its name leads out of the folder, or other content lies in the
+        way and force is not given
     """
     there = target.resolve().parent
     if file.folder is not None and file.folder.resolve() == there:
@@ -32,23 +35,32 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
     copies: dict[Path, Iterable[Piece]] = {}
     missing = []
     for name, needed in file.refers_to().items():
-        copy = (there / name).resolve()
-        outside = not copy.is_relative_to(there)
+        content = content_beside(file.folder, name)
+        outside = not is_within(name) or (content is not None and not (there / name).resolve().is_relative_to(there))
         if outside and needed:
             raise OutputError(
-                f"the file references {name!r}, which is outside its folder: write the output beside the input"
+                f"the file references {_shown(name)}, which is outside its folder: write the output beside the input"
             )
-        if outside or file.folder is None or not os.path.isfile(file.folder / name):
-            missing.append(f"the file {name!r} that it references")
+        if content is None and needed:
+            raise OutputError(f"the file references {_shown(name)}, which is missing or cannot be read: put it there")
+        if outside or content is None:
+            missing.append(f"the file {_shown(name)} that it references")
             continue
-        content = (file.folder / name).read_bytes()
-        if copy.exists() and copy.read_bytes() == content:
+        copy = (there / name).resolve()
+        if copy == target.resolve():
+            raise OutputError(f"the file references another one named {copy.name!r}: choose another name")
+        if content_beside(there, name) == content:
             continue
         if copy.exists() and not force:
             raise OutputError(
-                f"{copy} exists already and differs from the referenced file {name!r}",
+                f"{copy} exists already and differs from the referenced file {_shown(name)}",
                 hint="choose another folder",
                 remedy=("force", True),
             )
         copies[copy] = [content]
     return copies, missing
+
+
+def _shown(name: str) -> str:
+    """Return a name for messages, cut where it is long."""
+    return repr(name if len(name) <= MOST_SHOWN else f"{name[:MOST_SHOWN]}…")

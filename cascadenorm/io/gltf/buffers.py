@@ -2,7 +2,6 @@
 
 import base64
 import binascii
-import os
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import Piece
+from cascadenorm.io.references import file_beside, is_within
 from cascadenorm.io.text.text import blocks
 
 EMBEDDED = "data:application/octet-stream;base64,"
@@ -32,6 +32,12 @@ class Buffers:
     """
 
     def __init__(self, declared: list[dict[str, Any]], chunk: Piece | None, folder: Path | None) -> None:
+        for number, part in enumerate(declared):
+            name = relative_name(part.get("uri"))
+            if name is not None and not is_within(name):
+                raise ReadError(
+                    f"buffer {number} is {name[:200]!r}, outside the folder of this file: put it beside this file"
+                )
         self.declared, self._chunk, self._folder = declared, chunk, folder
         self.data: Piece = b""
         self._places: dict[int, tuple[int, int]] = {}
@@ -44,10 +50,18 @@ class Buffers:
             self.data = b"".join([self.data, found]) if self.data else found
         return self._places[number]
 
-    def changed(self, data: bytearray) -> dict[int, Piece]:
-        """Return by number the buffers that differ in other data, as views of it."""
+    def is_loaded(self, number: int) -> bool:
+        """Whether a buffer is in `data`."""
+        return number in self._places
+
+    def replaced(self, data: bytearray, numbers: list[int]) -> dict[int, Piece]:
+        """Return by number the buffers that differ in other data, and those of these numbers, as views of it."""
         before, after, places = memoryview(self.data), memoryview(data), self._places.items()
-        return {n: after[begin:end] for n, (begin, end) in places if _differ(before[begin:end], after[begin:end])}
+        return {
+            n: after[begin:end]
+            for n, (begin, end) in places
+            if n in numbers or _differ(before[begin:end], after[begin:end])
+        }
 
     def files_with(self, places: NDArray[np.int64]) -> list[int]:
         """Return the numbers of those that are files of their own and hold one of these bytes; places ascending."""
@@ -76,10 +90,11 @@ class Buffers:
                 f"the vertices are in another file, {name!r}, which cannot be found from a stream: "
                 "give the name of the glTF file, or export it as GLB"
             )
-        if not os.path.isfile(self._folder / name):
+        path = file_beside(self._folder, name)
+        if path is None:
             raise ReadError(f"the vertices are in {name!r}, which does not exist beside this file: put it there")
         try:
-            return (self._folder / name).read_bytes()
+            return path.read_bytes()
         except OSError as error:
             raise ReadError(f"{name!r}, which holds the vertices, cannot be read: {error.strerror or error}") from None
 
