@@ -142,3 +142,10 @@ class MissingDependencyError(CascadenormError, ImportError):
 def counted(count: int, one: str, several: str = "") -> str:
     """Return a count with its noun; the plural is given, or the singular with an s."""
     return f"{count} {one if count == 1 else several or f'{one}s'}"
+
+
+def reason(error: Exception) -> str:
+    """Return what an error of another library says, with its kind where that alone says little."""
+    if isinstance(error, KeyError | IndexError | AssertionError) or not str(error):
+        return f"it does not follow the format ({' '.join([type(error).__name__, str(error)]).strip()})"
+    return str(error)

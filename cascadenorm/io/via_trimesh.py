@@ -3,14 +3,17 @@
 from collections.abc import Iterable
 from io import BytesIO
 from typing import Any, cast
+from xml.etree.ElementTree import ParseError, iterparse
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.io.content import Content
+from cascadenorm.io.limits import check_archive, check_expansion
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
 NEEDS = {
@@ -36,11 +39,12 @@ class TrimeshFile(MeshFile):
     def _parse(self) -> tuple[NDArray[np.float64], Polygons]:
         import trimesh
 
+        _check_sizes(self.data, self.format)
         try:
             with np.errstate(all="ignore"):
                 self._scene = trimesh.load_scene(BytesIO(self.data), file_type=self.format, process=False)
         except Exception as error:  # each of its parsers raises what it likes
-            raise ReadError(f"trimesh cannot read this as {self.format}: {error or type(error).__name__}") from None
+            raise ReadError(f"trimesh cannot read this as {self.format}: {reason(error)}") from None
         self._meshes = [g for g in self._scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
         if not self._meshes:
             raise ReadError(f"trimesh finds no triangle mesh in this {self.format} file")
@@ -61,6 +65,9 @@ class TrimeshFile(MeshFile):
         """Return all meshes, each as often as the scene shows it and where it shows it."""
         shown = [(matrix, self._scene.geometry[name]) for matrix, name in map(self._scene.graph.get, self._nodes())]
         shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
+        shown = shown or [(np.eye(4), mesh) for mesh in self._meshes]  # a library of meshes
+        copies = sum(len(mesh.vertices) + len(mesh.faces) for _, mesh in shown)
+        check_expansion(24 * copies, len(self.data), "the meshes that the scene of this file shows")
         first = np.concatenate([[0], np.cumsum([len(mesh.vertices) for _, mesh in shown])])
         positions = np.concatenate([mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in shown])
         oriented = [mesh.faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.faces for matrix, mesh in shown]
@@ -114,14 +121,44 @@ def trimesh_outputs() -> list[str]:
     return [format for format in OUTPUTS if format in trimesh_formats()]
 
 
+def _check_sizes(data: bytes, format: str) -> None:
+    """Raise ReadError where a file announces more than it can hold."""
+    documents = [data]
+    if format in ("3dxml", "3mf", "zae"):
+        try:
+            with ZipFile(BytesIO(data)) as archive:
+                check_archive(archive, len(data))
+                names = archive.namelist() if format == "zae" else []
+                documents = [archive.read(name) for name in names if name.lower().endswith(".dae")]
+        except ReadError:
+            raise
+        except Exception as error:  # of a damaged archive
+            raise ReadError(f"this {format} file is a damaged archive: {reason(error)}") from None
+    if format in ("dae", "zae"):
+        for document in documents:
+            corners = 8 * _corner_count(document)  # of each an index is made, and some copies
+            check_expansion(5 * corners, len(data), "the polygons of this COLLADA file")
+
+
+def _corner_count(document: bytes) -> int:
+    """Return the number of corners that the polygons of a COLLADA document announce."""
+    total = 0
+    try:
+        for _, element in iterparse(BytesIO(document)):
+            if element.tag.rpartition("}")[2] == "vcount":
+                total += sum(abs(int(word)) for word in (element.text or "").split())
+            element.clear()
+    except (ParseError, ValueError) as error:
+        raise ReadError(f"this COLLADA file is damaged: {reason(error)}") from None
+    return total
+
+
 def _exported(scene: Any, format: str) -> bytes:
     try:
         with np.errstate(all="ignore"):
             data = _exported_collada(scene) if format == "dae" else scene.export(file_type=format)
     except Exception as error:  # each of its writers raises what it likes
-        raise OutputError(
-            f"trimesh cannot write {format}: {error or type(error).__name__}: choose ply or obj"
-        ) from None
+        raise OutputError(f"trimesh cannot write {format}: {reason(error)}: choose ply or obj") from None
     if isinstance(data, str):
         return data.encode()
     if not isinstance(data, bytes):

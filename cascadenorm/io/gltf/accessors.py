@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.gltf.buffers import Buffers
+from cascadenorm.io.limits import check_expansion
 
 FLOAT = 5126
 KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
@@ -58,6 +59,18 @@ class Vectors(NamedTuple):
         """(k,) the byte after each."""
         return np.asarray(self.at + 3 * np.array([kind.itemsize for kind, _ in STORED])[self.kinds], np.int64)
 
+    def overlap(self, places: Places, size: int) -> bool:
+        """Whether one of these bytes is also in a span of a size that begins at one of the places, which ascend."""
+        if not len(places):
+            return False
+        begin, end = np.searchsorted(self.at, [int(places[0]), int(places[-1]) + size])
+        near = slice(max(int(begin) - 1, 0), int(end))  # one that begins before may end within
+        spans = each(places)
+        next_span = np.searchsorted(spans, self.at[near], "right")
+        before = (next_span > 0) & (spans[next_span - 1] + size > self.at[near])
+        after = (next_span < len(spans)) & (spans[np.minimum(next_span, len(spans) - 1)] < self.ends[near])
+        return bool((before | after).any())
+
     def read(self, data: Data) -> NDArray[np.float32]:
         """Return the vectors, (k, 3)."""
         vectors = np.zeros((len(self.at), 3), np.float32)
@@ -102,10 +115,19 @@ class Accessors:
     ----------
     document : as JSON gives it, unchecked
     buffers : those that accessors lie in are loaded
+    size : bytes of the file, without buffers that are files of their own
     """
 
-    def __init__(self, document: dict[str, Any], buffers: Buffers) -> None:
-        self._document, self._buffers = document, buffers
+    def __init__(self, document: dict[str, Any], buffers: Buffers, size: int) -> None:
+        self._document, self._buffers, self._size, self._claimed = document, buffers, size, 0
+
+    def claim(self, count: int) -> None:
+        """Note that numbers are copied out of the buffers; raises ReadError where these are far fewer.
+
+        Any number of primitives may share an accessor, and any number of nodes a mesh.
+        """
+        self._claimed += 8 * count
+        check_expansion(self._claimed, self._size + len(self._buffers.data), "the meshes of this glTF file")
 
     def places(self, number: int) -> Places:
         """Return the byte of the buffers at which each vector begins; raises ReadError where one lies nowhere."""
@@ -132,6 +154,23 @@ class Accessors:
             raise ReadError(f"accessor {number} of the glTF document leaves elements undefined: export the file again")
         return found
 
+    def spans(self, number: int) -> list[tuple[Places, int]]:
+        """Return where the parts of an accessor begin, with their size; but in buffers not loaded."""
+        accessor = self._document["accessors"][number]
+        sparse = accessor.get("sparse")
+        width = self._type(accessor).itemsize * WIDTHS.get(accessor["type"], 1)
+        parts = [(accessor, accessor["count"], width)] if "bufferView" in accessor else []
+        if sparse is not None:
+            indices, values = sparse["indices"], sparse["values"]
+            parts += [(indices, sparse["count"], self._type(indices).itemsize), (values, sparse["count"], width)]
+        loaded = self._buffers.is_loaded
+        views = self._document["bufferViews"]
+        return [
+            (self._range(part, count, size), size)
+            for part, count, size in parts
+            if loaded(views[part["bufferView"]]["buffer"])
+        ]
+
     def vectors(self, number: int) -> Vectors:
         """Return where the vectors of an accessor lie, which have to be of three numbers."""
         accessor = self._document["accessors"][number]
@@ -140,13 +179,16 @@ class Accessors:
             raise ReadError(
                 f"accessor {number} of the glTF document is not VEC3 of a supported type: export the file again"
             )
-        places = each(self.places(number))
+        where = self.places(number)
+        self.claim(3 * len(where))
+        places = each(where)
         return Vectors(places, np.full(len(places), STORED.index((kind, largest)), np.int8))
 
     def values(self, number: int) -> NDArray[Any]:
         """Return the numbers of an accessor, one vector a row."""
         accessor = self._document["accessors"][number]
         places = self.places(number)  # loads the buffer
+        self.claim(len(places))
         return gathered(self._buffers.data, places, self._type(accessor), WIDTHS[accessor["type"]])
 
     def fractions(self, number: int) -> NDArray[np.float32] | None:

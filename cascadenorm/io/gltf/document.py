@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.errors import ReadError
 from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.io.content import Content
 from cascadenorm.mesh import box_of
@@ -13,6 +14,25 @@ from cascadenorm.mesh.polygons import triangulate
 TEXTURE = ("s", "t")
 KINDS = {"u1": 5121, "u4": 5125, "f4": 5126}
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+
+LISTS = ("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes")
+"""Names in a document under which there are lists of objects."""
+
+
+def check_lists(document: dict[str, Any]) -> None:
+    """Raise ReadError where what has to be a list of objects in a document, or of names, is something else."""
+    for name in LISTS:
+        parts = document.get(name, [])
+        if not (isinstance(parts, list) and all(isinstance(part, dict) for part in parts)):
+            raise ReadError(f"{name!r} in the glTF document is not a list of objects: export the file again")
+    for name in ("extensionsRequired", "extensionsUsed"):
+        if not isinstance(document.get(name, []), list):
+            raise ReadError(f"{name!r} in the glTF document is not a list: export the file again")
+    for name in ("buffers", "images"):
+        for number, part in enumerate(document.get(name, [])):
+            if not isinstance(part.get("uri"), str | None):
+                raise ReadError(f"the URI of {name}[{number}] in the glTF document is not text: export the file again")
 
 
 def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:

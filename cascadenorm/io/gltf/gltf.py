@@ -8,7 +8,8 @@ import copy
 import json
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
@@ -19,9 +20,9 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
-from cascadenorm.io.gltf.accessors import STORED, Accessors, Vectors
+from cascadenorm.io.gltf.accessors import STORED, Accessors, Places, Vectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
-from cascadenorm.io.gltf.document import document_of
+from cascadenorm.io.gltf.document import check_lists, document_of
 from cascadenorm.io.gltf.json_text import JsonText
 from cascadenorm.io.gltf.json_text import Path as JsonPath
 from cascadenorm.io.gltf.scene import Shape, content_of
@@ -77,12 +78,13 @@ class GltfContainer(MeshFile):
             return self._parse_document(self._json.document, chunk)
 
     def _parse_document(self, document: Any, chunk: Piece | None) -> tuple[NDArray[np.float32], Polygons]:
+        check_lists(document)
         extensions = [*document.get("extensionsRequired", []), *document.get("extensionsUsed", [])]
         used = [name for name in COMPRESSED if name in extensions]
         if used:
             raise ReadError(f"this glTF file is compressed ({used[0]}): export it without compression")
         self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
-        self._accessors = Accessors(document, self._buffers)
+        self._accessors = Accessors(document, self._buffers, len(self.data))
         self._primitives = [
             self._primitive(number, primitive)
             for number, mesh in enumerate(document.get("meshes", []))
@@ -96,6 +98,7 @@ class GltfContainer(MeshFile):
         self._moving_files = self._buffers.files_with(places[order])
         if (places[order][1:] < np.concatenate([self._stored.ends, self._stored_normals.ends])[order][:-1]).any():
             raise ReadError("positions and normals of this glTF file overlap in their buffer: export it again")
+        self._check_others()
         if (self._stored.kinds != 0).any():  # whole numbers
             self.moving_loses = ("precision beyond that of the integers that store the positions",)
         self.parts, kinds = self._meshes_of_positions(), self._stored.kinds
@@ -116,6 +119,30 @@ class GltfContainer(MeshFile):
         )
         triangles = _stacked([self._stored.rows_of(p.positions, p.triangles) for p in self._primitives])
         return self._stored.read(self._buffers.data), Polygons.from_rows(triangles)
+
+    def _check_others(self) -> None:
+        """Raise ReadError where bytes of positions or normals are those of indices or of other attributes as well."""
+        for accessor in self._other_accessors():
+            spans: list[tuple[Places, int]] = []
+            with suppress(ReadError, KeyError, IndexError):  # one that cannot be read is kept as it is
+                spans = self._accessors.spans(accessor)
+            for places, size in spans:
+                if any(vectors.overlap(places, size) for vectors in (self._stored, self._stored_normals)):
+                    raise ReadError(
+                        f"accessor {accessor} of this glTF file overlaps with positions or normals in their buffer: "
+                        "export it again"
+                    )
+
+    def _other_accessors(self) -> list[int]:
+        """Return the numbers of the accessors of primitives that hold neither positions nor normals that move."""
+        moving = {p.attributes.get(name) for p in self._primitives for name in ("POSITION", "NORMAL")}
+        primitives = [primitive for mesh in self._json.document.get("meshes", []) for primitive in mesh["primitives"]]
+        found = set()
+        for primitive in primitives:
+            found |= {primitive["indices"]} if "indices" in primitive else set()
+            for attributes in (primitive["attributes"], *primitive.get("targets", [])):
+                found |= set(attributes.values())
+        return sorted(found - moving)
 
     def _meshes_of_positions(self) -> NDArray[np.int64] | None:
         """Return (k,) the mesh that each position belongs to, of those that share it the first; None for one mesh."""
@@ -180,7 +207,7 @@ class GltfContainer(MeshFile):
         return self._replaced({})[0]
 
     def _replaced(self, names: dict[int, str]) -> tuple[Iterable[Piece], dict[int, Piece]]:
-        """Return the container, in pieces, and the changed buffers that are files, which get these names.
+        """Return the container, in pieces, and the buffers with vertices that are files, which get these names.
 
         Buffers that are files and get no name are put into the JSON.
         """
@@ -191,7 +218,7 @@ class GltfContainer(MeshFile):
             normals, renewed = self._renewed(Normals(stored, self._corner_normals))
             self._stored_normals.put(data, normals, renewed)
         values, chunk, files = self._new_bounds(data), None, dict[int, Piece]()
-        for number, content in self._buffers.changed(data).items():
+        for number, content in self._buffers.replaced(data, self._moving_files).items():
             uri = self._buffers.declared[number].get("uri")
             if uri is None:
                 chunk = content
@@ -218,7 +245,7 @@ class GltfContainer(MeshFile):
         return values
 
     def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
-        """Return what is written for this file at a path: buffers that changed and are files get files beside it."""
+        """Return what is written for this file at a path: buffers with vertices that are files get files beside it."""
         if not self.has_moved:
             return super().files(path)
         names = {n: beside.with_name(part_name.format(beside.name)) for n, beside in self._buffer_names(path).items()}
@@ -230,14 +257,23 @@ class GltfContainer(MeshFile):
         return [*self._buffer_names(path).values(), path]
 
     def _buffer_names(self, path: Path) -> dict[int, Path]:
-        numbers = self._moving_files
-        return {n: path.with_name(f"{path.stem}{f'_{n}' if len(numbers) > 1 else ''}.bin") for n in numbers}
+        """Return where buffers with vertices are written: under names that no other file of the document has."""
+        numbers, found = self._moving_files, dict[int, Path]()
+        kept = {name.casefold() for name in self._references(without=numbers)}
+        for number in numbers:
+            further = chain([""] if len(numbers) == 1 else [], (f"_{number}{'_' * more}" for more in count()))
+            names = (f"{path.stem}{ending}.bin" for ending in further)
+            found[number] = path.with_name(next(name for name in names if name.casefold() not in kept))
+        return found
 
     def refers_to(self) -> dict[str, bool]:
         """Return the names of images, and of buffers, which are needed, that are files and stay as they are."""
+        return self._references(without=self._moving_files if self.has_moved else [])
+
+    def _references(self, *, without: list[int]) -> dict[str, bool]:
+        """Return what `refers_to` returns where buffers of these numbers are written anew."""
         document = self._json.document
-        replaced = self._moving_files if self.has_moved else []
-        buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in replaced]
+        buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in without]
         images = {relative_name(part.get("uri")): False for part in document.get("images", [])}
         names = {**images, **{relative_name(part.get("uri")): True for part in buffers}}
         return {name: needed for name, needed in names.items() if name is not None}

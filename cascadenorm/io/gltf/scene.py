@@ -37,14 +37,18 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
     shapes : of all meshes
     """
     filled = [shape for shape in shapes if len(shape.triangles)]
-    joined, meshes = _joined(filled), dict.fromkeys(shape.mesh for shape in filled)
+    of_mesh: dict[int, list[Shape]] = {}
+    for shape in _joined(filled):
+        of_mesh.setdefault(shape.mesh, []).append(shape)
+    meshes = of_mesh.keys()
     places = [(mesh, matrix) for mesh, matrix in _shown(document) if mesh in meshes]
     places = places or [(mesh, np.eye(4)) for mesh in meshes]  # a library of meshes, without a scene
-    shown = [_placed(shape, matrix) for mesh, matrix in places for shape in joined if shape.mesh == mesh]
+    accessors.claim(sum(shape.positions.size + shape.triangles.size for mesh, _ in places for shape in of_mesh[mesh]))
+    shown = [_placed(shape, matrix) for mesh, matrix in places for shape in of_mesh[mesh]]
     left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
     if len(filled) < len(shapes):
         left_out.append("points and lines")
-    if meshes.keys() - {mesh for mesh, _ in places}:
+    if meshes - {mesh for mesh, _ in places}:
         left_out.append("meshes that the scene does not show")
     sizes = [len(shape.positions) for shape in shown]
     first = np.cumsum([0, *sizes])[:-1]

@@ -1,0 +1,53 @@
+"""How much memory the content of a file may take, relative to its size."""
+
+import os
+from zipfile import ZipFile
+
+from cascadenorm.errors import ParameterError, ReadError
+
+VARIABLE = "CASCADENORM_MAX_EXPANSION"
+"""Environment variable with the largest expansion, in the place of EXPANSION."""
+EXPANSION = 200.0
+"""Bytes that a byte of a file may expand to; compressed meshes reach 20."""
+ALWAYS = 100_000_000
+"""Bytes that a file of any size may expand to."""
+
+
+def check_expansion(needed: float, size: int, what: str) -> None:
+    """Raise ReadError where content takes more memory than a file of its size may expand to.
+
+    Parameters
+    ----------
+    needed
+        Bytes in memory.
+    size
+        Bytes of the file.
+    what
+        Subject of the message, in the plural.
+    """
+    if needed > allowed(size):
+        raise ReadError(
+            f"{what} need {needed / 1e6:,.0f} MB, more than {_expansion():g} times the size of the file",
+            hint=f"if it can be trusted, set the environment variable {VARIABLE} to a larger number",
+        )
+
+
+def allowed(size: int) -> float:
+    """Return how many bytes a file of a size may expand to."""
+    return max(ALWAYS, _expansion() * size)
+
+
+def check_archive(archive: ZipFile, size: int) -> None:
+    """Raise ReadError where the files in an archive, of which at most their announced sizes are read, are too large."""
+    check_expansion(sum(entry.file_size for entry in archive.infolist()), size, "the files in this archive")
+
+
+def _expansion() -> float:
+    text = os.environ.get(VARIABLE, "") or str(EXPANSION)
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not value >= 1:
+        raise ParameterError(f"the environment variable {VARIABLE} is {text!r}; it must be a number of at least 1")
+    return value

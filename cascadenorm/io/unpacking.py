@@ -1,0 +1,60 @@
+"""Bound what meshio and nibabel unpack: a block of a few bytes may become a thousand times as many."""
+
+import lzma
+import sys
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from importlib import import_module
+from typing import Any
+
+from cascadenorm.io.limits import allowed, check_expansion
+
+_room: ContextVar["_Room | None"] = ContextVar("room", default=None)
+"""What may be unpacked yet, in the block of `limited`."""
+
+
+class _Room:
+    """Bytes that a file of a size may still expand to."""
+
+    def __init__(self, size: int) -> None:
+        self.size, self.taken = size, 0
+
+
+class _Limited:
+    """A module of the standard library whose `decompress` stops at the limit; the rest is that of the module."""
+
+    def __init__(self, module: Any, decompressor: Any) -> None:
+        self._module, self._decompressor = module, decompressor
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._module, name)
+
+    def decompress(self, data: bytes) -> bytes:
+        """Return what data unpacks to; raises ReadError beyond the limit."""
+        room = _room.get()
+        if room is None:
+            return bytes(self._module.decompress(data))
+        left = int(allowed(room.size)) - room.taken
+        unpacked = bytes(self._decompressor().decompress(data, max(left, 0) + 1))
+        room.taken += len(unpacked)
+        check_expansion(room.taken, room.size, "the compressed arrays of this file")
+        return unpacked
+
+
+LIMITED = {"zlib": _Limited(zlib, zlib.decompressobj), "lzma": _Limited(lzma, lzma.LZMADecompressor)}
+
+
+@contextmanager
+def limited(size: int, module: str) -> Iterator[None]:
+    """Let a module of a library unpack no more in this block than a file of a size may expand to."""
+    reader = import_module(module)
+    for name, stands_for in LIMITED.items():
+        if getattr(reader, name, None) is sys.modules[name]:
+            setattr(reader, name, stands_for)
+    token = _room.set(_Room(size))
+    try:
+        yield
+    finally:
+        _room.reset(token)
