@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Floats32, Ints, face_area_vectors, kernel, parallel_for, repeats_vertex, scatter_add
+from cascadenorm.mesh.ears import ears
 from cascadenorm.mesh.vectors import area_vector, divided, length, row
 
 MOST_APEXES = 64  # corners tried for a fan without folds
-MOST_CORNERS = 4000  # of a polygon that is cut into ears; beyond, the fold stays
 
 
 def ranges(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -88,41 +88,12 @@ def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np
         better = np.isin(polygon, trying[~still])
         fans[np.isin(owners, trying[~still])] = fan[better]
         folded = np.setdiff1d(folded, trying[~still])
-    for number in folded[(counts[folded] > 4) & (counts[folded] <= MOST_CORNERS)].tolist():
+    ends = np.cumsum(np.maximum(counts - 2, 0))
+    for number in folded[counts[folded] > 4].tolist():
         corners = polygons.corners[polygons.indptr[number] : polygons.indptr[number + 1]]
-        if ears := _ears(positions[corners]):
-            fans[owners == number] = corners[ears]
+        if (cut := ears(positions[corners])) is not None:
+            fans[ends[number] - len(cut) : ends[number]] = corners[cut]
     return fans, owners
-
-
-def _ears(corners: NDArray[Any]) -> list[tuple[int, int, int]]:
-    """Cut ears off a polygon, (c, 3) positions, as seen along its mean normal; none where it crosses itself."""
-    with np.errstate(all="ignore"):
-        near_one = (corners - corners[0]) / np.float64(np.abs(corners - corners[0]).max() or 1)
-        normal = np.cross(near_one, np.roll(near_one, -1, axis=0)).sum(axis=0)
-        flat = near_one @ np.linalg.svd(normal[None])[2][1:].T if np.isfinite(normal).all() else np.full((1, 2), np.nan)
-    x, y = flat.T
-    if np.roll(y, -1) @ x - np.roll(x, -1) @ y < 0:
-        y = -y
-
-    def side(a: int, b: int, c: Any) -> Any:
-        return (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a])
-
-    left, ears = np.arange(len(corners)), list[tuple[int, int, int]]()
-    while len(left) > 2:
-        for place, b in enumerate(left.tolist()):
-            a, c = int(left[place - 1]), int(left[(place + 1) % len(left)])
-            if not side(a, b, c) >= 0:
-                continue
-            apart = [(x[left] != x[corner]) | (y[left] != y[corner]) for corner in (a, b, c)]
-            others = left[np.all(apart, axis=0)]
-            if not ((side(a, b, others) >= 0) & (side(b, c, others) >= 0) & (side(c, a, others) >= 0)).any():
-                ears.append((a, b, c))
-                left = np.delete(left, place)
-                break
-        else:
-            return []
-    return ears
 
 
 def _fans(polygons: Polygons, chosen: NDArray[np.int64], apex: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
