@@ -1,6 +1,23 @@
 """The command line: commands, their options, tables and JSON, and the demonstration."""
 
-from cascadenorm.cli.commands import app
-from cascadenorm.cli.program import main, run
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import NoReturn
 
-__all__ = ["app", "main", "run"]
+__all__ = ["main", "run"]
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and exit; what it needs is loaded here, so that Ctrl-C then ends in a line as well."""
+    try:
+        program = import_module("cascadenorm.cli.program")
+    except KeyboardInterrupt:
+        print("cascadenorm: interrupted; no file was left half written", file=sys.stderr)
+        sys.exit(130)
+    sys.exit(program.main(arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit code."""
+    return int(import_module("cascadenorm.cli.program").run(arguments))

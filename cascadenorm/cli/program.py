@@ -3,8 +3,11 @@
 import os
 import signal
 import sys
+from _thread import interrupt_main
 from collections.abc import Sequence
 from io import TextIOWrapper
+from threading import Timer
+from types import FrameType
 from typing import NoReturn, cast
 
 import typer
@@ -15,16 +18,29 @@ from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, com
 USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # click's own, or that of the copy in typer
 
 
+AGAIN = 0.05
+"""Seconds after which an interruption is repeated that came in code that cannot raise it."""
+
+_interruptions: list[int] = []
+"""Signals of Ctrl-C that this process has had."""
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit."""
     signal.signal(signal.SIGTERM, _terminated)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored
+        signal.signal(signal.SIGINT, _interrupted)
+        sys.unraisablehook = _not_raised
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:  # the caller has closed it
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - until the end
     for stream in (sys.stdout, sys.stderr):  # file names need not be in any encoding
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    code = run(sys.argv[1:] if arguments is None else arguments)
+    if _interruptions:  # another one ends what still goes on, without a traceback
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -38,8 +54,7 @@ def run(arguments: Sequence[str]) -> int:
             return USAGE
         return code if isinstance(code, int) else DONE
     except (KeyboardInterrupt, typer.Abort):
-        complain("interrupted; no file was left half written")
-        return INTERRUPTED
+        return _said_interrupted()
     except BrokenPipeError:  # the reader of our output has gone
         _discard_stdout()
         return FAILED
@@ -50,12 +65,35 @@ def run(arguments: Sequence[str]) -> int:
             complain(f"{message} (see `{context.command_path if context else 'cascadenorm'} --help`)")
         return USAGE
     except Exception as error:
+        if _interruptions:  # within an import, libraries may turn it into an error of their own
+            return _said_interrupted()
         if os.environ.get("CASCADENORM_TRACEBACK"):
             raise
         complain(worded(error))
         if exit_code(error) == OUTPUT:
             _discard_stdout()
         return exit_code(error)
+
+
+def _said_interrupted() -> int:
+    complain("interrupted; no file was left half written")
+    return INTERRUPTED
+
+
+def _interrupted(number: int, frame: FrameType | None) -> None:
+    """Note Ctrl-C, and raise KeyboardInterrupt."""
+    _interruptions.append(number)
+    signal.default_int_handler(number, frame)
+
+
+def _not_raised(unraisable: "sys.UnraisableHookArgs") -> None:
+    """Interrupt again soon where Ctrl-C came in a callback of a library, which cannot raise."""
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        again = Timer(AGAIN, interrupt_main)
+        again.daemon = True
+        again.start()
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 def _terminated(number: int, _: object) -> NoReturn:
