@@ -110,9 +110,15 @@ def is_binary_stl(data: bytes) -> bool:
 
 
 def _is_text(data: bytes) -> bool:
-    if is_binary_stl(data) or data.lstrip()[:5].lower() != b"solid":
+    if is_binary_stl(data) or _has_records(data) or data.lstrip()[:5].lower() != b"solid":
         return False
     return any(word in data[:100_000].lower() for word in (b"facet", b"endsolid"))
+
+
+def _has_records(data: bytes) -> bool:
+    """Test for as many records as are announced, and zero bytes, which a text has none of; more may follow."""
+    count = int.from_bytes(data[80:HEADER], "little")
+    return 0 < count * RECORD.itemsize <= len(data) - HEADER and b"\0" in data[: HEADER + RECORD.itemsize]
 
 
 def _facets(text: Text) -> tuple[Places, Places]:

@@ -47,13 +47,52 @@ class PlyFile(MeshFile):
         self._columns: dict[tuple[str, str], Column] = {}
         self._ends: dict[str, int] = {}
         start = header.length if header.byte_order else 0
+        wrong: ReadError | None = None
         for element in header.elements:
             kinds = [_kind(p, header.byte_order) for p in element.properties]
-            found, start = columns(self._body, element, start, kinds)
-            self._ends[element.name] = start
+            try:
+                found, stop = columns(self._body, element, start, kinds)
+            except ReadError as error:
+                raise wrong or self._long_line(element, start) or error from None
+            wrong = wrong or self._row_within_line(element, found)
+            self._ends[element.name] = start = stop
             for p, column in zip(element.properties, found, strict=True):
                 self._columns.setdefault((element.name, p.name), column)
+        if wrong is not None and start < len(self._body):
+            raise wrong
         return self._positions(), self._polygons()
+
+    def _row_within_line(self, element: Element, found: list[Column]) -> ReadError | None:
+        """Return an error about the line before the first row that does not begin a line of the text; None without one.
+
+        Rows may be laid out in any way, but where numbers are left over in the end, there are too many in that line.
+        """
+        if self._text is None or not found or not len(found[0].offsets):
+            return None
+        first, text = element.properties[0], self._text
+        begins = np.asarray(found[0].offsets) // WORD - (first.count_kind is not None)
+        begins_line = np.zeros(len(text.starts), bool)
+        begins_line[text.first] = True
+        rows = np.flatnonzero(~begins_line[begins])
+        if not len(rows):
+            return None
+        return _too_long(text, int(np.searchsorted(text.first, begins[rows[0]], "right")) - 1, element)
+
+    def _long_line(self, element: Element, start: int) -> ReadError | None:
+        """Return an error about the first line with more numbers than a row; None where rows are not a line each."""
+        if self._text is None:
+            return None
+        text, numbers = self._text, np.frombuffer(self._body)
+        first = int(np.searchsorted(text.first, start // WORD))
+        for line in range(first, min(first + element.rows, len(text.first))):
+            at, stop = int(text.first[line]), int(text.stop[line])
+            for p in element.properties:
+                if at >= stop or (p.count_kind and not 0 <= numbers[at] < stop - at):
+                    return None
+                at += 1 + (int(numbers[at]) if p.count_kind else 0)
+            if at < stop:
+                return _too_long(text, line, element)
+        return None
 
     def _property(self, element: str, name: str) -> Property | None:
         found = [p for e in self.header.elements if e.name == element for p in e.properties if p.name == name]
@@ -265,6 +304,13 @@ class PlyFile(MeshFile):
         ]
         vertex_rows = joined_columns(list(vertex.values()))
         return chain(["\n".join(lines).encode()], vertex_rows, face_rows(content.polygons, length, face)), []
+
+
+def _too_long(text: Text, line: int, element: Element) -> ReadError:
+    return ReadError(
+        f"line {text.line_number(text.starts[text.first[line]])} has {text.stop[line] - text.first[line]} values, more "
+        f"than the header declares for a row of {element.name!r}: correct the header, or export the file again"
+    )
 
 
 def _kind(p: Property, byte_order: str) -> Kind:
