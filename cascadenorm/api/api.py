@@ -87,6 +87,7 @@ def denoise_file(
     method: str = DEFAULT_METHOD,
     format: str | None = None,
     force: bool = False,
+    weld: float | str | None = None,
     parameters: dict[str, Any] | None = None,
     **controls: Unpack[Controls],
 ) -> DenoisingSummary:
@@ -100,6 +101,8 @@ def denoise_file(
     method : one of `methods()`
     format : that of a stream, such as "stl"; None is that of the source. The extension of a path decides for it
     force : replace an existing file
+    weld : boundary vertices that are at most this far apart are joined, where a file has rounded the copies of a vertex
+        to different places; in the unit of the mesh or like "0.001 edges", below half the mean edge length
     parameters : of the method
 
     Controls count the vertices and triangles of `read(source).mesh`. Given by names, they count the vertices of the
@@ -114,7 +117,7 @@ def denoise_file(
     ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`; nothing is written then
     """
     return denoised_file(
-        source, output, method=method, format=format, force=force, parameters=parameters, **controls
+        source, output, method=method, format=format, force=force, weld=weld, parameters=parameters, **controls
     ).summary
 
 
@@ -125,13 +128,15 @@ def denoised_file(
     method: str = DEFAULT_METHOD,
     format: str | None = None,
     force: bool = False,
+    weld: float | str | None = None,
     parameters: dict[str, Any] | None = None,
     **controls: Unpack[Controls],
 ) -> Denoised:
     """Denoise a mesh file as `denoise_file` does; the meshes are returned as well."""
     every = checked(controls)
     with limit_threads(every["threads"]):
-        return _denoised_file(find(method), source, output, parameters or {}, every, format=format, force=force)
+        chosen = find(method)
+        return _denoised_file(chosen, source, output, parameters or {}, every, format=format, force=force, weld=weld)
 
 
 def methods() -> dict[str, Method]:
@@ -188,9 +193,10 @@ def _denoised_file(
     *,
     format: str | None = None,
     force: bool,
+    weld: float | str | None = None,
 ) -> Denoised:
     method.checked(parameters)
-    opened = opened_file(source, output, controls, format=format, force=force)
+    opened = opened_file(source, output, controls, format=format, force=force, weld=weld)
     start = time.perf_counter()
     vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
     seconds = time.perf_counter() - start

@@ -12,9 +12,9 @@ from cascadenorm import io
 from cascadenorm.api.apply import in_words
 from cascadenorm.api.selection import selected
 from cascadenorm.controls.displacement import framed_length
-from cascadenorm.controls.settings import Controls
+from cascadenorm.controls.settings import Controls, parsed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
-from cascadenorm.errors import ReadError
+from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target
 from cascadenorm.io.interop import mesh_of_file, source_name
@@ -28,6 +28,7 @@ from cascadenorm.mesh import (
     without_lines,
     without_repeated_faces,
 )
+from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import Method
 
 
@@ -43,6 +44,7 @@ class DenoisingSummary:
     controls : the other controls that decide on the result, as given; arrays by their shape alone
     vertices, faces : counts; vertices that the file splits at seams count once
     isolated_vertices, isolated_faces : vertices that are not finite, and further faces, that were left as they are
+    nearly_coincident : boundary vertices within 0.001 mean edge lengths of another one, but not joined with it
     moved : vertices with another position
     mean_displacement, largest_displacement : over all vertices, in mean edge lengths
     seconds : of the method, without reading and writing
@@ -68,6 +70,7 @@ class DenoisingSummary:
     error: ErrorKind | None
     treated_as: Treated | None
     left_out: tuple[str, ...]
+    nearly_coincident: int = 0
 
 
 class Denoised(NamedTuple):
@@ -103,16 +106,35 @@ def opened_file(
     *,
     format: str | None = None,
     force: bool,
+    weld: float | str | None = None,
 ) -> Opened:
-    """Read a file to be denoised; everything that can be refused before reading is refused before."""
+    """Read a file to be denoised; everything that can be refused before reading is refused before.
+
+    Boundary vertices within the distance `weld` are joined.
+    """
+    apart, in_edges = parsed_length("weld", weld) if weld is not None else (0.0, False)
     output = _checked_output(source, output, format, force=force)
     file = io.read(source)
     if controls["on_bad"] == "isolate":
         file = file.isolating()
+    if apart > 0:
+        file = _welded(file, apart, in_edges)
     chosen = io.output_format(output, format or file.format)
     check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source))
     return Opened(source, output, chosen, file, mesh, selected(controls, file))
+
+
+def _welded(file: io.MeshFile, distance: float, in_edges: bool) -> io.MeshFile:
+    """Return a file whose boundary vertices are joined where they are near; raises ParameterError for half an edge."""
+    edge = mesh_of_file(file, "").mean_edge_length
+    if in_edges:
+        distance *= edge
+    if not distance < 0.5 * edge:
+        raise ParameterError(
+            f"is {distance:g}; it must be below half the mean edge length, {0.5 * edge:g}", parameter="weld"
+        )
+    return file.welding(distance)
 
 
 def written_file(
@@ -159,6 +181,7 @@ def written_file(
         seconds=seconds,
         **_found(method, small, exponent, moves, parameters, controls["strength"]),
         left_out=tuple(left_out),
+        nearly_coincident=int(nearly_coincident(small).sum()),
     )
     return Denoised(summary, file, moved)
 

@@ -38,7 +38,7 @@ def spelled(name: str, value: object = None) -> str:
     if name in OPTIONS:
         option = OPTIONS[name].option
         return option if value is None or OPTIONS[name].about.flag else f"{option} {value}"
-    return f"--{name}" if name in ("force", "timeout") else name
+    return f"--{name}" if name in ("force", "timeout", "weld") else name
 
 
 def takes_controls(*names: str) -> Callable[[Command], Command]:

@@ -28,6 +28,10 @@ FINDINGS = {
         "vertex coincides with an earlier one, but is not merged with it",
         "vertices coincide with an earlier one, but are not merged with it",
     ),
+    "nearly_coincident": (
+        "boundary vertex nearly coincides with an earlier one, but is not merged with it (denoise --weld joins them)",
+        "boundary vertices nearly coincide with earlier ones, but are not merged with them (denoise --weld joins them)",
+    ),
     "crossing_faces": ("face intersects others", "faces intersect others"),
 }
 """What is said of each finding of an inspection after its count: of one, and of several."""

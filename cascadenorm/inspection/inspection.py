@@ -15,6 +15,7 @@ from cascadenorm.inspection.enclosed import enclosed
 from cascadenorm.inspection.source import Found, Given, taken
 from cascadenorm.learned.methods import Treated, auto, treated
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated, without_repeated_faces
+from cascadenorm.mesh.welding import nearly_coincident
 
 MOST_FACES_CROSSED = 200_000
 """Faces up to which those that cross are looked for unasked; it takes seconds for 100,000."""
@@ -49,6 +50,7 @@ class Inspection:
     duplicate_faces : faces on the same three vertices as an earlier one
     unreferenced : vertices that no face names
     duplicate_vertices : vertices at the place of an earlier one, but not joined with it
+    nearly_coincident : boundary vertices within 0.001 mean edge lengths of an earlier one, but not joined with it
     crossing_faces : faces that pass through others; None where that was not looked for
     euler_characteristic : vertices less edges plus faces
     genus : handles of all closed parts that are manifolds; None where there is none
@@ -83,6 +85,7 @@ class Inspection:
     duplicate_faces: Found
     unreferenced: Found
     duplicate_vertices: Found
+    nearly_coincident: Found
     crossing_faces: Found | None
     euler_characteristic: int
     genus: int | None
@@ -170,6 +173,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "inside_out": numbered.at_faces(inside_out),
         "zero_area": numbered.at_faces(flat),
         "slivers": numbered.at_faces(thin),
+        "nearly_coincident": numbered.at_vertices(nearly_coincident(small)),
         "duplicate_faces": numbered.at_faces(repeats(np.sort(mesh.faces, axis=1))[0]),
         "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
         "euler_characteristic": len(np.unique(mesh.faces)) - len(topology.edges) + len(mesh.faces),
@@ -196,10 +200,9 @@ NONE_FOUND = Found(0, ())
 NOTHING: dict[str, Any] = {
     **dict.fromkeys(("parts", "boundary_loops", "boundary_edges", "euler_characteristic"), 0),
     **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "flipped_edges", "inside_out"), NONE_FOUND),
-    **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "crossing_faces"), NONE_FOUND),
-    **dict.fromkeys(
-        ("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise", "error", "treated_as")
-    ),
+    **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "nearly_coincident", "crossing_faces"), NONE_FOUND),
+    **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise")),
+    **dict.fromkeys(("error", "treated_as")),
     "closed": False,
 }
 """What `_shape` says where no face is good."""

@@ -44,6 +44,7 @@ class MeshFile(ABC):
     format: ClassVar[str]
     counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
     _isolates = False
+    _weld_distance = 0.0
     moving_loses: tuple[str, ...] = ()  # what a moved file lacks, in words
 
     def __init__(self, data: bytes, folder: Path | None = None) -> None:
@@ -75,6 +76,20 @@ class MeshFile(ABC):
         file = copy.copy(self)
         file._isolates = True
         file.__dict__.pop("mesh", None)
+        return file
+
+    def welding(self: AnyMeshFile, distance: float) -> AnyMeshFile:
+        """Return this file with a `mesh` in which boundary vertices are joined that are near each other.
+
+        Parameters
+        ----------
+        distance
+            Between two of them at most, in the unit of the file.
+        """
+        file = copy.copy(self)
+        file._weld_distance = distance
+        for name in ("mesh", "_weld"):
+            file.__dict__.pop(name, None)
         return file
 
     def pieces(self) -> Iterable[Piece]:
@@ -146,7 +161,7 @@ class MeshFile(ABC):
         triangles = self.triangles
         if self._isolates:
             triangles = triangles[(triangles >= 0).all(axis=1)]
-        return weld(self._read_positions, triangles, self.parts)
+        return weld(self._read_positions, triangles, self.parts, distance=self._weld_distance)
 
     @property
     def welds(self) -> NDArray[np.int32]:

@@ -7,12 +7,16 @@ import pytest
 from shapes import cube, icosphere
 from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, stl_text, written
 
+import cascadenorm as cn
 from cascadenorm import io
+from cascadenorm.cli import run
+from cascadenorm.inspection import inspect
 from cascadenorm.io.content import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.via_trimesh import trimesh_kind
 from cascadenorm.mesh import Mesh, MeshError, unit
 from cascadenorm.mesh.polygons import Polygons, triangulate
+from cascadenorm.mesh.welding import PRIME, _find_equal, first_equal, weld
 
 OFF_TETRAHEDRON = b"\n".join(
     [b"OFF", b"4 4 6", *(b"%d %d %d" % p for p in TETRAHEDRON), *(b"3 %d %d %d" % s for s in SIDES), b""]
@@ -61,6 +65,78 @@ def test_surfaces_that_touch_inside_stay_apart():
     box = cube(2)
     twice = ply_of(np.concatenate([box.vertices] * 2), np.concatenate([box.faces, box.faces + len(box.vertices)]))
     assert len(twice.mesh.vertices) == 2 * len(box.vertices)
+
+
+def rounded_soup(apart: float) -> tuple[Mesh, bytes]:
+    """Return a ball, and an STL of it whose corners are up to `apart` mean edge lengths from where they belong."""
+    ball = icosphere(3)
+    shift = np.random.default_rng(0).uniform(-0.5, 0.5, (*ball.faces.shape, 3)) * apart * ball.mean_edge_length / 3**0.5
+    corners = ball.vertices[ball.faces] + shift
+    text = ["solid soup"]
+    for facet in corners.tolist():
+        lines = "\n".join(f"vertex {x!r} {y!r} {z!r}" for x, y, z in facet)
+        text.append(f"facet normal 0 0 0\nouter loop\n{lines}\nendloop\nendfacet")
+    return ball, "\n".join([*text, "endsolid"]).encode()
+
+
+def test_corners_that_nearly_coincide_are_reported_and_joined_on_request(tmp_path, capsys):
+    ball, data = rounded_soup(1e-6)
+    path = tmp_path / "soup.stl"
+    path.write_bytes(data)
+    found = inspect(path)
+    assert (found.boundary_edges, found.nearly_coincident.count) == (3 * 1280, 3 * 1280 - 642)
+    assert run(["denoise", str(path), "-o", str(tmp_path / "a.stl"), "--method", "laplacian"]) == 0
+    assert "3198 boundary vertices coincide with another one but for 0.001 edges" in capsys.readouterr().err
+    for length in "0.001 edges", 1e-4 * ball.mean_edge_length:
+        done = cn.denoise_file(path, tmp_path / "b.stl", method="laplacian", weld=length, force=True)
+        assert (done.vertices, done.nearly_coincident) == (642, 0)
+        made = inspect(tmp_path / "b.stl")
+        assert made.closed and made.vertices == 642 and made.nearly_coincident.count == 0
+    expected = cn.denoise(ball, method="laplacian").vertices
+    moved = cn.read(tmp_path / "b.stl").mesh
+    np.testing.assert_allclose(moved.vertices[moved.faces], expected[ball.faces], atol=1e-6)
+
+
+def test_a_weld_joins_chains_within_a_part_only_and_no_interior():
+    triangles = np.arange(12).reshape(-1, 3)
+    points = np.random.default_rng(0).uniform(size=(12, 3)) * 10
+    for step, corner in enumerate((3, 6, 9), 1):
+        points[corner] = points[0] + [0.09 * step, 0, 0]
+    welds, first = weld(points, triangles, distance=0.1)
+    assert welds[[3, 6, 9]].tolist() == [welds[0]] * 3 and len(first) == 9
+    parts = np.repeat([0, 0, 1, 1], 3)
+    welds, first = weld(points, triangles, parts, distance=0.1)
+    assert welds[3] == welds[0] and welds[9] == welds[6] != welds[0] and len(first) == 10
+    assert len(weld(points, triangles, distance=0.05)[1]) == 12
+
+
+@pytest.mark.parametrize("length", ["1 edges", "-1", "far"])
+def test_a_weld_of_half_an_edge_is_refused(length, tmp_path):
+    _, data = rounded_soup(1e-6)
+    (tmp_path / "a.stl").write_bytes(data)
+    with pytest.raises(cn.ParameterError, match=r"weld is .*; it must be"):
+        cn.denoise_file(tmp_path / "a.stl", method="laplacian", weld=length)
+
+
+def test_coordinates_made_for_equal_hashes_are_told_apart_with_few_probes():
+    """Both halves of each number differ alike, as the folds of simple hashes cannot tell."""
+    high = (0x3FF00000 + 16 * np.arange(3000)).astype(np.uint64)
+    crafted = ((high << np.uint64(32)) | (high ^ np.uint64(0x12345678))).view(np.float64)
+    rows = np.column_stack([np.full(3000, 0.5), np.full(3000, 0.25), crafted])
+    assert first_equal(rows) is None
+    same, repeated = first_equal(np.concatenate([rows, rows[::-1]]))
+    assert np.array_equal(same, np.concatenate([np.arange(3000), np.arange(3000)[::-1]])) and repeated.all()
+    assert longest_run(rows) < 60
+
+
+def longest_run(rows) -> int:
+    """Most neighbouring places of the table that are taken: no search probes more."""
+    bits = np.ascontiguousarray(rows).view(np.int64)
+    places = np.full(2 << len(rows).bit_length(), -1, np.int32)
+    factors = np.random.default_rng(1).integers(1, PRIME, 3 * rows.shape[1])
+    _find_equal(bits, factors, places, np.empty(len(rows), np.int64), np.zeros(len(rows), bool))
+    free = np.flatnonzero(places < 0)
+    return int(np.diff(free).max()) - 1
 
 
 def test_welding_distinguishes_what_single_precision_does_not():
@@ -417,6 +493,28 @@ def test_polygons_that_no_corner_sees_whole_are_cut_into_ears():
             assert np.linalg.norm(mesh.area_vectors.sum(axis=0)) == pytest.approx(area)  # none against another
 
 
+def test_a_spiral_is_cut_whole():
+    """The area is that of the shoelace formula; as many comparisons as corners squared take well below a second."""
+    turn = np.linspace(0, 40 * np.pi, 2000)
+    arm = np.column_stack([np.cos(turn), np.sin(turn)]) * turn[:, None]
+    flat = np.concatenate([arm * (1 + 1 / (1 + turn[:, None])), arm[::-1]])
+    (x, y), (u, v) = flat.T, np.roll(flat, -1, axis=0).T
+    triangles, _ = triangulate(np.column_stack([flat, np.zeros(len(flat))]), Polygons.from_rows(np.arange(4000)[None]))
+    (a, b), (c, d), (e, f) = (flat[triangles[:, k]].T for k in range(3))
+    areas = ((c - a) * (f - b) - (e - a) * (d - b)) / 2
+    assert areas.min() >= -1e-9 * areas.max()
+    assert areas.sum() == pytest.approx((x * v - u * y).sum() / 2)
+    assert len(np.unique(np.sort(triangles, axis=1), axis=0)) == 3998
+
+
+def test_of_many_concave_polygons_each_is_cut():
+    letter = np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], float)
+    points = np.concatenate([np.column_stack([letter + 4 * i, np.zeros(8)]) for i in range(300)])
+    triangles, owners = triangulate(points, Polygons.from_rows(np.arange(len(points)).reshape(-1, 8)))
+    areas = np.bincount(owners, Mesh(points, triangles).areas)
+    np.testing.assert_allclose(areas, 7)
+
+
 def test_a_polygon_that_crosses_itself_is_cut_somehow():
     star = np.array([(np.cos(2.4 * np.pi * i / 3), np.sin(2.4 * np.pi * i / 3), 0.0) for i in range(5)])
     for points in (star, np.full((5, 3), np.nan), np.zeros((5, 3))):
@@ -430,3 +528,68 @@ def test_strips_of_a_ply_count_where_its_faces_are_empty():
     header += b"element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
     file = read(header + b"0 0 0\n0 1 0\n1 0 0\n1 1 0\n7 0 2 1 3 3 3 1\n")
     assert file.mesh.faces.tolist() == [[0, 2, 1], [1, 2, 3]]  # without what stitches strips together
+
+
+@pytest.mark.parametrize("rest", [b"", b"\0\0", b"x" * 51])
+def test_a_binary_stl_with_facet_in_its_header_and_bytes_behind_is_binary(rest):
+    data = b"solid made by a facet".ljust(80) + stl_binary()[80:] + rest
+    file = read(data)
+    assert len(file.polygons) == 4
+    moved = written(file.with_vertices(file.mesh.vertices + 1))
+    assert moved[:80] == data[:80] and moved.endswith(rest) and len(moved) == len(data)
+
+
+EXTRA = b"""ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 4
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+0 0 1
+3 0 2 1
+3 0 1 3
+3 1 2 3
+3 0 3 2
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        (b"1 0 0\n", b"1 0 0 9\n", "line 11 has 4 values, more than the header declares for a row of 'vertex'"),
+        (b"3 0 1 3\n", b"3 0 1 3 0\n", "line 15 has 5 values, more than the header declares for a row of 'face'"),
+        (b"3 0 2 1\n", b"3 0 2 1 255 0 0\n", "line 14 has 7 values"),
+    ],
+)
+def test_a_ply_text_with_more_numbers_than_declared_is_refused_with_the_line(old, new, line):
+    """Else the numbers of the next rows would be taken for others."""
+    with pytest.raises(io.ReadError, match=line):
+        read(EXTRA.replace(old, new))
+
+
+def test_the_rows_of_a_ply_text_may_be_laid_out_in_any_way():
+    expected = read(EXTRA).mesh
+    head, end, rows = EXTRA.partition(b"end_header\n")
+    for body in (rows.replace(b"\n", b" "), rows.replace(b" ", b"\n"), rows.replace(b"0\n1", b"0 1")):
+        mesh = read(head + end + body).mesh
+        assert np.array_equal(mesh.vertices, expected.vertices) and np.array_equal(mesh.faces, expected.faces)
+
+
+def test_an_obj_whose_textured_faces_reference_missing_vertices_converts_isolated(tmp_path):
+    """The corners of the other faces keep their texture coordinates and their normals."""
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0.1\nvt 0 0\nvt 1 0\nvt 0 1\nvt 1 1\nvn 0 0 1\nvn 0 1 0\n"
+    faces = b"f 2/4/2 9/1/2 3/2/2 1/1/2\nf 1/1/1 2/2/1 3/3/1\nf 2/2/1 4/4/1 3/3/1\n"
+    (tmp_path / "a.obj").write_bytes(text + faces)
+    assert run(["denoise", str(tmp_path / "a.obj"), "-o", str(tmp_path / "b.ply"), "--on-bad", "isolate"]) == 0
+    made = io.read(tmp_path / "b.ply")
+    assert made.polygons.corners.tolist() == [0, 1, 2, 1, 3, 2]
+    assert made.content().vertex_values["s"].tolist() == [0, 1, 0, 1]
+    file = read(text + faces).isolating()
+    moved = written(file.with_vertices(file.mesh.vertices * 2)).split(b"\n")
+    assert b"vn 0 1 0" in moved  # of the face that is left as it is

@@ -47,6 +47,13 @@ def denoise(
         ),
     ] = None,
     scheduler: Scheduler = None,
+    weld: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help='Join boundary vertices at most this far apart, in the unit of the mesh or like "0.001 edges".',
+        ),
+    ] = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
@@ -68,7 +75,9 @@ def denoise(
     size: str | int | None = memory
     if size is None and scheduler is not None:
         raise typer.BadParameter("--scheduler works on patches: give --memory too, that of a worker")
-    if size is None and report is None and "-" not in (source, target):
+    if size is not None and weld is not None:
+        raise typer.BadParameter("--weld needs the whole mesh: leave out --memory")
+    if {size, report, weld} == {None} and "-" not in (source, target) and Path(source).is_file():  # not a pipe
         size = _memory_for_patches(source, target, method, parameters, force, controls)
     if size is not None:
         _denoise_large(source, target, size, (report, format), method, parameters, scheduler, force, as_json, controls)
@@ -80,6 +89,7 @@ def denoise(
             method=method,
             format=format,
             parameters=parameters,
+            weld=weld,
             force=force,
             progress=progress,
             **controls,
