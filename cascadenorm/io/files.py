@@ -13,27 +13,33 @@ from numpy.typing import ArrayLike
 
 from cascadenorm.errors import MissingDependencyError, OutputError, ReadError
 from cascadenorm.io.arrays import ArraysFile
-from cascadenorm.io.atomic import check_output, is_special, write_atomically, write_together
+from cascadenorm.io.atomic import check_output, is_special, make_folder, write_atomically, write_together
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
+from cascadenorm.io.freesurfer import EXTENSIONS as FREESURFER
+from cascadenorm.io.freesurfer import MAGIC as FREESURFER_MAGIC
+from cascadenorm.io.freesurfer import FreeSurferFile
+from cascadenorm.io.gifti import GiftiFile, is_nibabel_installed
 from cascadenorm.io.gltf.glb import GlbFile
 from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply.ply import PlyFile
+from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile, is_vtk_installed
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
+from cascadenorm.io.streams import write_stream
 from cascadenorm.io.via_trimesh import NEEDS as TRIMESH_NEEDS
 from cascadenorm.io.via_trimesh import trimesh_formats, trimesh_kind, trimesh_outputs
-from cascadenorm.io.vtk import VtkFile, VtuFile, is_installed
+from cascadenorm.io.vtk import MESHIO, is_installed
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.polygons import Polygons
 
 FORMATS: dict[str, type[MeshFile]] = {
-    kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile)
+    kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, FreeSurferFile)
 }
 
-NEEDS = {**TRIMESH_NEEDS, "vtk": "meshio", "vtu": "meshio"}
+NEEDS = {**TRIMESH_NEEDS, **dict.fromkeys(MESHIO, "meshio"), **dict.fromkeys(POLYDATA, "pyvista"), "gii": "nibabel"}
 """Packages to be installed for a format."""
 
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
@@ -68,10 +74,14 @@ def read(source: Source, format: str | None = None) -> MeshFile:
             raise ReadError("the file is empty")
         if not is_binary_stl(data):
             data = data.removeprefix(codecs.BOM_UTF8)
-        chosen = (format or _sniffed(data) or Path(name).suffix).lower().lstrip(".")
+        chosen = _format_of(format or _sniffed(data) or Path(name).suffix)
         kind = _kind(chosen)
+        if chosen == "vtk" and LEGACY.match(data):
+            if not is_vtk_installed():
+                raise MissingDependencyError("reading PolyData in 'vtk' files", package="pyvista", extra="pyvista")
+            kind = LegacyPolyDataFile
         if kind is None:
-            known = ", ".join(dict.fromkeys([*FORMATS, *_meshio_formats(), *trimesh_formats()]))
+            known = ", ".join(dict.fromkeys([*FORMATS, *_further_formats(), *trimesh_formats()]))
             if chosen in NEEDS:
                 raise _missing("reading", chosen)
             raise ReadError(
@@ -114,14 +124,14 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     if path and file.format == chosen and not is_special(path):
         beside, lost = sidecar_files(file, path, force=force)
         for copy in beside:
-            copy.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(copy.parent)
         _write_files(file, path, beside, force=force)
         return [*lost, *_lost(file)]
     pieces, lost = (file.pieces(), _lost(file)) if file.format == chosen else _encoded(file, kind)
     if path:
         write_atomically(path, pieces, force=force)
     else:
-        _write_stream(cast(BinaryIO, target), pieces)
+        write_stream(cast(BinaryIO, target), pieces)
     return lost
 
 
@@ -156,16 +166,6 @@ def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile, list[str]]:
     return PlyFile(b"".join(pieces)), lost
 
 
-def _write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
-    try:
-        stream.writelines(pieces)
-        stream.flush()
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise OutputError(f"the stream cannot be written: {error.strerror or error}") from error
-
-
 def check_target(file: MeshFile, target: Source, *, format: str, force: bool) -> None:
     """Raise OutputError where `write` would find something in the way of what it writes beside a file."""
     if format == file.format and isinstance(target, str | os.PathLike) and not is_special(target):
@@ -188,10 +188,10 @@ def output_format(target: Source, otherwise: str = "") -> str:
     OutputError : meshes are not written in that format, or there is nothing that names one
     """
     extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
-    chosen = (extension or otherwise).lower().lstrip(".")
+    chosen = _format_of(extension or otherwise)
     if chosen in FORMATS:
         return chosen  # without loading the packages that know others
-    known = [*FORMATS, *_meshio_formats(), *trimesh_outputs()]
+    known = [*FORMATS, *_further_formats(), *trimesh_outputs()]
     if not chosen:
         raise OutputError(f"{target} has no extension, which selects the format: choose one of {', '.join(known)}")
     if chosen in NEEDS and _kind(chosen) is None:
@@ -211,30 +211,40 @@ def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
 
 
 def beside(source: Path, what: str) -> Path:
-    """Return `<stem>_<what><suffix>` in the folder of a mesh file; raises ReadError for a folder."""
+    """Return `<stem>_<what><suffix>` beside a mesh file; raises ReadError for a folder, OutputError for a pipe."""
     if source.is_dir():
         raise ReadError(f"{source} is a folder", hint="give the name of a mesh file in it")
+    if is_special(source):
+        raise OutputError(f"{source} is a pipe or a device, beside which nothing is written", hint="give an output")
     return source.with_name(f"{source.stem}_{what}{source.suffix}")
 
 
 def is_mesh_name(path: Path) -> bool:
     """Whether a file can be a mesh by its extension, even if packages are missing to read it."""
-    format = path.suffix[1:].lower()
+    format = _format_of(path.suffix)
     return format in NEEDS or _kind(format) is not None
+
+
+def _format_of(extension: str) -> str:
+    """Return the format that an extension stands for."""
+    name = extension.lower().lstrip(".")
+    return FreeSurferFile.format if name in FREESURFER else name
 
 
 def _missing(work: str, format: str) -> MissingDependencyError:
     package = NEEDS[format]
-    extra = "" if package == "cascadio" else "formats"
+    extra = {"cascadio": "", "pyvista": "pyvista"}.get(package, "formats")
     return MissingDependencyError(f"{work} {format!r} files", package=package, extra=extra)
 
 
 def _kind(format: str) -> type[MeshFile] | None:
-    return FORMATS.get(format) or _meshio_formats().get(format) or trimesh_kind(format)
+    return FORMATS.get(format) or _further_formats().get(format) or trimesh_kind(format)
 
 
-def _meshio_formats() -> dict[str, type[MeshFile]]:
-    return {kind.format: kind for kind in (VtkFile, VtuFile)} if is_installed() else {}
+def _further_formats() -> dict[str, type[MeshFile]]:
+    found: dict[str, type[MeshFile]] = dict(MESHIO) if is_installed() else {}
+    found |= POLYDATA if is_vtk_installed() else {}
+    return found | ({GiftiFile.format: GiftiFile} if is_nibabel_installed() else {})
 
 
 def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], list[str]]:
@@ -268,7 +278,7 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
         return str(getattr(source, "name", "the stream")), None, source.read()
     path = Path(source)
     try:
-        return str(path), path.parent, path.read_bytes()
+        return str(path), None if is_special(path) else path.parent, path.read_bytes()
     except IsADirectoryError:
         raise ReadError(f"{path} is a folder: give the name of a mesh file in it") from None
     except FileNotFoundError:
@@ -285,6 +295,14 @@ def _sniffed(data: bytes) -> str | None:
         return "ply"
     if data.startswith(b"# vtk DataFile"):
         return "vtk"
+    if data.startswith(FREESURFER_MAGIC):
+        return FreeSurferFile.format
+    if data.startswith(b"$MeshFormat"):
+        return "msh"
+    if b"<GIFTI" in data[:1000]:
+        return GiftiFile.format
+    if b'type="PolyData"' in data[:1000] and b"<VTKFile" in data[:1000]:
+        return "vtp"
     if data[:4] == b"glTF":
         return "glb"
     if data.lstrip().startswith(b"{") and b'"asset"' in data:

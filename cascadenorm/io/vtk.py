@@ -1,36 +1,44 @@
-"""VTK in its legacy form and as XML (VTU), through meshio: the data of points and cells are kept."""
+"""VTK in its legacy form and as XML (VTU), Gmsh and Abaqus, through meshio: data of points and cells are kept."""
 
 import copy
 import importlib.util
+import math
 import re
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
+from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.unpacking import limited
 from cascadenorm.mesh.normals import NORMALS, Normals
 from cascadenorm.mesh.polygons import Polygons
 
 FACES = ("triangle", "quad", "polygon")
 BESIDE = ("line", "vertex", "polyline", "poly_vertex")
+GRID = re.compile(rb"^[ \t]*DIMENSIONS((?:[ \t]+\d+)+)", re.M | re.I)
 
 
 class MeshioFile(MeshFile):
     """A grid whose cells are polygons; positions are float32 or float64."""
 
+    module: ClassVar[str]  # of meshio
     moving_loses = ("what meshio does not keep (title, layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         try:
-            self._grid = self._load()
+            with limited(len(self.data), "meshio.vtu._vtu"):
+                self._grid = self._load()
+        except ReadError:
+            raise
         except Exception as error:  # its parsers raise what they like
-            raise ReadError(f"meshio cannot read this as {self.format}: {error or type(error).__name__}") from None
+            raise ReadError(f"meshio cannot read this as {self.format}: {reason(error)}") from None
         points = np.asarray(self._grid.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ReadError(f"the points of this {self.format} file have {points.shape[-1]} coordinates, not 3")
@@ -50,10 +58,14 @@ class MeshioFile(MeshFile):
     def _load(self) -> Any:
         import meshio
 
+        if grid := GRID.search(self.data[:10_000]):  # whose points and cells are not in the file
+            points = math.prod(map(int, grid[1].split()))
+            check_expansion(100 * points, len(self.data), "the points of this grid")
+
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"grid.{self.format}"
             path.write_bytes(self.data)
-            return getattr(meshio, self.format).read(path)
+            return getattr(meshio, self.module).read(path)
 
     def _moved_pieces(self) -> Iterable[Piece]:
         grid = copy.deepcopy(self._grid)
@@ -65,7 +77,7 @@ class MeshioFile(MeshFile):
                 grid.point_data[name] = normals.astype(values.dtype)
             if name in grid.cell_data:
                 grid.cell_data[name] = self._renewed_cell_normals(grid.cell_data[name])
-        return [_written(grid, self.format, self._options())]
+        return [_written(grid, self.module, self.format, self._options())]
 
     def _renewed_cell_normals(self, blocks: list[Any]) -> list[Any]:
         """Return normals of cells, a block of them for each block of cells."""
@@ -80,13 +92,8 @@ class MeshioFile(MeshFile):
         return [new[i].astype(block.dtype) if i in new else block for i, block in enumerate(blocks)]
 
     def _options(self) -> dict[str, Any]:
-        """Return how to write: of VTK the version and the kind that were read."""
-        if self.format != "vtk":
-            return {}
-        lines = self.data[:1000].splitlines()
-        version = re.search(rb"Version (\d+)", lines[0])
-        old = version is not None and int(version[1]) < 5
-        return {"fmt_version": "4.2" if old else "5.1", "binary": lines[2].strip().upper() == b"BINARY"}
+        """Return how to write, as the file was read."""
+        return {}
 
     def _read_content(self) -> Content:
         values, face_values, left_out = {}, {}, []
@@ -124,19 +131,55 @@ class MeshioFile(MeshFile):
             cell_data={name: [values[rows] for rows in chosen] for name, values in content.face_values.items()},
         )
         lost = ["the order of the faces"] if (np.diff(counts) < 0).any() else []
-        return [_written(grid, cls.format, {})], lost
+        return [_written(grid, cls.module, cls.format, {})], lost
 
 
 class VtkFile(MeshioFile):
     """A legacy VTK file that holds an unstructured grid."""
 
-    format = "vtk"
+    format = module = "vtk"
+
+    def _options(self) -> dict[str, Any]:
+        """Return the version and the kind that were read."""
+        lines = self.data[:1000].splitlines()
+        version = re.search(rb"Version (\d+)", lines[0])
+        old = version is not None and int(version[1]) < 5
+        return {"fmt_version": "4.2" if old else "5.1", "binary": lines[2].strip().upper() == b"BINARY"}
 
 
 class VtuFile(MeshioFile):
     """A VTU file."""
 
-    format = "vtu"
+    format = module = "vtu"
+
+
+class GmshFile(MeshioFile):
+    """A mesh of Gmsh."""
+
+    format, module = "msh", "gmsh"
+
+    def _options(self) -> dict[str, Any]:
+        """Return the version and the kind that were read."""
+        found = re.search(rb"\$MeshFormat\s+(\d[\d.]*)\s+(\d)", self.data)
+        version = found[1].decode() if found else "4.1"
+        written = version if version in ("2.2", "4.0", "4.1") else "2.2" if version[0] == "2" else "4.1"
+        return {"fmt_version": written, "binary": found is None or found[2] == b"1"}
+
+
+class AbaqusFile(MeshioFile):
+    """The nodes and elements of an Abaqus input file; steps and materials are lost where vertices move."""
+
+    format, module = "inp", "abaqus"
+    moving_loses = ("what meshio does not keep of an Abaqus file (all but nodes, elements and sets)",)
+
+    def _load(self) -> Any:
+        if re.search(rb"^\*include\b", self.data, re.M | re.I):
+            raise ReadError("this Abaqus file includes other files, which are not read: put their content into it")
+        return super()._load()
+
+
+MESHIO = {kind.format: kind for kind in (VtkFile, VtuFile, GmshFile, AbaqusFile)}
+"""Formats by their extensions."""
 
 
 def is_installed() -> bool:
@@ -144,13 +187,13 @@ def is_installed() -> bool:
     return importlib.util.find_spec("meshio") is not None
 
 
-def _written(grid: Any, format: str, options: dict[str, Any]) -> bytes:
+def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> bytes:
     import meshio
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"grid.{format}"
         try:
-            getattr(meshio, format).write(path, grid, **options)
+            getattr(meshio, module).write(path, grid, **options)
         except Exception as error:  # its writers raise what they like
-            raise OutputError(f"meshio cannot write {format}: {error or type(error).__name__}: choose ply") from None
+            raise OutputError(f"meshio cannot write {format}: {reason(error)}: choose ply") from None
         return path.read_bytes()

@@ -10,6 +10,7 @@ from test_io import COFF, PLY_TEXT, read, written
 
 import cascadenorm as cn
 from cascadenorm import io
+from cascadenorm.cli import run
 from cascadenorm.io import files
 from cascadenorm.io.files import output_format
 from cascadenorm.mesh import unit
@@ -101,8 +102,16 @@ def test_conversion_keeps_values(format, source, tmp_path):
 @pytest.mark.parametrize(
     ("format", "content", "words"),
     [
-        ("vtk", b"# vtk DataFile Version 4.2\nx\nASCII\nDATASET POLYDATA\n", "meshio cannot read this as vtk"),
+        ("vtk", b"# vtk DataFile Version 4.2\nx\nASCII\nDATASET POLYDATA\nPOINTS 9 f", "VTK cannot read this as vtk"),
         ("vtk", b"# vtk DataFile Version 4.2\nx\nASCII\n", "meshio cannot read this as vtk"),
+        (
+            "vtk",
+            b"# vtk DataFile Version 4.2\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS x float\n",
+            "meshio cannot read this as vtk: .",
+        ),
+        ("vtp", b'<VTKFile type="PolyData">', "VTK cannot read this as vtp"),
+        ("msh", b"$MeshFormat\n", "meshio cannot read this as msh: ."),
+        ("inp", b"*INCLUDE, INPUT=/etc/passwd\n", "includes other files, which are not read"),
         ("vtu", b"<VTKFile>", "meshio cannot read this as vtu"),
         ("vtu", b"\0\1\2", "meshio cannot read this as vtu"),
     ],
@@ -152,3 +161,132 @@ def test_scenes_of_trimesh_are_moved_mesh_by_mesh(format, needs, tmp_path):
     found = cn.read(tmp_path / f"twice.{format}").mesh
     assert found.area == pytest.approx(4 * (box.area + ball.area))
     assert len(found.faces) == len(box.faces) + len(ball.faces)
+
+
+@pytest.mark.parametrize(
+    ("format", "module", "style"),
+    [
+        ("msh", "gmsh", {"fmt_version": "4.1", "binary": True}),
+        ("msh", "gmsh", {"fmt_version": "2.2", "binary": False}),
+        ("inp", "abaqus", {}),
+    ],
+)
+def test_meshes_of_simulations_are_moved(format, module, style, tmp_path, monkeypatch):
+    """The kind of a Gmsh file stays; other formats are written in the same way."""
+    monkeypatch.chdir(tmp_path)
+    points, triangles = SHEET.vertices, SHEET.faces.astype(np.int64)
+    library = getattr(meshio, module)
+    library.write(f"in.{format}", meshio.Mesh(points, [("triangle", triangles), ("quad", QUADS)]), **style)
+    assert run(["denoise", f"in.{format}", "-o", f"out.{format}", "--method", "laplacian"]) == 0
+    source, found = cn.read(f"in.{format}"), library.read(f"out.{format}")
+    expected = cn.denoise(source.mesh, method="laplacian").vertices
+    np.testing.assert_allclose(found.points, expected, rtol=1e-12, atol=1e-12)
+    assert [(block.type, block.data.tolist()) for block in found.cells] == [
+        ("triangle", triangles.tolist()),
+        ("quad", QUADS.tolist()),
+    ]
+    if format == "msh":
+        lines = [(tmp_path / name).read_bytes().split(b"\n")[1].split()[:2] for name in ("in.msh", "out.msh")]
+        assert lines[0] == lines[1]
+    io.write(io.from_arrays(points, triangles), f"made.{format}")
+    assert np.array_equal(cn.read(f"made.{format}").mesh.faces, triangles)
+
+
+def surface(pyvista):
+    """Return PolyData of triangles, quads and a line, with values and normals of points and cells."""
+    rng = np.random.default_rng(0)
+    faces = [*([3, *face] for face in SHEET.faces.tolist()), *([4, *face] for face in QUADS.tolist())]
+    made = pyvista.PolyData(SHEET.vertices, faces=np.concatenate(faces), lines=[2, 0, 1])
+    made.point_data["heat"] = rng.normal(size=made.n_points)
+    made.point_data["Normals"] = np.tile([0.0, 0, 1], (made.n_points, 1))
+    made.cell_data["part"] = np.arange(made.n_cells, dtype=np.int32)
+    return made
+
+
+@pytest.mark.parametrize(("format", "binary"), [("vtp", True), ("vtp", False), ("vtk", True), ("vtk", False)])
+def test_polydata_is_moved_and_keeps_its_data(format, binary, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    made, path, moved = surface(pyvista), tmp_path / f"a.{format}", tmp_path / f"b.{format}"
+    made.save(path, binary=binary)
+    file = cn.read(path)
+    assert len(file.polygons) == len(SHEET.faces) + 2 and len(file.mesh.faces) == len(SHEET.faces) + 4
+    assert written(file) == path.read_bytes()
+    turn = np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)])  # z becomes -y
+    assert io.write(file.with_vertices(file.mesh.vertices @ turn.T), moved) == list(file.moving_loses)
+    found = pyvista.read(moved)
+    np.testing.assert_allclose(found.points, made.points @ turn.T)
+    assert np.array_equal(found.faces, made.faces) and np.array_equal(found.lines, made.lines)
+    assert np.array_equal(found.point_data["heat"], made.point_data["heat"])
+    np.testing.assert_allclose(found.point_data["Normals"], np.tile(np.array((0, 0, 1)) @ turn.T, (made.n_points, 1)))
+    assert np.array_equal(found.cell_data["part"], made.cell_data["part"])
+    content = file.content()
+    assert content.face_values["part"].tolist() == list(range(1, made.n_cells))  # the line comes first
+    assert set(content.left_out) == {"point data 'Normals'", "points and lines"}
+    if format == "vtk":
+        kinds = [p.read_bytes().split(b"\n")[2] for p in (path, moved)]
+        assert kinds == [b"BINARY" if binary else b"ASCII"] * 2
+
+
+def test_polydata_is_written_with_values(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    file = read(PLY_TEXT)
+    assert io.write(file, tmp_path / "a.vtp") == [
+        "property 'vertex1' of 'edge'",
+        "property 'vertex2' of 'edge'",
+        "comments",
+    ]
+    made = pyvista.read(tmp_path / "a.vtp")
+    assert made.n_cells == 3
+    np.testing.assert_array_equal(made.points, file.positions)
+    assert made.cell_data["material"].tolist() == file.content().face_values["material"].tolist()
+    assert made.point_data["red"].tolist() == [255, 0, 0, 2, 9]
+
+
+def test_polydata_that_announces_more_than_it_holds_is_refused():
+    head = b'<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="999999999" NumberOfPolys="1">'
+    with pytest.raises(io.ReadError, match="the points and cells of this file need"):
+        read(head, "vtp")
+
+
+def test_freesurfer_surfaces_keep_every_byte_but_positions(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ball = icosphere(2)
+    head = b"\xff\xff\xfecreated by someone\n\n" + np.array([162, 320], ">i4").tobytes()
+    rest = ball.faces.astype(">i4").tobytes() + b"volume geometry"
+    data = head + ball.vertices.astype(">f4").tobytes() + rest
+    (tmp_path / "lh.pial").write_bytes(data)
+    assert written(cn.read("lh.pial")) == data
+    assert run(["denoise", "lh.pial", "-o", "lh.white", "--method", "laplacian"]) == 0
+    expected = cn.denoise(ball.vertices.astype(np.float32), ball.faces, method="laplacian")
+    assert (tmp_path / "lh.white").read_bytes() == head + expected.astype(">f4").tobytes() + rest
+    io.write(cn.read("lh.pial"), "ball.ply")
+    io.write(cn.read("ball.ply"), "rh.pial")
+    assert np.array_equal(cn.read("rh.pial").mesh.faces, ball.faces)
+    for cut in (3, 20, len(head) + 3, len(data) - len(b"volume geometry") - 1):
+        with pytest.raises(io.ReadError, match="truncated"):
+            read(data[:cut], "freesurfer")
+
+
+def test_gifti_surfaces_keep_their_other_arrays(tmp_path):
+    nibabel = pytest.importorskip("nibabel")
+    ball, gifti = icosphere(2), nibabel.gifti
+    points = gifti.GiftiDataArray(
+        ball.vertices.astype(np.float32), intent="NIFTI_INTENT_POINTSET", datatype="NIFTI_TYPE_FLOAT32"
+    )
+    triangles = gifti.GiftiDataArray(ball.faces, intent="NIFTI_INTENT_TRIANGLE", datatype="NIFTI_TYPE_INT32")
+    heat = np.arange(162, dtype=np.float32)
+    values = gifti.GiftiDataArray(heat, intent="NIFTI_INTENT_SHAPE", datatype="NIFTI_TYPE_FLOAT32")
+    path = tmp_path / "lh.pial.surf.gii"
+    gifti.GiftiImage(darrays=[points, triangles, values]).to_filename(path)
+    file = cn.read(path)
+    assert written(file) == path.read_bytes()
+    moved = tmp_path / "moved.gii"
+    assert io.write(file.with_vertices(file.mesh.vertices * 2), moved) == list(file.moving_loses)
+    found = nibabel.load(moved)
+    assert np.array_equal(found.darrays[0].data, ball.vertices.astype(np.float32) * 2)
+    assert np.array_equal(found.darrays[1].data, ball.faces) and np.array_equal(found.darrays[2].data, heat)
+    io.write(read(PLY_TEXT), tmp_path / "made.gii")
+    assert np.array_equal(cn.read(tmp_path / "made.gii").mesh.faces, read(PLY_TEXT).mesh.faces)
+    for content in (b"<GIFTI>", b"<GIFTI", path.read_bytes()[:-500]):
+        with pytest.raises(io.ReadError, match="nibabel cannot read this as gii"):
+            read(content, "gii")

@@ -1,0 +1,87 @@
+"""GIFTI surfaces, through nibabel: other arrays, labels and coordinate systems are kept."""
+
+import copy
+import importlib.util
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import OutputError, ReadError, reason
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.content import Content
+from cascadenorm.io.unpacking import limited
+from cascadenorm.mesh.polygons import Polygons, triangulate
+
+POINTS, TRIANGLES = "NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"
+
+
+class GiftiFile(MeshFile):
+    """A GIFTI file with one surface; positions are float32 or float64."""
+
+    format = "gii"
+    moving_loses = ("what nibabel does not keep (layout of the XML)",)
+
+    def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        from nibabel.gifti import GiftiImage
+
+        try:
+            with limited(len(self.data), "nibabel.gifti.parse_gifti_fast"):
+                self._image = GiftiImage.from_bytes(self.data)
+        except ReadError:
+            raise
+        except Exception as error:  # its parser raises what it likes
+            raise ReadError(f"nibabel cannot read this as gii: {reason(error)}") from None
+        points, triangles = (self._image.get_arrays_from_intent(intent) for intent in (POINTS, TRIANGLES))
+        if len(points) != 1 or len(triangles) != 1:
+            raise ReadError(
+                f"this GIFTI file has {len(points)} sets of points and {len(triangles)} of triangles: "
+                "only a file with one surface can be read"
+            )
+        positions, corners = (np.asarray(found[0].data) for found in (points, triangles))
+        if positions.shape[1:] != (3,) or corners.shape[1:] != (3,) or corners.dtype.kind not in "iu":
+            raise ReadError("the points or triangles of this GIFTI file are not rows of three numbers: export it again")
+        kind = np.float64 if positions.dtype == np.float64 else np.float32
+        return positions.astype(kind), Polygons.from_rows(corners.astype(np.int64))
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        image = copy.deepcopy(self._image)
+        points = image.get_arrays_from_intent(POINTS)[0]
+        points.data = self.positions.astype(points.data.dtype.newbyteorder("="))
+        return [_bytes_of(image)]
+
+    def _read_content(self) -> Content:
+        others = len(self._image.darrays) > 2
+        return Content(self.positions, self.polygons, left_out=("values of vertices",) if others else ())
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
+        """Write the triangles of content, in single precision."""
+        from nibabel.gifti import GiftiDataArray, GiftiImage
+
+        triangles, _ = triangulate(content.positions, content.polygons)
+        single = content.single_positions()
+        lost = [f"vertex property '{name}'" for name in content.vertex_values]
+        lost += [f"face property '{name}'" for name in content.face_values]
+        if (content.polygons.counts != 3).any():
+            lost.append("polygons (cut into triangles)")
+        if (single != content.positions).any():
+            lost.append("digits of the positions beyond single precision")
+        arrays = [
+            GiftiDataArray(single, intent=POINTS, datatype="NIFTI_TYPE_FLOAT32"),
+            GiftiDataArray(triangles.astype(np.int32), intent=TRIANGLES, datatype="NIFTI_TYPE_INT32"),
+        ]
+        return [_bytes_of(GiftiImage(darrays=arrays))], lost
+
+
+def is_nibabel_installed() -> bool:
+    """Test whether nibabel is there."""
+    return importlib.util.find_spec("nibabel") is not None
+
+
+def _bytes_of(image: Any) -> bytes:
+    try:
+        return bytes(image.to_bytes())
+    except Exception as error:  # its writer raises what it likes
+        raise OutputError(f"nibabel cannot write gii: {reason(error)}: choose ply") from None

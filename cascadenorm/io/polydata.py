@@ -1,0 +1,196 @@
+"""PolyData of VTK, as XML (VTP) and in legacy VTK files, through VTK: the data of points and cells are kept."""
+
+import importlib.util
+import re
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.content import Content
+from cascadenorm.io.limits import check_expansion
+from cascadenorm.mesh.normals import NORMALS, Normals
+from cascadenorm.mesh.polygons import Polygons
+
+COUNTS = re.compile(rb'NumberOf(?:Points|Verts|Lines|Strips|Polys)\s*=\s*["\'](\d+)')
+LEGACY = re.compile(rb"#\s*vtk DataFile[^\n]*\n[^\n]*\n\s*(ASCII|BINARY)\s+DATASET\s+POLYDATA", re.I)
+
+
+class PolyDataFile(MeshFile):
+    """A VTP file; positions are float32 or float64. Vertices and lines among its cells are kept."""
+
+    format = "vtp"
+    moving_loses = ("what VTK does not keep (comments, layout)",)
+
+    def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        announced = sum(map(int, COUNTS.findall(self.data[:100_000])))
+        check_expansion(24 * announced, len(self.data), "the points and cells of this file")
+        self._surface = self._load()
+        polygons, points = self._surface.GetPolys(), self._surface.GetPoints()
+        if self._surface.GetNumberOfStrips():
+            raise ReadError("the file has triangle strips: apply vtkTriangleFilter to it, in ParaView Triangulate")
+        positions = _array(points.GetData()) if points is not None else np.zeros((0, 3))
+        indptr = _array(polygons.GetOffsetsArray()).astype(np.int64)
+        corners = _array(polygons.GetConnectivityArray()).astype(np.int64)
+        indptr = indptr if len(indptr) else np.zeros(1, np.int64)
+        if indptr[0] != 0 or (np.diff(indptr) < 0).any() or indptr[-1] != len(corners):
+            raise ReadError(f"the cells of this {self.format} file do not fit together: get a complete copy")
+        kind = np.float32 if positions.dtype == np.float32 else np.float64
+        return positions.astype(kind), Polygons(indptr, corners)
+
+    def _load(self) -> Any:
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+        return self._read_by(vtkXMLPolyDataReader())
+
+    def _read_by(self, reader: Any) -> Any:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"surface.{self.format}"
+            path.write_bytes(self.data)
+            reader.SetFileName(str(path))
+            said = _run(reader.Update)
+        if said or reader.GetErrorCode():
+            raise ReadError(f"VTK cannot read this as {self.format}: {said or 'the file is damaged'}")
+        return reader.GetOutput()
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        from vtkmodules.util.numpy_support import numpy_to_vtk
+
+        surface = self._surface.NewInstance()
+        surface.DeepCopy(self._surface)
+        surface.GetPoints().SetData(numpy_to_vtk(self.positions, deep=True))
+        first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()  # cells before the polygons
+        corners = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
+        for data, begin, used in ((surface.GetPointData(), 0, self.triangles), (surface.GetCellData(), first, corners)):
+            for array in _arrays(data):
+                is_normals = array.GetName() in NORMALS or array is data.GetNormals()
+                if is_normals and array.GetNumberOfComponents() == 3 and array.GetDataTypeAsString() in FLOATS:
+                    values = _array(array)
+                    normals, _ = self._renewed(Normals(values[begin:], used))
+                    values[begin:] = normals  # a view of the array
+        return [self._written(surface)]
+
+    def _written(self, surface: Any) -> bytes:
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+        return _written_by(vtkXMLPolyDataWriter(), surface, self.format)
+
+    def _read_content(self) -> Content:
+        surface, left_out = self._surface, []
+        first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
+        values: list[dict[str, NDArray[Any]]] = [{}, {}]
+        for found, data, begin, of in (
+            (values[0], surface.GetPointData(), 0, "point"),
+            (values[1], surface.GetCellData(), first, "cell"),
+        ):
+            for array in _arrays(data):
+                if array.GetNumberOfComponents() == 1:
+                    found[array.GetName()] = _array(array)[begin:].copy()
+                else:
+                    left_out.append(f"{of} data '{array.GetName()}'")
+        if first:
+            left_out.append("points and lines")
+        return Content(self.positions, self.polygons, *values, tuple(left_out))
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
+        """Write content with all values of vertices and faces."""
+        from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+        from vtkmodules.vtkCommonCore import vtkPoints
+        from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+        points, cells, surface = vtkPoints(), vtkCellArray(), vtkPolyData()
+        points.SetData(numpy_to_vtk(np.ascontiguousarray(content.positions), deep=True))
+        indptr, corners = (np.ascontiguousarray(a, np.int64) for a in content.polygons)
+        cells.SetData(numpy_to_vtkIdTypeArray(indptr, deep=True), numpy_to_vtkIdTypeArray(corners, deep=True))
+        surface.SetPoints(points)
+        surface.SetPolys(cells)
+        for data, values in (
+            (surface.GetPointData(), content.vertex_values),
+            (surface.GetCellData(), content.face_values),
+        ):
+            for name, value in values.items():
+                array = numpy_to_vtk(np.ascontiguousarray(value), deep=True)
+                array.SetName(name)
+                data.AddArray(array)
+        return [_written_by(vtkXMLPolyDataWriter(), surface, cls.format)], []
+
+
+class LegacyPolyDataFile(PolyDataFile):
+    """A legacy VTK file that holds PolyData; one that holds a grid is a `VtkFile`."""
+
+    format = "vtk"
+
+    def _load(self) -> Any:
+        from vtkmodules.vtkIOLegacy import vtkPolyDataReader
+
+        reader = vtkPolyDataReader()
+        for kind in ("Scalars", "Vectors", "Normals", "Tensors", "TCoords", "Fields"):
+            getattr(reader, f"ReadAll{kind}On")()
+        return self._read_by(reader)
+
+    def _written(self, surface: Any) -> bytes:
+        from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
+
+        writer, head = vtkPolyDataWriter(), LEGACY.match(self.data)
+        if head is not None and head[1].upper() == b"BINARY":
+            writer.SetFileTypeToBinary()
+        return _written_by(writer, surface, self.format)
+
+
+FLOATS = ("float", "double")
+POLYDATA = {"vtp": PolyDataFile}
+"""Formats by their extensions."""
+
+
+def is_vtk_installed() -> bool:
+    """Test whether VTK is there."""
+    return importlib.util.find_spec("vtkmodules") is not None
+
+
+def _array(array: Any) -> NDArray[Any]:
+    """Return a view of an array of VTK."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    return np.asarray(vtk_to_numpy(array))
+
+
+def _arrays(data: Any) -> list[Any]:
+    """Return the arrays of numbers of points or cells that have a name."""
+    found = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
+    return [array for array in found if array is not None and array.GetName()]
+
+
+def _written_by(writer: Any, surface: Any, format: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"surface.{format}"
+        writer.SetFileName(str(path))
+        writer.SetInputData(surface)
+        said = _run(writer.Write)
+        if said or not path.exists():
+            raise OutputError(f"VTK cannot write {format}: {said or 'no reason was given'}: choose ply")
+        return path.read_bytes()
+
+
+def _run(work: Any) -> str:
+    """Call a function of VTK, and return the first error that it reports, empty if there is none."""
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+
+    window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    vtkOutputWindow.SetInstance(window)
+    try:
+        work()
+    finally:
+        vtkOutputWindow.SetInstance(before)
+    lines = [line.strip() for line in str(window.GetOutput()).splitlines()]
+    errors = [i for i, line in enumerate(lines) if line.upper().startswith("ERROR")]
+    if not errors:
+        return ""
+    said = next((line for line in lines[errors[0] + 1 :] if line), lines[errors[0]])
+    return said.rpartition("): ")[2][:200]
