@@ -44,7 +44,7 @@ class DenoisingSummary:
     controls : the other controls that decide on the result, as given; arrays by their shape alone
     vertices, faces : counts; vertices that the file splits at seams count once
     isolated_vertices, isolated_faces : vertices that are not finite, and further faces, that were left as they are
-    nearly_coincident : boundary vertices within 0.001 mean edge lengths of another one, but not joined with it
+    nearly_coincident : boundary vertices within 0.001 median edge lengths of another one, but not joined with it
     moved : vertices with another position
     mean_displacement, largest_displacement : over all vertices, in mean edge lengths
     seconds : of the method, without reading and writing

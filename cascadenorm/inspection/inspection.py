@@ -50,7 +50,7 @@ class Inspection:
     duplicate_faces : faces on the same three vertices as an earlier one
     unreferenced : vertices that no face names
     duplicate_vertices : vertices at the place of an earlier one, but not joined with it
-    nearly_coincident : boundary vertices within 0.001 mean edge lengths of an earlier one, but not joined with it
+    nearly_coincident : boundary vertices within 0.001 median edge lengths of an earlier one, but not joined with it
     crossing_faces : faces that pass through others; None where that was not looked for
     euler_characteristic : vertices less edges plus faces
     genus : handles of all closed parts that are manifolds; None where there is none

@@ -97,7 +97,7 @@ def _given_file(file: io.MeshFile, name: str) -> Given:
         source=name,
         number_type=file.positions.dtype.name,
         counts_from=file.counts_from,
-        vertices=file.positions[first].astype(np.float64),
+        vertices=vertex_array(file.positions[first]),
         faces=np.append(file.welds, np.int32(-1))[file.triangles],
         vertex_numbers=first,
         face_numbers=file.triangle_polygons,

@@ -1,5 +1,6 @@
 """Formats that trimesh reads or writes; what trimesh does not hold of a file is lost when vertices move."""
 
+import logging
 from collections.abc import Iterable
 from io import BytesIO
 from typing import Any, cast
@@ -40,6 +41,7 @@ class TrimeshFile(MeshFile):
         import trimesh
 
         _check_sizes(self.data, self.format)
+        logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else its warnings go to stderr
         try:
             with np.errstate(all="ignore"):
                 self._scene = trimesh.load_scene(BytesIO(self.data), file_type=self.format, process=False)
@@ -48,6 +50,8 @@ class TrimeshFile(MeshFile):
         self._meshes = [g for g in self._scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
         if not self._meshes:
             raise ReadError(f"trimesh finds no triangle mesh in this {self.format} file")
+        if not self._scene.graph.nodes_geometry:  # it shows none of them: a library
+            self._scene = trimesh.Scene(self._meshes)
         sizes = [len(mesh.vertices) for mesh in self._meshes]
         self._first = np.concatenate([[0], np.cumsum(sizes)])
         self.parts = np.repeat(np.arange(len(sizes)), sizes)
@@ -55,17 +59,24 @@ class TrimeshFile(MeshFile):
         positions = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in self._meshes])
         return positions, Polygons.from_rows(np.concatenate(faces))
 
-    def _moved_pieces(self) -> Iterable[Piece]:
-        scene = type(self)(self.data, self.folder)
-        for mesh, first, stop in zip(scene._meshes, self._first[:-1], self._first[1:], strict=True):
+    def _moved(self) -> "TrimeshFile":
+        """Return a file of its own whose scene holds the present positions."""
+        file = type(self)(self.data, self.folder)
+        for mesh, first, stop in zip(file._meshes, self._first[:-1], self._first[1:], strict=True):
             mesh.vertices = self.positions[first:stop]
-        return [_exported(scene._scene, self.format)]
+        return file
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        return [_exported(self._moved()._scene, self.format)]
+
+    def content(self) -> Content:
+        """Return what other formats can take over."""
+        return (self._moved() if self.has_moved else self)._read_content().without_out_of_range()
 
     def _read_content(self) -> Content:
         """Return all meshes, each as often as the scene shows it and where it shows it."""
         shown = [(matrix, self._scene.geometry[name]) for matrix, name in map(self._scene.graph.get, self._nodes())]
         shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
-        shown = shown or [(np.eye(4), mesh) for mesh in self._meshes]  # a library of meshes
         copies = sum(len(mesh.vertices) + len(mesh.faces) for _, mesh in shown)
         check_expansion(24 * copies, len(self.data), "the meshes that the scene of this file shows")
         first = np.concatenate([[0], np.cumsum([len(mesh.vertices) for _, mesh in shown])])

@@ -29,6 +29,7 @@ class MeshioFile(MeshFile):
     """A grid whose cells are polygons; positions are float32 or float64."""
 
     module: ClassVar[str]  # of meshio
+    made_with: ClassVar[dict[str, Any]] = {}  # how content of other formats is written
     moving_loses = ("what meshio does not keep (title, layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
@@ -131,7 +132,7 @@ class MeshioFile(MeshFile):
             cell_data={name: [values[rows] for rows in chosen] for name, values in content.face_values.items()},
         )
         lost = ["the order of the faces"] if (np.diff(counts) < 0).any() else []
-        return [_written(grid, cls.module, cls.format, {})], lost
+        return [_written(grid, cls.module, cls.format, cls.made_with)], lost
 
 
 class VtkFile(MeshioFile):
@@ -157,6 +158,7 @@ class GmshFile(MeshioFile):
     """A mesh of Gmsh."""
 
     format, module = "msh", "gmsh"
+    made_with: ClassVar[dict[str, Any]] = {"fmt_version": "2.2"}  # later ones need entities for cells of several kinds
 
     def _options(self) -> dict[str, Any]:
         """Return the version and the kind that were read."""

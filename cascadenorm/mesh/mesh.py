@@ -235,7 +235,8 @@ def vertex_array(vertices: ArrayLike) -> Vectors:
         )
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise MeshError(f"vertices have shape {array.shape} and type {array.dtype}; they must be (n, 3) numbers")
-    return np.array(array, np.float64, order="C")
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return np.array(array, np.float64, order="C")
 
 
 def face_array(faces: ArrayLike) -> NDArray[Any]:

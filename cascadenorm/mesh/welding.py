@@ -12,7 +12,7 @@ from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, any_in_rows, connected_c
 PRIME = 2**31 - 1
 NEIGHBORS = 8
 NEAR = 1e-3
-"""Mean edge lengths: boundary vertices that are at most this far apart nearly coincide."""
+"""Median edge lengths: boundary vertices that are at most this far apart nearly coincide."""
 
 
 def weld(
@@ -87,7 +87,7 @@ def nearly_coincident(mesh: Mesh) -> NDArray[np.bool_]:
     points, on_boundary = mesh.vertices, mesh.topology.boundary_vertices
     if not on_boundary.any():
         return on_boundary
-    equal, near = (near_on_boundary(points, on_boundary, d) for d in (0.0, NEAR * mesh.mean_edge_length))
+    equal, near = (near_on_boundary(points, on_boundary, d) for d in (0.0, NEAR * mesh.median_edge_length))
     return np.asarray(near != equal)
 
 

@@ -214,6 +214,16 @@ def test_normals_of_any_size_are_right(scale):
     assert (np.abs(np.einsum("ij,ij->i", found, sphere.vertices)) > 0.99).all()
 
 
+@pytest.mark.filterwarnings("error")
+def test_vertices_that_are_signalling_nans_are_isolated_in_silence(tmp_path):
+    data = bytearray(stl_binary())
+    data[84 + 12 : 84 + 16] = b"\x01\x00\xa0\x7f"
+    (tmp_path / "a.stl").write_bytes(data)
+    done = cn.denoise_file(tmp_path / "a.stl", method="laplacian", on_bad="isolate")
+    assert (done.isolated_vertices, done.isolated_faces) == (1, 1)
+    assert inspect(tmp_path / "a.stl").not_finite.count == 1
+
+
 def test_normals_that_are_signalling_nans_are_renewed():
     sphere = icosphere(1)
     signalling = np.full(sphere.vertices.shape, 0x7F800001, np.uint32).view(np.float32)
