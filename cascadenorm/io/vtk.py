@@ -155,17 +155,22 @@ class VtuFile(MeshioFile):
 
 
 class GmshFile(MeshioFile):
-    """A mesh of Gmsh."""
+    """A mesh of Gmsh; it is written in version 2.2, since meshio needs entities for later ones."""
 
     format, module = "msh", "gmsh"
-    made_with: ClassVar[dict[str, Any]] = {"fmt_version": "2.2"}  # later ones need entities for cells of several kinds
+    made_with: ClassVar[dict[str, Any]] = {"fmt_version": "2.2"}
+    moving_loses = ("what meshio does not keep of a Gmsh file (entities, versions after 2.2)",)
+
+    def _load(self) -> Any:
+        grid = super()._load()
+        grid.point_data.pop("gmsh:dim_tags", None)
+        grid.cell_sets.pop("gmsh:bounding_entities", None)
+        return grid
 
     def _options(self) -> dict[str, Any]:
-        """Return the version and the kind that were read."""
-        found = re.search(rb"\$MeshFormat\s+(\d[\d.]*)\s+(\d)", self.data)
-        version = found[1].decode() if found else "4.1"
-        written = version if version in ("2.2", "4.0", "4.1") else "2.2" if version[0] == "2" else "4.1"
-        return {"fmt_version": written, "binary": found is None or found[2] == b"1"}
+        """Return the version that is written, and the kind that was read."""
+        found = re.search(rb"\$MeshFormat\s+\d[\d.]*\s+(\d)", self.data)
+        return {**self.made_with, "binary": found is None or found[1] == b"1"}
 
 
 class AbaqusFile(MeshioFile):
