@@ -81,7 +81,7 @@ class PolyDataFile(MeshFile):
         return _written_by(vtkXMLPolyDataWriter(), surface, self.format)
 
     def _read_content(self) -> Content:
-        surface, left_out = self._surface, []
+        surface, left_out = self._surface, list[str]()
         first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
         values: list[dict[str, NDArray[Any]]] = [{}, {}]
         for found, data, begin, of in (
@@ -95,7 +95,7 @@ class PolyDataFile(MeshFile):
                     left_out.append(f"{of} data '{array.GetName()}'")
         if first:
             left_out.append("points and lines")
-        return Content(self.positions, self.polygons, *values, tuple(left_out))
+        return Content(self.positions, self.polygons, values[0], values[1], tuple(left_out))
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:

@@ -3,16 +3,19 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.cli import run
+from cascadenorm.cli import main, program, run
 from cascadenorm.controls import CONTROLS
 from cascadenorm.io.interop import save_mesh
 
@@ -471,6 +474,36 @@ def test_version_and_help(capsys):
     assert run(["--help"]) == 0
     assert "denoise" in capsys.readouterr().out
     assert run([]) == 2
+
+
+def test_an_interruption_that_a_library_turns_into_its_own_error_is_one(place, capsys, monkeypatch):
+    def failing(*_, **__):
+        raise ImportError("numpy failed to import")
+
+    monkeypatch.setattr("cascadenorm.cli.program._interruptions", [signal.SIGINT])
+    monkeypatch.setattr("cascadenorm.api.api.controlled", failing)
+    assert refused(capsys, "denoise", "ball.ply") == (130, "cascadenorm: interrupted; no file was left half written\n")
+
+
+def test_an_interruption_while_the_program_is_loaded_is_one_line(capsys, monkeypatch):
+    def interrupt(name):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cascadenorm.cli.import_module", interrupt)
+    with pytest.raises(SystemExit) as ended:
+        main(["methods"])
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "cascadenorm: interrupted; no file was left half written\n"
+
+
+def test_an_interruption_that_cannot_be_raised_comes_again():
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # it is ignored in the background of a shell
+    try:
+        program._not_raised(SimpleNamespace(exc_type=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            threading.Event().wait(600)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_interruption_is_exit_code_130(place, capsys, monkeypatch):

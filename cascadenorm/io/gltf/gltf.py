@@ -137,7 +137,7 @@ class GltfContainer(MeshFile):
         """Return the numbers of the accessors of primitives that hold neither positions nor normals that move."""
         moving = {p.attributes.get(name) for p in self._primitives for name in ("POSITION", "NORMAL")}
         primitives = [primitive for mesh in self._json.document.get("meshes", []) for primitive in mesh["primitives"]]
-        found = set()
+        found: set[int] = set()
         for primitive in primitives:
             found |= {primitive["indices"]} if "indices" in primitive else set()
             for attributes in (primitive["attributes"], *primitive.get("targets", [])):
