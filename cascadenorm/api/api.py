@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
@@ -16,6 +15,7 @@ from cascadenorm.api.apply import controlled
 from cascadenorm.api.denoised_files import Denoised, DenoisingSummary, opened_file, written_file
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
 from cascadenorm.api.selection import welded
+from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.controls.weights import selected_faces
 from cascadenorm.geometry.metrics import Measures, measure
@@ -197,7 +197,7 @@ def _denoised_file(
 ) -> Denoised:
     method.checked(parameters)
     opened = opened_file(source, output, controls, format=format, force=force, weld=weld)
-    start = time.perf_counter()
+    watch = Stopwatch()
     vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
-    seconds = time.perf_counter() - start
+    seconds = watch.seconds()
     return written_file(opened, vertices, method, parameters, controls, seconds=seconds, force=force)

@@ -47,7 +47,7 @@ class DenoisingSummary:
     nearly_coincident : boundary vertices within 0.001 median edge lengths of another one, but not joined with it
     moved : vertices with another position
     mean_displacement, largest_displacement : over all vertices, in mean edge lengths
-    seconds : of the method, without reading and writing
+    seconds : of the method, without reading, writing, and compiling kernels in a first run
     error : the kind of error that was found; None where the method is not `auto`, or nothing was to be taken away
     treated_as : what `auto` treated the mesh as; None for other methods
     left_out : what the source holds and the format of the output cannot, in words

@@ -1,6 +1,5 @@
 """Several meshes denoised together, whose walls coincide as those of the regions of a segmentation do."""
 
-import time
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -13,6 +12,7 @@ from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.api.apply import controlled
 from cascadenorm.api.denoised_files import DenoisingSummary, opened_file, written_file
 from cascadenorm.api.selection import welded
+from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.atomic import make_folder
@@ -143,10 +143,10 @@ def denoise_region_files(
         if folder is not None:
             make_folder(Path(folder))
         opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
-        start = time.perf_counter()
+        watch = Stopwatch()
         regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]
         moved = _together(chosen, regions, given)
-        seconds = time.perf_counter() - start
+        seconds = watch.seconds()
         return [
             written_file(file, vertices, chosen, given, every, seconds=seconds, force=force).summary
             for file, vertices in zip(opened, moved, strict=True)

@@ -14,6 +14,7 @@ import typer
 
 from cascadenorm.cli.commands import app
 from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, complain, exit_code, worded
+from cascadenorm.compute.compile_time import tell_of_compiling
 
 USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # click's own, or that of the copy in typer
 
@@ -37,6 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):  # file names need not be in any encoding
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    tell_of_compiling(complain)
     code = run(sys.argv[1:] if arguments is None else arguments)
     if _interruptions:  # another one ends what still goes on, without a traceback
         signal.signal(signal.SIGINT, signal.SIG_DFL)

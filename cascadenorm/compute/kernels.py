@@ -6,7 +6,12 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from cascadenorm.compute.compile_time import watch_compiler
+
 Loop = TypeVar("Loop", bound=Callable[..., Any])
+
+with suppress(Exception):  # of a numba whose events are others than those known here: then compiling goes uncounted
+    watch_compiler()
 
 
 def kernel(function: Loop) -> Loop:

@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from cascadenorm import io
 from cascadenorm.api.apply import controlled, step_key
 from cascadenorm.api.selection import selected
+from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import CascadenormError, MeshError
 from cascadenorm.execution.progress import Listener
@@ -144,9 +144,9 @@ class Workbench:
         known = self._results.pop(key, None)
         if known is None:
             asked = self.asked(settings)
-            start = perf_counter()
+            watch = Stopwatch()
             vertices = self._controlled(asked, listener)
-            known = Result(vertices, perf_counter() - start)
+            known = Result(vertices, watch.seconds())
         self._results[key] = known
         if len(self._results) > KEPT:
             del self._results[next(iter(self._results))]

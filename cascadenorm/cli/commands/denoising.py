@@ -19,6 +19,7 @@ from cascadenorm.cli.options import (
     parameter_values,
     takes_controls,
 )
+from cascadenorm.compute.compile_time import tell_of_compiling
 from cascadenorm.errors import counted
 
 
@@ -63,6 +64,8 @@ def denoise(
     from cascadenorm.cli import json_output, progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
+    if as_json and target == "-":
+        tell_of_compiling(None)  # stderr holds the object alone
     parameters = parameter_values(settings, model)
     if format is not None and target != "-":
         raise typer.BadParameter("--format applies to stdout only: the extension of --output selects that of a file")
