@@ -63,14 +63,14 @@ class Studio:
             lines.close()
             connection.close()
 
-    def ended(self, seconds: float) -> int:
+    def ended(self) -> int:
         """Wait for the end; the exit code."""
-        return self.process.wait(seconds)
+        return self.process.wait()
 
     def close(self) -> None:
         """End the studio, if it runs."""
         self.process.terminate()
-        self.process.wait(120)
+        self.process.wait()
         self.process.stdout.close()
 
 

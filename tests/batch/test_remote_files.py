@@ -210,15 +210,15 @@ def test_a_watch_goes_on_when_its_server_does_not_answer_for_a_while(tmp_path, m
     server = start(0)
     root = f"http://127.0.0.1:{server.server_port}/scans/*/*.ply"
     with watching(root, "-o", "out", "--watch", "0", "--workers", "1") as process:
-        wait_for(lambda: done_so_far(tmp_path / "out") == 1, 300)
+        wait_for(lambda: done_so_far(tmp_path / "out") == 1, process)
         server.shutdown()
         server.server_close()
         assert process.stderr.readline().startswith(f"cascadenorm: {root} cannot be read: ")
         (tmp_path / "later").rename(tmp_path / "scans" / "b")
         server = start(server.server_port)
-        wait_for(lambda: done_so_far(tmp_path / "out") == 2, 300)
+        wait_for(lambda: done_so_far(tmp_path / "out") == 2, process)
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
+        process.communicate()
         server.shutdown()
         server.server_close()
     assert process.returncode == 130 and not lines(tmp_path / "out", "failed")

@@ -36,7 +36,7 @@ def place(tmp_path, monkeypatch) -> Path:
 def command(*arguments: str, stdin: bytes | None = None) -> subprocess.CompletedProcess:
     """Run the installed command in a process of its own."""
     code = "from cascadenorm.cli import main; main()"
-    return subprocess.run([sys.executable, "-c", code, *arguments], input=stdin, capture_output=True, timeout=60)
+    return subprocess.run([sys.executable, "-c", code, *arguments], input=stdin, capture_output=True)
 
 
 def refused(capsys, *arguments: str) -> tuple[int, str]:
@@ -533,7 +533,7 @@ def test_a_reader_that_goes_away_leaves_no_traceback():
     code = "from cascadenorm.cli import main; main(['methods'])"
     reading, writing = os.pipe()
     os.close(reading)
-    done = subprocess.run([sys.executable, "-c", code], stdout=writing, stderr=subprocess.PIPE, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], stdout=writing, stderr=subprocess.PIPE)
     os.close(writing)
     assert done.returncode == 1 and done.stderr == b""
 
@@ -544,7 +544,7 @@ def test_closed_streams_are_no_error(place):
     script = 'exec "$0" -c "$1" $2'
     for arguments, closed, expected in (("--version", ">&-", 0), ("inspect absent.ply", "2>&-", 3)):
         shell = ["sh", "-c", f"{script} {closed}", sys.executable, code, arguments]
-        done = subprocess.run(shell, capture_output=True, timeout=60)
+        done = subprocess.run(shell, capture_output=True)
         assert (done.returncode, done.stdout, done.stderr) == (expected, b"", b"")
 
 

@@ -151,9 +151,9 @@ def test_ctrl_c_ends_a_cluster_of_this_machine(tmp_path):
         "2",
     ]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
-        wait_for(lambda: (tmp_path / "out").exists() and any((tmp_path / "out").iterdir()), 300)
+        wait_for(lambda: (tmp_path / "out").exists() and any((tmp_path / "out").iterdir()), process)
         workers = children(process.pid)
         os.killpg(process.pid, signal.SIGINT)
-        _, said = process.communicate(timeout=120)
+        _, said = process.communicate()
     assert process.returncode == 130 and said == "cascadenorm: interrupted; no file was left half written\n"
-    wait_for(lambda: not any(map(running, workers)), 30)
+    wait_for(lambda: not any(map(running, workers)))

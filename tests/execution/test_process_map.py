@@ -68,7 +68,7 @@ def test_ctrl_c_while_processes_start_prints_nothing_from_them():
         assert started.stdout.readline() == "begun\n"
         time.sleep(0.5)  # in which processes load their modules
         os.killpg(started.pid, signal.SIGINT)
-        output, complaints = started.communicate(timeout=60)
+        output, complaints = started.communicate()
     assert (output, complaints) == ("stopped\n", "")
 
 
@@ -88,4 +88,4 @@ def test_no_process_outlives_the_one_that_started_it():
         assert started.stdout is not None
         assert started.stdout.readline() == "begun\n"
         started.kill()
-        started.communicate(timeout=60)  # which waits for all that could still write
+        started.communicate()  # which waits for all that could still write

@@ -26,7 +26,8 @@ from cascadenorm.io.atomic import write_atomically
 
 def stop(*_):
     print(flush=True)
-    time.sleep(60)
+    while True:  # until it is killed
+        time.sleep(60)
 
 def pieces():
     yield b"new" * 100_000

@@ -62,7 +62,7 @@ class ReportBrowser(Browser):
         start = time.perf_counter()
         self.driver.get(f"{report.as_uri()}#{view}")
         while not self.js("return document.getElementById('viewer').dataset.state"):
-            assert time.perf_counter() - start < 120
+            assert time.perf_counter() - start < 600
             time.sleep(0.02)
         self.settle()
         return time.perf_counter() - start

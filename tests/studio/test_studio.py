@@ -411,7 +411,7 @@ def test_a_coarse_preview_comes_first_newer_requests_end_older_ones_and_a_crash_
         large.done("/api/denoise", {"settings": SLOW, "ticket": "left"})
         until(events, ticket="left", type="progress")
         worker = worker_of(large)
-    assert large.ended(20) == 0
+    assert large.ended() == 0
     assert not Path(f"/proc/{worker}").exists()
 
 
@@ -421,7 +421,7 @@ def test_a_file_that_is_no_mesh_is_told_on_the_page(tmp_path):
     try:
         with studio.told() as events:
             assert "bad.ply" in until(events, type="unopened")["error"]
-        assert studio.ended(20) == 0
+        assert studio.ended() == 0
     finally:
         studio.close()
 

@@ -146,7 +146,7 @@ def test_a_page_that_is_loaded_again_goes_on_and_one_that_is_closed_ends_the_stu
     page.driver.refresh()
     page.wait()
     page.driver.get("about:blank")
-    assert named.ended(20) == 0
+    assert named.ended() == 0
 
 
 @needs_browser
