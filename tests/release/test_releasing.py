@@ -1,6 +1,5 @@
 """What is released agrees with the package: recipe, tag, versions; and is well made: sdist, wheel."""
 
-import importlib
 import re
 import shutil
 import subprocess
@@ -10,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import cascadenorm as cn
+from cascadenorm.cli.demo import EXAMPLES, METHODS
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -57,6 +57,8 @@ def test_the_recipe_tests_commands_that_exist(recipe):
         words = command.split()[1:]
         run = [sys.executable, "-m", "cascadenorm", words[0], *(["--help"] if not words[0].startswith("-") else [])]
         assert subprocess.run(run, capture_output=True).returncode == 0, command
+    (inspected,) = [command.split()[-1] for command in commands if " inspect " in command]
+    assert Path(inspected) in {Path("demo", name, f"{method}.ply") for name in EXAMPLES for method in METHODS}
     script = PROJECT["scripts"]["cascadenorm"]
     assert recipe["build"]["python"]["entry_points"] == [f"cascadenorm = {script}"]
 
@@ -76,41 +78,22 @@ def test_nothing_is_released_before_the_address_is_known():
     assert done.returncode == ("/OWNER/" in PROJECT["urls"]["Repository"])
 
 
-@pytest.fixture
-def address(monkeypatch):
-    """The script that writes the address of the repository."""
-    monkeypatch.syspath_prepend(ROOT / "release")
-    return importlib.import_module("address")
+def test_the_address_of_the_repository_stands_in_one_place():
+    folders = (ROOT, *(ROOT / name for name in ("docs", "docs/how-to", "notebooks", "examples", "release")))
+    files = [path for folder in folders for path in folder.iterdir() if path.is_file()]
+    naming = [path for path in files if b"OWNER/cascadenorm" in path.read_bytes()]
+    assert [path.name for path in naming] == ["pyproject.toml"]
+    address = PROJECT["urls"]["Repository"].encode()
+    assert not [path for path in files if path.suffix in (".md", ".ipynb") and address in path.read_bytes()]
 
 
-def test_the_address_is_that_of_pyproject_in_every_file(address):
-    found = {}
-    for path in [*address.files(), *(ROOT / "docs" / "how-to").glob("*.md"), ROOT / "CONTRIBUTING.md"]:
-        text = path.read_text(encoding="utf-8")
-        found[path] = set(re.findall(r"(?:github\.com/|/github/|uses: )([\w.-]+/cascadenorm)\b", text))
-    assert set().union(*found.values()) == {address.repository()}
-    assert {path.name for path, names in found.items() if names} >= {"README.md", "start.md", "first_steps.ipynb"}
-
-
-def test_one_command_writes_the_address_everywhere(address, tmp_path):
-    for path in address.files():
-        copy = tmp_path / path.relative_to(ROOT)
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(path, copy)
-    before = {path: path.read_text(encoding="utf-8") for path in address.files(tmp_path)}
-    address.main(["https://github.com/acme/meshes.git"], tmp_path)
-    assert address.repository(tmp_path) == "acme/meshes"
-    for path, old in before.items():
-        new = path.read_text(encoding="utf-8")
-        assert (
-            new.count("acme/meshes") == old.count(address.repository())
-            and "OWNER/" not in new
-            and address.NOTE not in new
-        ), path
-    address.main(["https://github.com/" + address.repository()], tmp_path)
-    assert all(path.read_text(encoding="utf-8") == old.replace(address.NOTE, "") for path, old in before.items())
-    with pytest.raises(SystemExit):
-        address.main(["acme"], tmp_path)
+def test_the_readme_has_one_command_for_the_main_job_and_one_for_the_tests():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    commands = [line for line in readme.splitlines() if line.startswith("python3 -m venv ")]
+    install = "python3 -m venv .venv && .venv/bin/pip install -e "
+    assert commands[0] == f'{install}".[viz]" && .venv/bin/cascadenorm demo'
+    assert commands[1] == f'{install}".[dev]" && .venv/bin/python -m pytest'
+    assert commands[1] in (ROOT / ".ci" / "run").read_text(encoding="utf-8")  # where it runs in a clean environment
 
 
 def test_scripts_of_the_workflow_exist_and_only_one_job_may_publish():
