@@ -51,8 +51,8 @@ class Studio:
         return self.asked("POST", "/api/open", {"drop": drop, "names": [file.name for file in files]})
 
     @contextmanager
-    def told(self) -> Iterator[Iterator[dict[str, Any]]]:
-        """What the studio tells a page while that is open."""
+    def told(self, *, leaves: bool = True) -> Iterator[Iterator[dict[str, Any]]]:
+        """What the studio tells a page while that is open; one that is discarded does not say that it leaves."""
         connection = HTTPConnection("127.0.0.1", int(self.port), timeout=600)
         connection.request("GET", "/api/events", headers={"authorization": f"Bearer {self.token}"})
         lines = connection.getresponse()
@@ -62,6 +62,8 @@ class Studio:
         finally:
             lines.close()
             connection.close()
+            if leaves and self.process.poll() is None:
+                self.done("/api/leave")
 
     def ended(self) -> int:
         """Wait for the end; the exit code."""

@@ -37,6 +37,14 @@ ASSETS = {
 Handler = Callable[[Request], Awaitable[Response]]
 
 
+class Json(JSONResponse):
+    """JSON in ASCII, which holds names of files that are no text in any encoding as well."""
+
+    def render(self, content: Any) -> bytes:
+        """Return the bytes of the answer."""
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
 class Application:
     """The requests of the page.
 
@@ -60,18 +68,33 @@ class Application:
             "/api/drop/{drop:int}": ("POST", self.take),
             "/api/open": ("POST", self.open),
             "/api/paint": ("POST", self.paint),
+            "/api/kept-paint": ("GET", self.kept_paint),
+            "/api/leave": ("POST", self.leave),
             "/api/denoise": ("POST", self.denoise),
             "/api/cancel": ("POST", self.cancel),
             "/api/recipe": ("POST", self.recipe),
             "/api/save": ("POST", self.save),
             "/api/download": ("POST", self.download),
         }
-        routes = [Route(path, _answering(handler), methods=[method]) for path, (method, handler) in asked.items()]
-        return [*routes, *(Route(path, _asset(*asset), methods=["GET"]) for path, asset in ASSETS.items())]
+        routes = [
+            Route(path, self._counted(_answering(handler)), methods=[method])
+            for path, (method, handler) in asked.items()
+        ]
+        assets = [Route(path, self._counted(_asset(*asset)), methods=["GET"]) for path, asset in ASSETS.items()]
+        return [*routes, *assets]
+
+    def _counted(self, handler: Handler) -> Handler:
+        """Count the requests of pages, from which the server knows that one is being loaded."""
+
+        async def counted(request: Request) -> Response:
+            self._session.requests += 1
+            return await handler(request)
+
+        return counted
 
     async def form(self, _: Request) -> Response:
         """Methods and controls."""
-        return JSONResponse(await self._session.form())
+        return Json(await self._session.form())
 
     async def events(self, request: Request) -> Response:
         """Server-sent events, until the page is closed."""
@@ -96,7 +119,7 @@ class Application:
     async def drop(self, _: Request) -> Response:
         """A number for files that are dropped together."""
         self._drops += 1
-        return JSONResponse({"drop": self._drops})
+        return Json({"drop": self._drops})
 
     async def take(self, request: Request) -> Response:
         """One of the dropped files."""
@@ -107,7 +130,7 @@ class Application:
             request.stream(),
             announced=int(length) if length.isdecimal() else 0,
         )
-        return JSONResponse({})
+        return Json({})
 
     async def open(self, request: Request) -> Response:
         """Open one of the files of a drop, the first that is a mesh by its name."""
@@ -117,31 +140,45 @@ class Application:
             raise ParameterError("the request names no file")
         paths = [self._uploads.path(drop, name) for name in names]
         path = paths[await self._session.ask("which", names=[path.name for path in paths])]
-        await self._session.open(path, path.name, saves=False)
-        return JSONResponse({})
+        try:
+            await self._session.open(path, path.name, saves=False)
+        except RequestFailed:
+            self._uploads.refused(drop)
+            raise
+        self._uploads.opened(drop)
+        return Json({})
 
     async def paint(self, request: Request) -> Response:
         """Take a code for each vertex that is shown."""
         shown = (self._session.opened or {}).get("painted", 0)
         await self._session.paint(await _body(request, shown))
-        return JSONResponse({})
+        return Json({})
+
+    async def kept_paint(self, _: Request) -> Response:
+        """The paint on the open mesh, for a page that was discarded or loaded again."""
+        return Response(self._session.paint_kept, media_type="application/octet-stream")
+
+    async def leave(self, _: Request) -> Response:
+        """Note that the page is closed; one whose connection ends without this was discarded, and may come back."""
+        self._session.leave()
+        return Json({})
 
     async def denoise(self, request: Request) -> Response:
         """Start denoising; events report its progress and result."""
         given = await _json(request)
         self._session.denoise(_of(given), str(given.get("ticket", ""))[:MOST_TICKET])
-        return JSONResponse({})
+        return Json({})
 
     async def cancel(self, _: Request) -> Response:
         """End denoising."""
         self._session.cancel()
-        return JSONResponse({})
+        return Json({})
 
     async def recipe(self, request: Request) -> Response:
         """The command line and the Python call for a result."""
         given = await _json(request)
         target = self._target(given.get("name"))
-        return JSONResponse(await self._session.ask("recipe", settings=_of(given), target=str(target)))
+        return Json(await self._session.ask("recipe", settings=_of(given), target=str(target)))
 
     async def save(self, request: Request) -> Response:
         """Save a result beside the file that was opened."""
@@ -149,7 +186,7 @@ class Application:
         target, force = self._target(given.get("name")), given.get("force") is True
         if not (self._session.opened or {}).get("saves"):
             raise ParameterError("a dropped file has no folder to save to", hint="download the result")
-        return JSONResponse(await self._session.ask("save", settings=_of(given), target=str(target), force=force))
+        return Json(await self._session.ask("save", settings=_of(given), target=str(target), force=force))
 
     async def download(self, request: Request) -> Response:
         """A result as a file to download."""
@@ -192,11 +229,11 @@ def _answering(handler: Handler) -> Handler:
         try:
             return await handler(request)
         except RequestFailed as error:
-            return JSONResponse(error.content, 400)
+            return Json(error.content, 400)
         except TooLarge as error:
-            return JSONResponse({"error": error.message(spelled)}, 413)
+            return Json({"error": error.message(spelled)}, 413)
         except CascadenormError as error:
-            return JSONResponse({"error": error.message(spelled)}, 400)
+            return Json({"error": error.message(spelled)}, 400)
 
     return answering
 
@@ -215,10 +252,11 @@ async def _json(request: Request) -> dict[str, Any]:
     text = await _body(request, MOST_LETTERS)
     try:
         given = json.loads(text)
+        json.dumps(given, ensure_ascii=False).encode()  # refuses half of a surrogate pair, which no file name can hold
     except (ValueError, RecursionError):
         given = None
     if not isinstance(given, dict):
-        raise ParameterError("the request is not a JSON object")
+        raise ParameterError("the request is not a JSON object of valid text")
     return given
 
 

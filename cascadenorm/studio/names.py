@@ -8,12 +8,22 @@ MOST_BYTES = 200
 
 def plain_name(name: object) -> str:
     """Return the name of a file in a folder that is known; raises OutputError for anything else, such as a path."""
-    bad = not isinstance(name, str) or name.startswith(".") or not name.strip() or len(name.encode()) > MOST_BYTES
-    if bad or any(letter in '/\\\\:*?"<>|' or ord(letter) < 32 for letter in str(name)):
+    text = str(name)
+    bad = not isinstance(name, str) or text.startswith(".") or not text.strip()
+    bad = bad or not 0 < _bytes_in_utf8(text) <= MOST_BYTES
+    if bad or any(letter in '/\\\\:*?"<>|' or ord(letter) < 32 for letter in text):
         raise OutputError(
             f"{name!r} is not a plain file name", hint="give one without folders, such as part_denoised.ply"
         )
-    return str(name)
+    return text
+
+
+def _bytes_in_utf8(text: str) -> int:
+    """Count the bytes of a text; 0 for one that UTF-8 cannot hold, with half of a surrogate pair."""
+    try:
+        return len(text.encode())
+    except UnicodeEncodeError:
+        return 0
 
 
 def label(name: str) -> str:

@@ -30,8 +30,14 @@ SETTINGS: dict[str, Any] = {
     "server_header": False,
     "timeout_graceful_shutdown": 1,
 }
-GRACE = 3.0
-"""Seconds that a page may take to load again before the studio ends."""
+LOADING_S = 60.0
+"""Seconds that the first page may take, after it has asked for anything, to listen for events."""
+RELOADING_S = 3.0
+"""Seconds that a page which was closed may take to load again before the studio ends."""
+AWAITING_S = 3600.0
+"""Seconds that a page whose connection was lost may take: browsers discard tabs in the background."""
+CHECKING_S = 0.2
+"""Seconds between looks for pages."""
 
 
 def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: int) -> None:
@@ -67,13 +73,15 @@ def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: i
 
 
 async def _end_without_pages(session: Session, server: uvicorn.Server) -> None:
-    """End the server when no page has been open for a while, after there was one."""
-    while not session.has_pages:
-        await asyncio.sleep(0.2)
-    gone = 0.0
-    while gone < GRACE:
-        await asyncio.sleep(0.2)
-        gone = 0.0 if session.has_pages else gone + 0.2
+    """End the server when no page has been open for a while, after one was loaded, if only in part."""
+    while not session.requests:
+        await asyncio.sleep(CHECKING_S)
+    listened, seen, gone = False, session.requests, 0.0
+    while gone < (LOADING_S if not listened else AWAITING_S if session.is_awaited else RELOADING_S):
+        await asyncio.sleep(CHECKING_S)
+        listened = listened or session.has_listened
+        gone = 0.0 if session.has_pages or session.requests > seen else gone + CHECKING_S
+        seen = session.requests
     server.should_exit = True
 
 

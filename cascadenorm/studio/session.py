@@ -37,6 +37,9 @@ class Session:
         self._paint: bytes | None = None
         self.opened: Event | None = None
         self.scenes: dict[int, bytes] = {}
+        self.requests = 0
+        self.has_listened = False
+        self._lost = 0
         self._worker: Worker | None = None
         self._form: dict[str, Any] | None = None
 
@@ -96,6 +99,11 @@ class Session:
         return await self._ask(kind, **arguments)
 
     @property
+    def paint_kept(self) -> bytes:
+        """The paint on the open mesh, a code for each vertex that is shown; empty where there is none."""
+        return self._paint or b""
+
+    @property
     def file(self) -> tuple[Path, str] | None:
         """The path of the open file, and its name in messages."""
         return self._file
@@ -112,6 +120,15 @@ class Session:
         """Whether a page is open."""
         return bool(self._pages)
 
+    @property
+    def is_awaited(self) -> bool:
+        """Whether a page has lost its connection without leaving, as a tab does that the browser discards."""
+        return self._lost > 0
+
+    def leave(self) -> None:
+        """Note that a page is closed, or loaded again; its connection ends before or after."""
+        self._lost -= 1
+
     @asynccontextmanager
     async def page(self) -> AsyncIterator[asyncio.Queue[Event]]:
         """Yield a queue of events for one page; the first event is the open file."""
@@ -119,10 +136,13 @@ class Session:
         if self.opened is not None:
             events.put_nowait(self.opened)
         self._pages.add(events)
+        self.has_listened = True
+        self._lost -= self._lost > 0  # it may be the one that was lost
         try:
             yield events
         finally:
             self._pages.discard(events)
+            self._lost += 1
 
     def _tell(self, event: Event) -> None:
         for page in self._pages:

@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncIterator
 from pathlib import Path
+from shutil import rmtree
 
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.studio.names import plain_name
@@ -17,11 +18,12 @@ class Uploads:
     Parameters
     ----------
     folder : in which there is one for each drop
-    most : bytes of a drop
+    most : bytes of all drops together, beside the one that is open
     """
 
     def __init__(self, folder: Path, *, most: int) -> None:
         self._folder, self._most = folder, most
+        self._open: int | None = None
 
     def path(self, drop: int, name: object) -> Path:
         """Return where a file of a drop lies; raises OutputError for a name that is a path."""
@@ -32,12 +34,14 @@ class Uploads:
 
         Raises
         ------
-        TooLarge : what was dropped together has too many bytes; nothing is kept of the file
+        TooLarge : what was dropped and is not open has too many bytes; nothing is kept of the file
         OutputError : the name is a path, or there is no room for the file
         """
         path = self.path(drop, name)
         path.parent.mkdir(exist_ok=True)
-        room = self._most - sum(other.stat().st_size for other in path.parent.iterdir() if other != path)
+        kept = None if self._open is None else self._folder / str(self._open)
+        others = (other for other in self._folder.glob("*/*") if other != path and other.parent != kept)
+        room = self._most - sum(other.stat().st_size for other in others)
         check_size(path.name, announced, room, self._most)
         taken = 0
         try:
@@ -52,6 +56,18 @@ class Uploads:
         except OSError as error:
             path.unlink(missing_ok=True)
             raise OutputError(f"{path.name} cannot be received: {error.strerror or error}") from error
+
+    def opened(self, drop: int) -> None:
+        """Remove every drop but one, whose mesh is open now."""
+        self._open = drop
+        for other in self._folder.iterdir():
+            if other.name != str(drop):
+                rmtree(other, ignore_errors=True)
+
+    def refused(self, drop: int) -> None:
+        """Remove a drop that was not opened."""
+        if drop != self._open:
+            rmtree(self._folder / str(drop), ignore_errors=True)
 
 
 def check_size(name: str, size: int, room: int, most: int) -> None:

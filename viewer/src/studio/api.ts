@@ -134,6 +134,17 @@ export class Api {
     return this.asked("POST", "paint", codes);
   }
 
+  // The paint that the server has of the open mesh, empty without one.
+  async keptPaint(): Promise<Uint8Array<ArrayBuffer>> {
+    return new Uint8Array(await (await this.asked("GET", "kept-paint")).arrayBuffer());
+  }
+
+  // Say that this page is closed. A tab that the browser discards says nothing, and the studio waits for it.
+  leave(): void {
+    const headers = { authorization: `Bearer ${this.secret}` };
+    void fetch("/api/leave", { method: "POST", body: "{}", headers, keepalive: true }).catch(() => undefined);
+  }
+
   // Open one of the files; the others may belong to it.
   async drop(files: File[]): Promise<void> {
     const { drop } = await this.json<{ drop: number }>("POST", "drop", {});

@@ -91,6 +91,7 @@ export class Studio {
       this.leaving.dialog,
     );
     addEventListener("beforeunload", (event) => this.lost && event.preventDefault());
+    addEventListener("pagehide", () => this.api.leave());
     addEventListener("keydown", (event) => this.key(event));
     this.brush.element.hidden = true;
     root.dataset.state = "empty";
@@ -141,6 +142,9 @@ export class Studio {
     this.leaving.dialog.close();
     this.saving.open(opened);
     this.brush.open(opened.painted);
+    const kept = await this.api.keptPaint(); // this tab may have been discarded, or loaded again
+    if (this.opened !== opened) return;
+    if (kept.length === opened.painted) this.brush.show(kept);
     this.brush.element.hidden = false;
     this.history.begin(this.choices);
     this.offer();
