@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.geometry.fields import QUANTITIES, Field, field
+from cascadenorm.geometry.fields import QUANTITIES, Field, Quantity, field
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh, scale_between, scaled_alike
 from cascadenorm.render import Camera, Figure, HeatMap, Image, color_bar, render, side_by_side, stacked
@@ -152,12 +152,17 @@ def figure(scene: Scene, cameras: Sequence[Camera]) -> Figure:
         scene.limits,
         signed=quantity.signed,
         unit=quantity.unit,
-        label=quantity.label,
+        label=_label(quantity, scene.style),
         height=height,
         letter=letter_size(scene.style.size, height),
     )
     bar = bar._replace(height=joined.height)  # beside the panels, not their captions
     return stacked([joined, bar], gap=2 * GAP, side_by_side=True)
+
+
+def _label(quantity: Quantity, style: Style) -> str:
+    """Return what the colours mean; the mesh that others are measured from is the reference where one is given."""
+    return quantity.label if style.reference is None else quantity.label.replace("the input", "the reference")
 
 
 def _panel(scene: Scene, number: int, camera: Camera) -> Figure:

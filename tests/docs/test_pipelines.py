@@ -108,6 +108,10 @@ def test_the_script_of_the_action_denoises_what_matches(scans):
     ran(scans, "bash", "-ec", script, FILES="scans/*.ply", OUTPUT="clean", ARGUMENTS=arguments)
     out = cn.read(scans / "clean" / "b.ply").mesh
     assert out.vertices.tobytes() == cn.denoise(BALL, method="bilateral-normal", strength=0.5).vertices.tobytes()
+    (scans / "scans" / "more" / "deep").mkdir(parents=True)
+    shutil.copy(scans / "scans" / "b.ply", scans / "scans" / "more" / "deep" / "c.ply")
+    ran(scans, "bash", "-ec", script, FILES="scans/**/*.ply", OUTPUT="all", ARGUMENTS="--method laplacian")
+    assert (scans / "all" / "b.ply").exists() and (scans / "all" / "more" / "deep" / "c.ply").exists()
     inputs, _ = text.split("\nruns:")
     assert set(re.findall(r"inputs\.(\w+)", text)) == set(re.findall(r"^  (\w+):$", inputs, re.MULTILINE))
 

@@ -60,6 +60,12 @@ def test_the_first_mesh_is_what_others_are_compared_with(tmp_path):
     assert (picture[:100, 112:212] != plain[:100, 112:212]).any()
 
 
+@pytest.mark.parametrize(("reference", "label"), [(None, "Angle to the input"), (BALL, "Angle to the reference")])
+def test_the_bar_names_the_mesh_that_angles_are_measured_from(tmp_path, reference, label):
+    draw([ROUGH, BALL], tmp_path / "a.svg", Style(size=64, values="angle", reference=reference), names=["a", "b"])
+    assert label in (tmp_path / "a.svg").read_text(encoding="utf-8")
+
+
 def test_curvature_is_on_both_sides_of_grey(tmp_path):
     draw([BALL], tmp_path / "a.svg", Style(values="curvature", size=64))
     text = (tmp_path / "a.svg").read_text(encoding="utf-8")
