@@ -13,7 +13,7 @@ from rich.table import Table
 from cascadenorm.api.api import denoise
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.io import OutputError
-from cascadenorm.io.atomic import make_folder, write_atomically
+from cascadenorm.io.atomic import check_output, make_folder, write_atomically
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.mesh import Mesh, angles_between
 from cascadenorm.render import Camera, Figure, HeatMap, color_bar, png, rasterized, render, side_by_side, stacked
@@ -52,14 +52,16 @@ def demo(
     folder: str | PathLike[str] = FOLDER,
     *,
     methods: Sequence[str] = METHODS,
+    force: bool = False,
     progress: Progress = silent,
 ) -> list[Example]:
     """Denoise the examples and leave the meshes in a folder.
 
     Parameters
     ----------
-    folder : made if it is not there; files of an earlier demonstration are replaced, others are left alone
+    folder : made if it is not there
     methods : names, with their default parameters
+    force : replace the files of an earlier demonstration; others are left alone in any case
     progress : called with (task, parts done, parts in all, what comes next)
 
     Returns
@@ -68,11 +70,15 @@ def demo(
 
     Raises
     ------
-    OutputError : the folder is a file, or cannot be written to
+    OutputError : the folder is a file or cannot be written to, or it holds files of an earlier demonstration and force
+        is not given; nothing is written then
     """
     folder = Path(folder)
     task, total = "demonstration", len(EXAMPLES) + 1
     make_folder(folder)
+    for path in _files(folder, methods):
+        if path.exists():
+            check_output(path, force=force)
     try:
         progress(task, 0, total, "compiling, the first time")
         _warm_up(methods)
@@ -134,6 +140,12 @@ def _example(name: str, methods: Sequence[str]) -> Example:
 def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
     """(m,) angle between the normals of a face in both meshes, in degrees."""
     return np.asarray(np.degrees(angles_between(mesh.face_normals, clean.face_normals)))
+
+
+def _files(folder: Path, methods: Sequence[str]) -> list[Path]:
+    """Return what a demonstration writes."""
+    meshes = [folder / name / f"{kind}.ply" for name in EXAMPLES for kind in ("clean", "noisy", *methods)]
+    return [*meshes, folder / BEFORE_AFTER, folder / ERRORS]
 
 
 def _save(folder: Path, example: Example) -> None:

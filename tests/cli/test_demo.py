@@ -68,11 +68,13 @@ def test_the_table_has_a_line_for_each_example(examples):
         assert f"{example.denoised[0].angles.mean():.2f}°" in text
 
 
-def test_a_second_run_replaces_its_own_files_and_no_other(examples, folder):
+def test_a_second_run_replaces_its_own_files_with_force_alone_and_no_other(examples, folder, capsys):
+    assert run(["demo", str(folder)]) == 5
+    assert "clean.ply exists already" in (said := capsys.readouterr().err) and "--force" in said
     (folder / "notes.txt").write_text("mine")
     before = (folder / ERRORS).read_bytes()
     (folder / ERRORS).write_text("old")
-    draw(demo(folder, methods=(METHOD,)), folder)
+    draw(demo(folder, methods=(METHOD,), force=True), folder)
     assert (folder / "notes.txt").read_text() == "mine"
     assert (folder / ERRORS).read_bytes() == before
     (folder / "notes.txt").unlink()

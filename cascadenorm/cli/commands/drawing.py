@@ -14,6 +14,8 @@ def demo(
     folder: Annotated[Path, typer.Argument(help="Folder for meshes and pictures; it is created.")] = Path(
         "cascadenorm-demo"
     ),
+    *,
+    force: Force = False,
 ) -> None:
     """Denoise three meshes that come with the package, and write meshes and pictures into a folder."""
     from cascadenorm.cli import demo as demonstration
@@ -21,7 +23,7 @@ def demo(
     from cascadenorm.errors import MissingDependencyError
 
     with progress_bars.progress_tasks() as progress:
-        examples = demonstration.demo(folder, progress=progress)
+        examples = demonstration.demo(folder, force=force, progress=progress)
     tables.print_table(demonstration.table(examples))
     try:
         demonstration.draw(examples, folder)
