@@ -7,6 +7,7 @@ import stat
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 from cascadenorm.errors import OutputError
@@ -74,7 +75,8 @@ def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool
 
     Parameters
     ----------
-    files : they get their names in this order; with `force` a path may come twice, as what it is meanwhile and at last
+    files : they get their names in this order, the last is the one that the others belong to; with `force` a path may
+        come twice, as what it is meanwhile and at last
     force : replace existing files
 
     Raises
@@ -92,7 +94,7 @@ def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool
                     with path.open("wb") as stream:
                         stream.writelines(pieces)
                 else:
-                    _stage(path.resolve(), pieces, staged)
+                    _stage(path.resolve(), pieces, staged, owner=files[-1][0])
         for target, name in staged:
             with _explained(target):
                 if force:
@@ -111,14 +113,32 @@ def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool
 
 def remove_unfinished(outputs: Iterable[Path]) -> None:
     """Remove the temporary files of outputs whose process was killed while it wrote them, with those beside them."""
-    stems: dict[Path, set[str]] = {}
+    owners: dict[Path, set[str]] = {}
     for output in outputs:
-        stems.setdefault(output.parent, set()).add(Path(output.name[:NAMED]).stem)
-    for folder, names in stems.items():
+        owners.setdefault(Path(os.path.realpath(output)).parent, set()).add(_owner_key(output))
+    for folder, keys in owners.items():
         for path in folder.glob(".*.part"):
-            found = re.fullmatch(r"\.(.+)\.[0-9a-f]{8,12}\.part", path.name, re.DOTALL)
-            if found and (found[1] in names or Path(found[1]).stem in names):
+            found = re.fullmatch(r"\..+\.([0-9a-f]{12})\.[0-9a-f]{8}\.part", path.name, re.DOTALL)
+            if found and found[1] in keys:
                 path.unlink(missing_ok=True)
+
+
+def unfinished_name(name: str, owner: Path) -> str:
+    """Return a new name for a file that is not complete, from which `remove_unfinished` knows the output it belongs to.
+
+    Parameters
+    ----------
+    name
+        What the file will be called.
+    owner
+        The output that it is, or is a part of.
+    """
+    return f".{name[:NAMED]}.{_owner_key(owner)}.{secrets.token_hex(4)}.part"
+
+
+def _owner_key(output: Path) -> str:
+    """Return a digest of the whole name of an output: others may begin alike, or differ in their extension alone."""
+    return sha256(os.fsencode(os.path.basename(os.path.realpath(output)))).hexdigest()[:12]
 
 
 @contextmanager
@@ -132,12 +152,12 @@ def _explained(path: Path) -> Iterator[None]:
         raise OutputError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
-def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]]) -> None:
-    """Write a complete temporary file beside its target, and note both.
+def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]], *, owner: Path) -> None:
+    """Write a complete temporary file beside its target, which belongs to `owner`, and note both.
 
     It has the permissions of the file that it replaces, or those that the process gives to new files.
     """
-    name = str(target.parent / f".{target.name[:NAMED]}.{secrets.token_hex(6)}.part")
+    name = str(target.parent / unfinished_name(target.name, owner))
     mode = target.stat().st_mode & 0o777 if target.exists() else None
     with open(name, "xb", opener=None if mode is None else partial(os.open, mode=mode)) as stream:
         staged.append((target, name))

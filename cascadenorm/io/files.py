@@ -5,7 +5,6 @@ import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from secrets import token_hex
 from typing import BinaryIO, cast
 
 import numpy as np
@@ -13,7 +12,14 @@ from numpy.typing import ArrayLike
 
 from cascadenorm.errors import MissingDependencyError, OutputError, ReadError
 from cascadenorm.io.arrays import ArraysFile
-from cascadenorm.io.atomic import check_output, is_special, make_folder, write_atomically, write_together
+from cascadenorm.io.atomic import (
+    check_output,
+    is_special,
+    make_folder,
+    unfinished_name,
+    write_atomically,
+    write_together,
+)
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
 from cascadenorm.io.freesurfer import EXTENSIONS as FREESURFER
@@ -143,7 +149,7 @@ def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]]
     """
     files, aside = file.files(path), dict[Path, Iterable[Piece]]()
     if any(part.exists() for part in files if part != path):
-        aside = file.files(path, part_name=f".{{}}.{token_hex(4)}.part")
+        aside = file.files(path, part_name=unfinished_name("{}", path))
     write_together([*beside.items(), *aside.items(), *files.items()], force=force)
     for part in aside:
         if part != path:

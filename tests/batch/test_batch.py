@@ -30,7 +30,7 @@ from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ParameterError, ReadError, WorkerError
 from cascadenorm.execution.memory import PROCESS
 from cascadenorm.execution.worker_processes import Worker, first_ready
-from cascadenorm.io.atomic import remove_unfinished
+from cascadenorm.io.atomic import remove_unfinished, unfinished_name
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.registry import find
@@ -524,12 +524,16 @@ def test_a_file_that_changes_while_it_is_read_is_tried_again(place):
 
 
 def test_temporary_files_of_killed_processes_are_removed_and_no_others(tmp_path):
-    long = f"{'x' * 50}.ply"
-    mine = [".scan.ply.0123456789ab.part", ".scan.mtl.0123456789ab.part", f".{long[:40]}.0123456789ab.part"]
-    others = [".other.ply.0123456789ab.part", "scan.ply", ".scan.ply.part", ".scan.ply.notes.part"]
+    alike = [f"{'x' * 50}-{number}.ply" for number in (1, 2)]  # the same first 40 characters
+    outputs = ["scan.ply", alike[0], "part.gltf"]
+    mine = [unfinished_name(name, tmp_path / name) for name in outputs]
+    mine += [unfinished_name(name, tmp_path / "part.gltf") for name in ("part.bin", "texture.png")]
+    owners = ["scan.obj", "scan.stl", alike[1], "other.ply"]  # the same stem; the same beginning
+    others = [unfinished_name(name, tmp_path / name) for name in owners]
+    others += ["scan.ply", ".scan.ply.part", ".scan.ply.notes.part"]
     for name in (*mine, *others):
         (tmp_path / name).touch()
-    remove_unfinished([tmp_path / "scan.ply", tmp_path / long, tmp_path / "nowhere" / "scan.ply"])
+    remove_unfinished([*(tmp_path / name for name in outputs), tmp_path / "nowhere" / "scan.ply"])
     assert sorted(os.listdir(tmp_path)) == sorted(others)
 
 

@@ -62,6 +62,10 @@ def test_a_killed_process_leaves_what_was_there(tmp_path, stage, old):
     assert (target.read_bytes() if target.exists() else None) == old
     rest = [path.name for path in tmp_path.iterdir() if path != target]
     assert all(name.startswith(".") and name.endswith(".part") for name in rest)
+    remove_unfinished([tmp_path / "out.obj"])
+    assert [path.name for path in tmp_path.iterdir() if path != target] == rest  # another output, of the same stem
+    remove_unfinished([target])
+    assert [path for path in tmp_path.iterdir() if path != target] == []
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
