@@ -17,7 +17,7 @@ from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_con
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.atomic import make_folder
 from cascadenorm.io.interop import adapter
-from cascadenorm.mesh import Bools, Ints, Mesh, limit_threads
+from cascadenorm.mesh import Bools, Ints, Mesh, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
 from cascadenorm.regions.coincidence import coincident, joined
 from cascadenorm.registry import Method, find
@@ -43,17 +43,18 @@ class Given(NamedTuple):
     mesh: Mesh
 
     @classmethod
-    def of(cls, given: Any) -> "Given":
-        """Take a pair of arrays, a `Mesh`, or a mesh of another library."""
+    def of(cls, given: Any, *, isolate: bool = False) -> "Given":
+        """Take a pair of arrays, a `Mesh`, or a mesh of another library; with `isolate`, without its bad faces."""
         if isinstance(given, Mesh):
             return cls(given, given.vertices, np.arange(len(given.vertices), dtype=np.int32), given)
+        checked_mesh = isolated if isolate else Mesh
         if isinstance(given, tuple | list) and len(given) == 2:
-            vertices, mesh = np.asarray(given[0]), Mesh(*given)
+            vertices, mesh = np.asarray(given[0]), checked_mesh(*given)
             return cls(given, vertices, np.arange(len(vertices), dtype=np.int32), mesh)
         vertices, faces = adapter(given).arrays(given)
-        checked_faces = Mesh(vertices, faces).faces.astype(np.int64)
+        checked_faces = checked_mesh(vertices, faces).faces.astype(np.int64)
         welds, first = weld(vertices, checked_faces)
-        return cls(given, vertices, welds, Mesh(vertices[first], welds[checked_faces]))
+        return cls(given, vertices, welds, checked_mesh(vertices[first], welds[checked_faces]))
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -61,12 +62,12 @@ class Given(NamedTuple):
         return self.vertices.dtype if self.vertices.dtype.kind == "f" else np.dtype(np.float64)
 
     def moved(self, vertices: NDArray[Any]) -> Any:
-        """Return what the caller holds with other vertices of `mesh`."""
+        """Return what the caller holds with other vertices of `mesh`; those that are not finite stay as they are."""
         if isinstance(self.given, Mesh):
             return self.given.moved(vertices)
+        copies = np.where(bad_vertices(self.vertices)[:, None], self.vertices, vertices[self.welds])
         if isinstance(self.given, tuple | list):
-            return vertices
-        copies = vertices[self.welds]
+            return copies.astype(self.dtype, copy=False)
         return adapter(self.given).with_vertices(self.given, np.where(copies == self.vertices, self.vertices, copies))
 
 
@@ -99,7 +100,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
         given: Any = controls[name]
         if np.ndim(given) or isinstance(given, str | PathLike):
             raise ParameterError("applies to a single mesh, and several are given", parameter=name)
-    every = [Given.of(mesh) for mesh in meshes]
+    every = [Given.of(mesh, isolate=controls["on_bad"] == "isolate") for mesh in meshes]
     with limit_threads(controls["threads"]):
         moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
     return [one.moved(vertices) for one, vertices in zip(every, moved, strict=True)]

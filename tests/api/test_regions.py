@@ -8,6 +8,7 @@ from shapes import icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.cli import run
+from cascadenorm.errors import MeshError
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 from cascadenorm.regions.coincidence import coincident, joined
@@ -133,3 +134,19 @@ def test_joined_meshes_share_the_vertices_that_coincide():
     whole = joined([one, other], first)
     np.testing.assert_array_equal(whole.mesh.faces, [(0, 1, 2), (1, 0, 3)])
     np.testing.assert_array_equal(whole.mesh.vertices[whole.vertices[:3]], one.vertices)
+
+
+@pytest.mark.parametrize("kind", ["arrays", "trimesh"])
+def test_bad_vertices_and_faces_of_regions_are_isolated(halves, kind):
+    _, first, second, *_ = halves
+    whole = cn.denoise_regions([first, second], **OPTIONS)
+    vertices = np.vstack([first.vertices, (np.nan, 0, 0)])
+    faces = np.vstack([first.faces, (0, 1, len(vertices) - 1)])
+    bad = (vertices, faces) if kind == "arrays" else trimesh.Trimesh(vertices, faces, process=False)
+    with pytest.raises(MeshError, match="on_bad"):
+        cn.denoise_regions([bad, second], **OPTIONS)
+    mine, theirs = cn.denoise_regions([bad, second], on_bad="isolate", **OPTIONS)
+    mine = mine if kind == "arrays" else mine.vertices
+    np.testing.assert_array_equal(mine[:-1], whole[0].vertices)
+    np.testing.assert_array_equal(mine[-1], (np.nan, 0, 0))
+    np.testing.assert_array_equal(theirs.vertices, whole[1].vertices)
