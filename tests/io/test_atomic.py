@@ -14,7 +14,7 @@ from shapes import icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.cli import main, run
 from cascadenorm.io import OutputError
-from cascadenorm.io.atomic import write_atomically, write_together
+from cascadenorm.io.atomic import remove_unfinished, write_atomically, write_together
 from cascadenorm.io.interop import save_mesh
 
 FAST = ["--method", "laplacian"]
