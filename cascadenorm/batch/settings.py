@@ -13,7 +13,7 @@ from cascadenorm.batch.work import Settings
 from cascadenorm.controls.settings import checked
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import Listener
-from cascadenorm.io.digests import file_digest
+from cascadenorm.io.digests import file_digest, source_digest
 from cascadenorm.learned.gated import read_model
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.registry import find
@@ -36,7 +36,7 @@ def settings_of(
     values = find(method).checked(parameters)
     given = {name: value for name, value in every.items() if name not in NO_RESULT}
     defaults = {name: setting.default for name, setting in find(method).settings.items()}
-    parts = [__version__, method, defaults | values, given, format]
+    parts = [__version__, source_digest(find(method).function), method, defaults | values, given, format]
     parts = [json.dumps(parts, sort_keys=True, default=_as_text), *map(_content, given.values())]
     if "model" in defaults:
         parts.append(_weights(method, values.get("model")))

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 from cascadenorm.controls import checked
 from cascadenorm.errors import ParameterError, ReadError
-from cascadenorm.evaluation.pairs import with_noise
-from cascadenorm.evaluation.programs import checked_command
+from cascadenorm.evaluation.pairs import Pair, Places, find_pairs, with_noise
+from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
 from cascadenorm.evaluation.records import Records
 from cascadenorm.evaluation.runs import COLUMNS, NOISY, Failure, Result, Run, forget, run
 from cascadenorm.execution.cluster import LOCAL, folder_of_names
@@ -71,6 +71,7 @@ def evaluate(
     methods: str | Sequence[str] = DEFAULT_METHODS,
     results: Mapping[str, str | PathLike[str]] | None = None,
     commands: Mapping[str, str] | None = None,
+    timeout: float = TIMEOUT_S,
     parameters: Mapping[str, Any] | None = None,
     strength: float = 1.0,
     threads: int | None = None,
@@ -91,6 +92,7 @@ def evaluate(
     results : of other programs: the name of each and its folder, which holds a mesh `<pair>.*` for each pair
     commands : other programs to be run: the name of each and its command line, where {in} and {out} stand for the
         files, and {in.obj} and {out.obj} for files of that format; no shell reads it
+    timeout : seconds after which such a program is stopped
     parameters : given to each of the methods
     strength, threads : as in `denoise`
     noise : standard deviation, in mean edge lengths, of Gaussian noise along the normals that is added to the clean
@@ -122,6 +124,8 @@ def evaluate(
         find(name).checked(parameters or {})
     programs = {name: checked_command(name, command) for name, command in (commands or {}).items()}
     _check_numbers(workers, noise, seeds)
+    if not timeout > 0:
+        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
     if noise is not None and keep is None and scheduler not in (None, LOCAL):
         raise ParameterError("must be a folder that all workers see: the noisy meshes go there", parameter="keep")
     pairs = _pairs(folders)
@@ -129,12 +133,13 @@ def evaluate(
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
     records = Records(Path(keep)) if keep is not None else None
-    rows = _rows(methods, settings, places, programs)
+    rows = _rows(methods, settings, places, programs, timeout)
     with TemporaryDirectory() as scratch:
+        unread: list[tuple[Pair, Exception]] = []
         if noise is not None:
-            pairs = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
+            pairs, unread = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
         runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
-        done = Evaluation([], [], pairs, records)
+        done = Evaluation([], [Failure(pair.name, None, error) for pair, error in unread], pairs, records)
         folder = folder_of_names(_names(pairs, places, keep), [*settings.values(), *chain(*programs.values())])
         with side_by_side_on(scheduler, workers=workers, folder=folder):
             _work_off(runs, done, workers, progress)
@@ -158,14 +163,18 @@ def _pairs(folders: Places | Iterable[Pair | str | PathLike[str]]) -> list[Pair]
 
 
 def _rows(
-    methods: Sequence[str], settings: dict[str, Any], places: Mapping[str, Path], programs: Mapping[str, Any]
+    methods: Sequence[str],
+    settings: dict[str, Any],
+    places: Mapping[str, Path],
+    programs: Mapping[str, Any],
+    timeout: float,
 ) -> dict[str, dict[str, Any]]:
     """Return what to run for each row, by its name, the noisy mesh first."""
     return {
         NOISY: {},
         **{name: {"settings": settings} for name in methods},
         **{name: {"results": place} for name, place in places.items()},
-        **{name: {"command": words} for name, words in programs.items()},
+        **{name: {"command": words, "timeout": timeout} for name, words in programs.items()},
     }
 
 

@@ -11,18 +11,29 @@ from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.pairs import Pair
 
 
-def with_noise(pairs: Sequence[Pair], folder: Path, *, level: float, seeds: int) -> list[Pair]:
-    """Write meshes with Gaussian noise along the normals of each clean mesh, and return the pairs of them.
+def with_noise(
+    pairs: Sequence[Pair], folder: Path, *, level: float, seeds: int
+) -> tuple[list[Pair], list[tuple[Pair, Exception]]]:
+    """Write meshes with Gaussian noise along the normals of each clean mesh.
 
     Parameters
     ----------
     folder : for the noisy meshes; it is made
     level : standard deviation of the noise, in mean edge lengths of the clean mesh
     seeds : noisy meshes of each clean one, from the seeds 0, 1, …; the same seeds give the same files
+
+    Returns
+    -------
+    The new pairs, and those whose clean mesh cannot be read, each with the reason
     """
-    made = []
+    made: list[Pair] = []
+    unread: list[tuple[Pair, Exception]] = []
     for pair in pairs:
-        clean = as_mesh(pair.clean)
+        try:
+            clean = as_mesh(pair.clean)
+        except Exception as error:  # a damaged file, or a package that is missing for its format
+            unread.append((pair, error))
+            continue
         place = folder / re.sub(r"[/\\]", "_", pair.name)
         place.mkdir(parents=True, exist_ok=True)
         for seed in range(seeds):
@@ -31,4 +42,4 @@ def with_noise(pairs: Sequence[Pair], folder: Path, *, level: float, seeds: int)
             file = place / f"noisy-{level:g}-{seed}.ply"
             save_mesh(file, clean.moved(clean.vertices + noise), force=True)
             made.append(Pair(name, file, pair.clean, seed))
-    return made
+    return made, unread

@@ -1,11 +1,14 @@
 """Other programs, run on the noisy mesh of a pair."""
 
 import json
+import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +20,8 @@ from cascadenorm.mesh import Mesh
 
 PLACE = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
 """Where a command has the names of its files; with an extension they are of that format."""
+TIMEOUT_S = 3600.0
+"""Seconds that a program may take on a mesh unless another limit is given."""
 LAUNCHER = """
 import json, subprocess, sys, time
 start = time.perf_counter()
@@ -49,7 +54,7 @@ def checked_command(name: str, command: str) -> list[str]:
     ParameterError : it has no {in} or no {out}, or there is no such program
     """
     try:
-        words = shlex.split(command)
+        words = command_words(command, windows=os.name == "nt")
     except ValueError as error:
         raise ParameterError(f"the command {name} cannot be read: {error}") from None
     kinds = {kind for word in words for kind, _ in PLACE.findall(word)}
@@ -60,17 +65,27 @@ def checked_command(name: str, command: str) -> list[str]:
     return words
 
 
-def run_program(words: Sequence[str], noisy: Path) -> Outcome:
+def command_words(command: str, *, windows: bool) -> list[str]:
+    """Split a command at spaces that are not in quotes; on Windows a backslash is a part of paths and nothing else."""
+    reader = shlex.shlex(command, posix=True)
+    reader.whitespace_split, reader.commenters = True, ""
+    if windows:
+        reader.escape = ""
+    return list(reader)
+
+
+def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S) -> Outcome:
     """Run a command on a mesh file.
 
     Parameters
     ----------
     words : of the command; {in} is the file as it is and {out} one of its format, {in.obj} and {out.obj} are OBJ
     noisy : the input
+    timeout : seconds after which the program is stopped, with all that it has started
 
     Raises
     ------
-    DenoiseError : the program failed, or wrote no file
+    DenoiseError : the program failed, took too long, or wrote no file
     ReadError, MeshError : what it wrote is no mesh
     """
     with TemporaryDirectory() as folder:
@@ -88,7 +103,7 @@ def run_program(words: Sequence[str], noisy: Path) -> Outcome:
         filled = [PLACE.sub(named, word) for word in words]
         told = Path(folder) / "told.json"
         launched = [sys.executable, "-S", "-c", LAUNCHER, str(told), *filled]
-        done = subprocess.run(launched, capture_output=True, encoding="utf-8", errors="replace", check=False)
+        done = _run_within(launched, timeout, words[0])
         code, seconds, memory = (
             json.loads(told.read_text(encoding="utf-8")) if told.exists() else (done.returncode, 0.0, None)
         )
@@ -99,3 +114,32 @@ def run_program(words: Sequence[str], noisy: Path) -> Outcome:
         if not written.exists():
             raise DenoiseError(f"{words[0]} wrote no file {written.name}")
         return Outcome(as_mesh(written), seconds, memory)
+
+
+def _run_within(command: Sequence[str], timeout: float, name: str) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process group of its own, which ends as a whole: after so many seconds, or on an interrupt."""
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        errors="replace",
+        start_new_session=True,
+    ) as process:
+        try:
+            output, complaints = process.communicate(timeout=min(timeout, threading.TIMEOUT_MAX))
+        except BaseException as error:
+            _kill_group(process)
+            if isinstance(error, subprocess.TimeoutExpired):
+                raise DenoiseError(f"{name} took longer than {timeout:g} seconds, and was stopped") from None
+            raise
+    return subprocess.CompletedProcess(list(command), process.returncode, output, complaints)
+
+
+def _kill_group(process: subprocess.Popen[str]) -> None:
+    """End a process with all that it has started."""
+    if sys.platform == "win32":
+        subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False)
+    else:
+        os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()

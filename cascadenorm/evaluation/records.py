@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cascadenorm.io.atomic import make_folder, write_atomically
-from cascadenorm.io.digests import file_digest
+from cascadenorm.io.digests import file_digest, source_digest
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.io.pairs import Pair
 from cascadenorm.learned.methods import weights_file
@@ -33,7 +33,10 @@ class Records(NamedTuple):
         command: Sequence[str],
         file: Path | None,
     ) -> str:
-        """Return a digest of all that a result depends on, but the program that a command runs."""
+        """Return a digest of all that a result depends on, but the program that a command runs.
+
+        Methods that are not of this package count with their source.
+        """
         weights = None
         if settings is not None and "model" in find(name).settings:
             weights = file_digest(weights_file(name, settings.get("model")))
@@ -43,6 +46,7 @@ class Records(NamedTuple):
             file_digest(pair.clean),
             {key: str(value) for key, value in (settings or {}).items() if key != "threads"},
             weights,
+            "" if settings is None else source_digest(find(name).function),
             list(command),
             file and file_digest(file),
         ]

@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cascadenorm.api.api import denoise
-from cascadenorm.evaluation.programs import run_program
+from cascadenorm.errors import OutputError
+from cascadenorm.evaluation.pairs import Pair, result_file
+from cascadenorm.evaluation.programs import TIMEOUT_S, run_program
 from cascadenorm.evaluation.records import Records
 from cascadenorm.execution.memory import peak_memory
 from cascadenorm.geometry.metrics import Measures, measure
@@ -19,8 +21,6 @@ from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import Pair, result_file
 from cascadenorm.mesh import Mesh
 
-FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)
-"""What a method may end in without ending the evaluation."""
 NOISY = "noisy"
 """Name under which the input itself is measured."""
 
@@ -69,6 +69,7 @@ class Run(NamedTuple):
     pair, name : the files, and what the row is called
     settings : of a method; None where it is none
     command : words of a program; empty where it is none
+    timeout : seconds after which that is stopped
     results : folder of meshes that another program made; None where it is none
     records : where the mesh and its measures are kept, if anywhere
     """
@@ -77,16 +78,21 @@ class Run(NamedTuple):
     name: str
     settings: Mapping[str, Any] | None = None
     command: Sequence[str] = ()
+    timeout: float = TIMEOUT_S
     results: Path | None = None
     records: Records | None = None
 
 
 def run(task: Run) -> Result | Failure:
-    """Do one run, or take it from the records; a pair that cannot be read is a failure without a method."""
+    """Do one run, or take it from the records; a pair that cannot be read is a failure without a method.
+
+    Whatever a reader or a method ends in is listed, and the rest goes on; a folder of records that cannot be written
+    ends the evaluation.
+    """
     pair, name, records = task.pair, task.name, task.records
     try:
         noisy, clean = _meshes(pair)
-    except ValueError as error:
+    except Exception as error:  # a damaged file, or a package that is missing for its format
         return Failure(pair.name, None, error)
     try:
         file = result_file(task.results, pair) if task.results else None
@@ -106,7 +112,9 @@ def run(task: Run) -> Result | Failure:
         )
         if records:
             records.keep(pair, name, key, mesh, result.row())
-    except FAILURES as error:
+    except OutputError:
+        raise
+    except Exception as error:
         return Failure(pair.name, name, error)
     return result
 
@@ -132,11 +140,11 @@ def _denoised(task: Run, noisy: Mesh, file: Path | None) -> tuple[Mesh, float, f
     if file is not None:
         return as_mesh(file), 0.0, None
     if task.command:
-        return run_program(task.command, task.pair.noisy)
+        return run_program(task.command, task.pair.noisy, timeout=task.timeout)
     if task.settings is None:
         return noisy, 0.0, None
     if task.name not in _warm:  # so that the times do not depend on what was compiled before
-        with suppress(*FAILURES):  # told where it happens to the whole
+        with suppress(Exception):  # told where it happens to the whole
             denoise(Mesh(noisy.vertices, noisy.faces[:200]), method=task.name, **task.settings)
         _warm.add(task.name)
     fresh = Mesh(noisy.vertices, noisy.faces)  # topology is part of the work, for each method

@@ -1,4 +1,5 @@
 import csv
+import importlib
 import io
 import json
 import re
@@ -9,6 +10,7 @@ import sys
 import time
 from base64 import b64decode
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import PIL.Image
@@ -19,13 +21,17 @@ import cascadenorm as cn
 from cascadenorm import registry
 from cascadenorm.cli import run
 from cascadenorm.cli.tables import print_evaluation
-from cascadenorm.errors import ParameterError
-from cascadenorm.evaluation import public_sets, tables
+from cascadenorm.errors import MissingDependencyError, ParameterError
+from cascadenorm.evaluation import pairs as pairs_module
+from cascadenorm.evaluation import public_sets, runs, tables
 from cascadenorm.evaluation.harness import NOISY, Evaluation, evaluate
+from cascadenorm.evaluation.pairs import find_pairs, write_pairs
+from cascadenorm.evaluation.programs import command_words
 from cascadenorm.evaluation.public_sets import public_pairs
 from cascadenorm.execution.memory import peak_memory
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import OutputError, ReadError
+from cascadenorm.io.digests import source_digest
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.io.pairs import find_pairs
 from cascadenorm.models.training_pairs import write_pairs
@@ -315,6 +321,101 @@ def test_a_mesh_that_was_lost_is_made_again(folder, tmp_path, monkeypatch):
     (tmp_path / "ball" / "counted.ply").unlink()
     evaluate(folder / "ball", methods="counted", keep=tmp_path)
     assert calls and (tmp_path / "ball" / "counted.ply").exists()
+
+
+METHOD = """
+from own_helper import FACTOR
+
+def shifted(mesh):
+    return mesh.vertices * FACTOR
+"""
+
+
+@pytest.mark.parametrize("changed", ["own_method", "own_helper"])
+def test_a_method_of_ones_own_is_run_again_when_its_source_has_changed(folder, tmp_path, monkeypatch, changed):
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # that of a source changed within a second would be taken
+
+    def measured(factor, method=METHOD):
+        (tmp_path / "own_method.py").write_text(method)
+        (tmp_path / "own_helper.py").write_text(f"FACTOR = {factor}\n")
+        importlib.invalidate_caches()
+        for name in ("own_method", "own_helper"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        shifted = importlib.import_module("own_method").shifted
+        monkeypatch.setitem(registry._methods, "shifted", registry.Method("shifted", shifted, "", {}))
+        done = evaluate(folder / "ball", methods="shifted", keep=tmp_path / "kept")
+        kept = tmp_path / "kept" / "ball" / "shifted.json"
+        return done.results[-1].measures.vertex_error_edges, kept.stat().st_mtime_ns
+
+    first, same = measured(1.0), measured(1.0)
+    assert same == first
+    after = measured(1.5) if changed == "own_helper" else measured(1.0, METHOD.replace("* FACTOR", "* 1.5"))
+    assert after[0] > first[0] and after[1] != first[1]
+
+
+def test_a_function_without_a_file_is_known_by_its_code():
+    def made(text):
+        names = {"__name__": "no_module"}
+        exec(text, names)
+        return source_digest(names["smoothed"])
+
+    code = "def helper(x):\n    return {} * x\ndef smoothed(x):\n    return helper(x)\n"
+    assert made(code.format(2)) == made("\n\n" + code.format(2)) != made(code.format(3))
+    assert source_digest(evaluate) == ""  # of this package, which has a version
+
+
+def test_pairs_that_cannot_be_read_are_listed_and_the_rest_goes_on(folder, tmp_path, monkeypatch):
+    pairs = shutil.copytree(folder, tmp_path / "pairs")
+    for name in ("damaged", "foreign"):
+        shutil.copytree(pairs / "ball", pairs / name)
+    (pairs / "damaged" / "clean.ply").write_bytes(b"ply\nno more")
+    read = runs.as_mesh
+
+    def without_package(path):
+        if Path(path).parent.name == "foreign":
+            raise MissingDependencyError("reading '3mf' files", package="lxml", extra="formats")
+        return read(path)
+
+    for module in (runs, pairs_module):
+        monkeypatch.setattr(module, "as_mesh", without_package)
+    for noise in (None, 0.1):
+        done = evaluate(pairs, methods="laplacian", noise=noise)
+        failed = {failure.pair.partition("-seed")[0]: str(failure.error) for failure in done.failures}
+        assert set(failed) == {"damaged", "foreign"} and "lxml" in failed["foreign"]
+        assert {result.pair.partition("-seed")[0] for result in done.results} == set(SHAPES)
+
+
+def test_whatever_a_method_ends_in_is_listed(folder, monkeypatch):
+    def broken(mesh):
+        return mesh.vertices[len(mesh.vertices)]
+
+    monkeypatch.setitem(registry._methods, "broken", registry.Method("broken", broken, "", {}))
+    done = evaluate(folder / "ball", methods=["broken", "laplacian"])
+    assert [(f.method, type(f.error)) for f in done.failures] == [("broken", IndexError)]
+    assert [result.method for result in done.results] == [NOISY, "laplacian"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the program is a shell")
+def test_a_program_that_takes_too_long_is_stopped_with_all_that_it_started(folder, tmp_path):
+    alive = tmp_path / "alive"
+    waits = f"while true; do touch {shlex.quote(str(alive))}; sleep 0.05; done"
+    command = f"sh -c {shlex.quote(f'({waits}) & wait; : {{in}} {{out}}')}"
+    done = evaluate(folder / "ball", methods=[], commands={"hangs": command}, timeout=2.0)
+    (failure,) = done.failures
+    assert failure.method == "hangs" and "took longer than 2 seconds, and was stopped" in str(failure.error)
+    alive.unlink(missing_ok=True)
+    time.sleep(0.5)
+    assert not alive.exists()
+    with pytest.raises(ParameterError, match="timeout is 0"):
+        evaluate(folder, methods=[], timeout=0)
+
+
+def test_backslashes_are_kept_on_windows_and_quotes_are_read_everywhere():
+    command = r'"C:\Program Files\tool.exe" {in} C:\out\{out} \\server\share'
+    expected = [r"C:\Program Files\tool.exe", "{in}", r"C:\out\{out}", r"\\server\share"]
+    assert command_words(command, windows=True) == expected
+    assert command_words(r"tool\ 1 'a b' {in} #3", windows=False) == ["tool 1", "a b", "{in}", "#3"]
 
 
 def test_a_killed_evaluation_goes_on(folder, tmp_path):

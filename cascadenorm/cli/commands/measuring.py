@@ -48,6 +48,8 @@ def compare(
         json_output.print_json("compare", json_output.compared(mesh, reference, measures))
     else:
         tables.print_measures(measures)
+        if report is not None:
+            print(f"report: {report}")
 
 
 @app.command()
@@ -110,6 +112,9 @@ Results = Annotated[
         metavar="NAME=DIR", help="Meshes DIR/<pair>.* from another program as a row; may be given several times."
     ),
 ]
+Timeout = Annotated[
+    float, typer.Option(metavar="SECONDS", help="Stop a program of --command that takes longer than this on a mesh.")
+]
 Programs = Annotated[
     list[str] | None,
     typer.Option(
@@ -149,6 +154,7 @@ def evaluate(
     method: Methods = None,
     result: Results = None,
     command: Programs = None,
+    timeout: Timeout = 3600.0,
     settings: Set = None,
     csv: Csv = None,
     markdown: Markdown = None,
@@ -184,6 +190,7 @@ def evaluate(
             methods=method or harness.DEFAULT_METHODS,
             results=named_values("--result", result),
             commands=named_values("--command", command),
+            timeout=timeout,
             parameters=parameter_values(settings),
             noise=noise,
             seeds=seeds,
