@@ -1,16 +1,19 @@
 """The input files of a batch, and the paths of their results."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from glob import glob, has_magic
 from itertools import takewhile
 from os import PathLike
 from pathlib import Path, PurePath
 from typing import NamedTuple
 
-from cascadenorm.batch.remote_files import file_name, files_at, fixed_part, is_url
+from cascadenorm.batch.remote_files import file_name, files_at, fixed_part, is_url, without_query
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import is_mesh_name
+
+RESULT = "_denoised"
+"""What `denoise` adds to the name of a file."""
 
 Sources = str | PathLike[str] | Sequence[str | PathLike[str]]
 """Files, folders, or patterns such as "scans/**/*.ply"; one or several."""
@@ -47,7 +50,8 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
     """List the files that are there now, with the places of their results, largest first.
 
     Below the folder of results the files lie as below the folder that all sources have in common, the part before
-    the first wildcard of a pattern. Files in the folder of results are no input.
+    the first wildcard of a pattern. Files in the folder of results are no input, nor are results that `denoise` has
+    written beside their sources.
 
     Parameters
     ----------
@@ -94,10 +98,13 @@ def _remote(places: Sequence[str], results: str) -> Iterator[_Found]:
     if len(shared) < 3:  # "s3:", "", "bucket"
         raise ReadError("the files lie in several buckets or servers: denoise them in separate batches")
     for place in places:
-        for file in files_at(place):
+        found = files_at(place)
+        names = {file.url for file in found}
+        for file in found:
             single = file.url == place
-            if (single or is_mesh_name(Path(file_name(file.url)))) and not file.url.startswith(f"{results}/"):
-                inside = file.url.removeprefix(f"{base}/").partition("?")[0]
+            taken = is_mesh_name(Path(file_name(file.url))) and not _is_result(file.url, names)
+            if (single or taken) and not file.url.startswith(f"{results}/"):
+                inside = without_query(file.url).removeprefix(f"{base}/")
                 yield _Found(file.url, file.url, inside, file.size, file.version)
 
 
@@ -152,7 +159,15 @@ def _files(place: str) -> Iterable[Path]:
         found.sort()
     else:
         return [Path(place)]
-    return [path for path in found if is_mesh_name(path) and _may_be_file(path)]
+    names = {str(path) for path in found}
+    meshes = [path for path in found if is_mesh_name(path) and not _is_result(str(path), names)]
+    return [path for path in meshes if _may_be_file(path)]
+
+
+def _is_result(name: str, names: Container[str]) -> bool:
+    """Test whether a file is what `denoise` wrote beside one of the others: scan_denoised.ply beside scan.ply."""
+    stem, suffix = os.path.splitext(name)
+    return stem.endswith(RESULT) and f"{stem.removesuffix(RESULT)}{suffix}" in names
 
 
 def _unlisted(error: OSError) -> None:

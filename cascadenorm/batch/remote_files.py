@@ -12,6 +12,8 @@ from cascadenorm.errors import CascadenormError, MissingDependencyError, OutputE
 STORES = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss")
 """Object stores, in which an object has its name when all of it has arrived, and not before."""
 
+WEB = ("http", "https")
+
 BROUGHT = ("fsspec", "s3fs", "aiobotocore", "aiohttp", "requests")
 """Packages that the extra `cluster` installs."""
 
@@ -45,9 +47,14 @@ def is_url(name: object) -> bool:
     return isinstance(name, str) and re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", name) is not None
 
 
+def without_query(url: str) -> str:
+    """Return a URL without what follows its path: on the web ? and # end it, elsewhere they are letters of a name."""
+    return re.split("[?#]", url, maxsplit=1)[0] if urlsplit(url).scheme.lower() in WEB else url
+
+
 def file_name(url: str) -> str:
     """Return the name of a file without its folder and without a query."""
-    return urlsplit(url).path.rpartition("/")[2]
+    return without_query(url).partition("://")[2].partition("/")[2].rpartition("/")[2]
 
 
 def fixed_part(url: str) -> str:
@@ -55,7 +62,8 @@ def fixed_part(url: str) -> str:
     found = MAGIC.search(url)
     if found:
         return url[: found.start()].rpartition("/")[0]
-    return url.rpartition("/")[0] if "." in file_name(url) else url.rstrip("/")
+    place = without_query(url)
+    return place.rpartition("/")[0] if "." in file_name(url) else place.rstrip("/")
 
 
 def files_at(url: str) -> list[RemoteFile]:
@@ -168,7 +176,7 @@ def _opened(url: str) -> tuple[Any, str]:
 
 def _options(url: str) -> dict[str, Any]:
     """Options of the file system of a URL; aiohttp would end every download after five minutes."""
-    if urlsplit(url).scheme.lower() not in ("http", "https"):
+    if urlsplit(url).scheme.lower() not in WEB:
         return {}
     import aiohttp
 

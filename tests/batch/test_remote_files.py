@@ -89,6 +89,31 @@ def test_a_batch_from_and_to_an_object_store_is_that_of_folders(bucket, tmp_path
     assert "exists already" in str(kept.failures[0].error)
 
 
+def test_names_with_a_hash_or_a_question_mark_are_not_passed_over(bucket, tmp_path):
+    scans(tmp_path / "scans", 1)
+    for name in ("a#1.ply", "a?1.ply", "a?2.ply", "b#/c.ply"):
+        bucket.upload_file(str(tmp_path / "scans" / "a" / "0.ply"), f"scans/{name}")
+    root = f"s3://{bucket.name}/scans"
+    inside = {job.source: job.output for job in find_jobs(root, "out")}
+    assert inside == {f"{root}/{name}": f"out/{name}" for name in ("a#1.ply", "a?1.ply", "a?2.ply", "b#/c.ply")}
+    assert denoise_files(f"{root}/a#1.ply", "out", method="laplacian", workers=1, manifest="m.jsonl").failures == []
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["a#1.ply"]
+
+
+@pytest.mark.parametrize(
+    ("url", "name", "folder"),
+    [
+        ("https://h/d/a.ply?sign=/x.y", "a.ply", "https://h/d"),
+        ("https://h/d/a.ply#top", "a.ply", "https://h/d"),
+        ("s3://b/d/a?x#y.ply", "a?x#y.ply", "s3://b/d"),
+        ("s3://b/d#e", "d#e", "s3://b/d#e"),
+        ("https://h", "", "https://h"),
+    ],
+)
+def test_a_query_is_no_part_of_a_name_on_the_web_alone(url, name, folder):
+    assert (file_name(url), fixed_part(url)) == (name, folder)
+
+
 def test_files_of_a_web_server_are_denoised_into_a_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scans(tmp_path / "scans", 2)
