@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cascadenorm import io
-from cascadenorm.geometry.holes.filling import fill_holes
+from cascadenorm.geometry.holes.filling import Outer, filled
 from cascadenorm.geometry.laplacians import Order
 from cascadenorm.io.atomic import check_output
 from cascadenorm.io.files import check_extension, extensible
@@ -19,16 +19,27 @@ class Filling:
     Parameters
     ----------
     faces, added : triangles that were there, and further ones
+    closed : holes
+    outer, long : edges of each boundary that was kept: of an open component, and of more edges than are closed
     left_out : what the source holds and the output does not, in words
     """
 
     faces: int
     added: int
+    closed: int
+    outer: tuple[int, ...]
+    long: tuple[int, ...]
     left_out: tuple[str, ...]
 
 
 def fill_holes_file(
-    source: Path, output: Path, *, order: Order = 2, max_edges: int | None = None, force: bool = False
+    source: Path,
+    output: Path,
+    *,
+    order: Order = 2,
+    max_edges: int | None = None,
+    outer: Outer = "keep",
+    force: bool = False,
 ) -> Filling:
     """Fill the holes of a mesh file, as `fill_holes` does; what is there stays, and the patches get values like it.
 
@@ -44,10 +55,17 @@ def fill_holes_file(
     format = io.output_format(output, read.format)
     mesh_of_file(read, source_name(source))
     file, lost = extensible(read)
-    filled = fill_holes(file.mesh, order=order, max_edges=max_edges)
-    added = len(filled.faces) - len(file.mesh.faces)
+    mesh, holes = filled(file.mesh, order=order, max_edges=max_edges, outer=outer)
+    added = len(mesh.faces) - len(file.mesh.faces)
     if added:
-        left_out = lost + io.write(file.with_patches(Patches(file, filled)), output, format=format, force=force)
+        left_out = lost + io.write(file.with_patches(Patches(file, mesh)), output, format=format, force=force)
     else:
         left_out = io.write(read, output, format=format, force=force)
-    return Filling(faces=len(file.mesh.faces), added=added, left_out=tuple(dict.fromkeys(left_out)))
+    return Filling(
+        faces=len(file.mesh.faces),
+        added=added,
+        closed=len(holes.closed),
+        outer=tuple(map(len, holes.outer)),
+        long=tuple(map(len, holes.long)),
+        left_out=tuple(dict.fromkeys(left_out)),
+    )

@@ -3,7 +3,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.geometry.holes.filling import boundary_loops, fill_holes
+from cascadenorm.geometry.holes.filling import boundary_loops, fill_holes, filled
 from cascadenorm.mesh import Mesh
 
 
@@ -131,7 +131,7 @@ def test_chains_that_do_not_close_are_left_open():
     assert len(fill_holes(twisted).faces) == 2
 
 
-@pytest.mark.parametrize("settings", [{"order": 4}, {"max_edges": 2}])
+@pytest.mark.parametrize("settings", [{"order": 4}, {"max_edges": 2}, {"outer": "both"}])
 def test_bad_settings_are_refused(settings):
     with pytest.raises(ParameterError, match="must be"):
         fill_holes(without_cap(2, 0.5), **settings)
@@ -165,3 +165,26 @@ def test_faces_that_repeat_a_vertex_close_no_hole():
     np.testing.assert_array_equal(found.vertices, expected.vertices)
     np.testing.assert_array_equal(found.faces[: len(mesh.faces) + len(lines)], np.vstack([mesh.faces, lines]))
     np.testing.assert_array_equal(found.faces[-10:], expected.faces[-10:])
+
+
+def test_the_outer_boundary_of_an_open_surface_is_kept_and_holes_in_it_are_closed():
+    plane = grid(12, 12)
+    pierced = without(plane, (abs(plane.centroids[:, :2] - 6) < 3).all(axis=1))
+    ball = without_cap(3, 0.87)
+    faces = np.vstack([pierced.faces, ball.faces + len(pierced.vertices)])
+    both = Mesh(np.vstack([pierced.vertices, ball.vertices + 30]), faces)
+    kept, holes = filled(both, order=1, max_edges=None, outer="keep")
+    assert [len(holes.closed), len(holes.outer), len(holes.long)] == [2, 1, 0]
+    assert [len(loop) for loop in boundary_loops(kept)] == [48]
+    assert fill_holes(pierced, order=1).area == pytest.approx(144, rel=1e-9)
+    _, holes = filled(both, order=1, max_edges=40, outer="fill")
+    assert [len(holes.closed), len(holes.outer), len(holes.long)] == [2, 0, 1]
+    assert_closed_and_oriented(fill_holes(both, outer="fill"))
+
+
+@pytest.mark.parametrize(("height", "open_surface"), [(0.4, False), (-0.4, True)])
+def test_what_is_less_than_a_hemisphere_is_an_open_surface(height, open_surface):
+    part = without_cap(4, height)
+    assert (len(fill_holes(part).faces) == len(part.faces)) == open_surface
+    rough = noisy(part, 0.2)  # which lengthens the boundary, and the area alike
+    assert (len(fill_holes(rough).faces) == len(rough.faces)) == open_surface
