@@ -139,6 +139,11 @@ class MissingDependencyError(CascadenormError, ImportError):
         self.problem, self.hint = f"{feature} needs {package}, which is not installed", self.command
 
 
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
 def counted(count: int, one: str, several: str = "") -> str:
     """Return a count with its noun; the plural is given, or the singular with an s."""
     return f"{count} {one if count == 1 else several or f'{one}s'}"
@@ -149,3 +154,12 @@ def reason(error: Exception) -> str:
     if isinstance(error, KeyError | IndexError | AssertionError) or not str(error):
         return f"it does not follow the format ({' '.join([type(error).__name__, str(error)]).strip()})"
     return str(error)
+
+
+def finite_json(content: Any) -> Any:
+    """Return a copy of what becomes JSON with text for the numbers that it does not have, such as "inf"."""
+    if isinstance(content, Mapping):
+        return {name: finite_json(value) for name, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [finite_json(value) for value in content]
+    return str(content) if isinstance(content, float) and not math.isfinite(content) else content

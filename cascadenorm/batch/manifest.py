@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cascadenorm.errors import OutputError
+from cascadenorm.errors import OutputError, finite_json
 from cascadenorm.io.atomic import make_folder
 
 if sys.platform != "win32":
@@ -53,7 +53,7 @@ class Manifest:
     def add(self, line: Line) -> None:
         """Add a line, in one write."""
         with self._explained():
-            self._file.write(json.dumps(line, default=str, allow_nan=False).encode() + b"\n")
+            self._file.write(json.dumps(finite_json(line), default=str, allow_nan=False).encode() + b"\n")
         self.last[line["output"]] = line
 
     def close(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from cascadenorm.controls import checked
 from cascadenorm.errors import ParameterError, ReadError
-from cascadenorm.evaluation.pairs import Pair, Places, find_pairs, with_noise
+from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
 from cascadenorm.evaluation.records import Records
 from cascadenorm.evaluation.runs import COLUMNS, NOISY, Failure, Result, Run, forget, run

@@ -12,7 +12,6 @@ import numpy as np
 
 from cascadenorm.api.api import denoise
 from cascadenorm.errors import OutputError
-from cascadenorm.evaluation.pairs import Pair, result_file
 from cascadenorm.evaluation.programs import TIMEOUT_S, run_program
 from cascadenorm.evaluation.records import Records
 from cascadenorm.execution.memory import peak_memory
