@@ -4,9 +4,10 @@ The text of an error is written for callers in Python. A front end with other na
 command line, passes its own spelling to `message`.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Located = TypeVar("Located", bound="CascadenormError")
 
@@ -137,11 +138,6 @@ class MissingDependencyError(CascadenormError, ImportError):
         self.package, self.extra = package, extra
         self.command = f'pip install "cascadenorm[{extra}]"' if extra else f"pip install {package}"
         self.problem, self.hint = f"{feature} needs {package}, which is not installed", self.command
-
-
-import math
-from collections.abc import Mapping
-from typing import Any
 
 
 def counted(count: int, one: str, several: str = "") -> str:

@@ -11,8 +11,9 @@ import inspect
 import math
 import re
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from cascadenorm.errors import ParameterError as ParameterError
@@ -187,8 +188,15 @@ class Method:
         """Settings that users name: all but the region."""
         return [setting for setting in self.settings.values() if setting.name != REGION]
 
-    def checked(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    def checked(self, parameters: Mapping[str, Any], *, further: Sequence[str] = ()) -> dict[str, Any]:
         """Return the parameters in their types.
+
+        Parameters
+        ----------
+        parameters
+            Values by name.
+        further
+            Names that the caller takes besides, such as those of controls, which may be meant by a misspelled one.
 
         Raises
         ------
@@ -196,8 +204,12 @@ class Method:
         """
         for name in parameters:
             if name not in self.settings:
-                known = ", ".join(setting.name for setting in self.given_by_name) or "none"
-                raise ParameterError(f"{self.name} has no parameter {name!r}; it has: {known}")
+                own = [setting.name for setting in self.given_by_name]
+                meant = get_close_matches(name, [*own, *further], n=1)
+                raise ParameterError(
+                    f"{self.name} has no parameter {name!r}; it has: {', '.join(own) or 'none'}",
+                    hint=f"did you mean {meant[0]!r}?" if meant else "",
+                )
         return {name: self.settings[name].checked(value) for name, value in parameters.items()}
 
     def with_defaults(self, parameters: Mapping[str, Any]) -> dict[str, Any]:

@@ -73,6 +73,7 @@ def controlled(
     DenoiseError : the method returned vertices that are not finite
     """
     checked = _checked_parameters(method, parameters)
+    controls = {**controls, "strength": min(controls["strength"], MOST_STRENGTH)}
     faces, mesh = mesh.faces, without_repeated_faces(without_lines(mesh))
     weights = vertex_weights(mesh, controls, faces)
     halo = None if controls["halo"] is None else check_halo(method, parameters, mesh, controls)
@@ -98,7 +99,7 @@ def controlled(
 
 def step_key(method: Method, strength: float) -> float:
     """Return what of a strength decides on the result of each application of a method; the rest only blends them."""
-    return max(strength, 1.0) if method.converges else 1.0
+    return min(max(strength, 1.0), MOST_STRENGTH) if method.converges else 1.0
 
 
 def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells | None, int]:
@@ -117,6 +118,9 @@ def in_words(controls: Controls) -> dict[str, Any]:
 
 EDGES = 2.0
 """Width of the detail, in mean edge lengths, that each 1 of strength above 1 adds after a method that converges."""
+
+MOST_STRENGTH = 10.0
+"""A larger strength acts as this one: each 1 of it is a further pass, and shape has gone long before."""
 
 UNREPORTED = ("strength", "threads", "progress", "halo")
 """Controls that a report does not name: strength has a field of its own, halos are for arrays, the others do not change

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from os import PathLike
 from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict, TypeVar, cast, get_type_hints
@@ -231,9 +232,10 @@ def checked(given: Mapping[str, Any]) -> Controls:
     ParameterError : a control that does not exist, a value of the wrong type or out of range
     """
     if unknown := [name for name in given if name not in CONTROLS]:
+        meant = get_close_matches(unknown[0], CONTROLS, n=1)
         raise ParameterError(
             f"there is no control {unknown[0]!r}; there are: {', '.join(CONTROLS)}",
-            hint="parameters of the method go into `parameters`",
+            hint=f"did you mean {meant[0]!r}?" if meant else "parameters of the method go into `parameters`",
         )
     controls = {name: setting.checked(given.get(name, setting.default)) for name, setting in CONTROLS.items()}
     for name, setting in CONTROLS.items():

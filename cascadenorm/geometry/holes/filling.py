@@ -12,7 +12,6 @@ from cascadenorm.geometry.holes.refinement import refine
 from cascadenorm.geometry.holes.triangulation import triangulate_loop
 from cascadenorm.geometry.laplacians import Order
 from cascadenorm.mesh import Mesh, connected_components, in_frame, scatter_add, without_lines
-from cascadenorm.registry import ParameterError
 
 FAIRINGS = 5  # solutions with a new Laplacian each, from a membrane to the order wanted
 
