@@ -12,13 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 import cascadenorm.baselines
 import cascadenorm.learned.methods  # noqa: F401 - both register their methods
 from cascadenorm.api.apply import controlled
-from cascadenorm.api.denoised_files import Denoised, DenoisingSummary, opened_file, written_file
+from cascadenorm.api.denoised_files import Denoised, DenoisingSummary, moved_file, opened_file, written_file
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
-from cascadenorm.api.selection import welded
+from cascadenorm.api.selection import selected, welded
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.controls.weights import selected_faces
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.metrics import Measures, measure
+from cascadenorm.io import MeshFile
 from cascadenorm.io.interop import adapter, as_mesh
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
@@ -47,13 +49,14 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
     Parameters
     ----------
     mesh : vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, vtk,
-        open3d or meshio, of which copies of a vertex at seams stay together; or the path of a file
+        open3d or meshio, of which copies of a vertex at seams stay together; a file that `read` returned; or the path
+        of a file
     faces : (m, 3) integers in 0 … n - 1
     method : one of `methods()`
     parameters : of the method, as `methods()` lists them, such as `iterations=5` or, for the learned methods,
         `model=path`
 
-    For the path of a file, mask, fixed, only and creases may be given by names in the file, as in `denoise_file`.
+    For a file, mask, fixed, only and creases may be given by names in it, as in `denoise_file`.
 
     Returns
     -------
@@ -69,11 +72,20 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
     """
     controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     chosen = find(method)
+    chosen.checked(parameters, further=tuple(CONTROLS))
+    if isinstance(faces, str | PathLike):
+        raise ParameterError(
+            f"is {fspath(faces)!r}, a path; it must be an array",
+            parameter="faces",
+            hint="to name the file that is written call denoise_file(source, output)",
+        )
     with limit_threads(controls["threads"]):
         if faces is not None:
             return _denoised(chosen, mesh, faces, parameters, controls)
         if isinstance(mesh, str | PathLike):
             return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).summary.output)
+        if isinstance(mesh, MeshFile):
+            return _denoised_open_file(chosen, mesh, parameters, controls)
         if isinstance(mesh, Mesh):
             return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls))
         return _denoised_object(chosen, mesh, parameters, controls)
@@ -88,6 +100,7 @@ def denoise_file(
     format: str | None = None,
     force: bool = False,
     weld: float | str | None = None,
+    drop_components: str | int | None = None,
     parameters: dict[str, Any] | None = None,
     **controls: Unpack[Controls],
 ) -> DenoisingSummary:
@@ -103,6 +116,8 @@ def denoise_file(
     force : replace an existing file
     weld : boundary vertices that are at most this far apart are joined, where a file has rounded the copies of a vertex
         to different places; in the unit of the mesh or like "0.001 edges", below half the mean edge length
+    drop_components : leave out connected components with fewer faces than this number, such as 50, or than this share
+        of the largest component, such as "1%"; None keeps all. `left_out` of the result lists what is lost besides
     parameters : of the method
 
     Controls count the vertices and triangles of `read(source).mesh`. Given by names, they count the vertices of the
@@ -117,7 +132,15 @@ def denoise_file(
     ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`; nothing is written then
     """
     return denoised_file(
-        source, output, method=method, format=format, force=force, weld=weld, parameters=parameters, **controls
+        source,
+        output,
+        method=method,
+        format=format,
+        force=force,
+        weld=weld,
+        drop_components=drop_components,
+        parameters=parameters,
+        **controls,
     ).summary
 
 
@@ -129,14 +152,24 @@ def denoised_file(
     format: str | None = None,
     force: bool = False,
     weld: float | str | None = None,
+    drop_components: str | int | None = None,
     parameters: dict[str, Any] | None = None,
     **controls: Unpack[Controls],
 ) -> Denoised:
     """Denoise a mesh file as `denoise_file` does; the meshes are returned as well."""
     every = checked(controls)
     with limit_threads(every["threads"]):
-        chosen = find(method)
-        return _denoised_file(chosen, source, output, parameters or {}, every, format=format, force=force, weld=weld)
+        return _denoised_file(
+            find(method),
+            source,
+            output,
+            parameters or {},
+            every,
+            format=format,
+            drop_components=drop_components,
+            force=force,
+            weld=weld,
+        )
 
 
 def methods() -> dict[str, Method]:
@@ -184,6 +217,15 @@ def _denoised_object(method: Method, mesh: Any, parameters: dict[str, Any], cont
     return kind.with_vertices(mesh, np.where(denoised == vertices, vertices, denoised))  # -0 stays -0
 
 
+def _denoised_open_file(method: Method, file: MeshFile, parameters: dict[str, Any], controls: Controls) -> MeshFile:
+    """Denoise a file that was read."""
+    if controls["on_bad"] == "isolate":
+        file = file.isolating()
+    mesh, over = as_mesh(file), selected(controls, file)
+    vertices = controlled(method, mesh, parameters, over, dtype=file.positions.dtype)
+    return moved_file(file, vertices, mesh, controls)
+
+
 def _denoised_file(
     method: Method,
     source: str | PathLike[str] | BinaryIO,
@@ -192,11 +234,14 @@ def _denoised_file(
     controls: Controls,
     *,
     format: str | None = None,
+    drop_components: str | int | None = None,
     force: bool,
     weld: float | str | None = None,
 ) -> Denoised:
     method.checked(parameters)
-    opened = opened_file(source, output, controls, format=format, force=force, weld=weld)
+    opened = opened_file(
+        source, output, controls, format=format, drop_components=drop_components, force=force, weld=weld
+    )
     watch = Stopwatch()
     vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
     seconds = watch.seconds()

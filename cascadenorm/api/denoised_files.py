@@ -1,7 +1,9 @@
 """Mesh files that are denoised: read, written with other vertices, and what was done to them."""
 
+import os
 from dataclasses import dataclass
-from os import PathLike
+from glob import has_magic
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -11,13 +13,16 @@ from numpy.typing import NDArray
 from cascadenorm import io
 from cascadenorm.api.apply import in_words
 from cascadenorm.api.selection import selected
+from cascadenorm.batch.remote_files import is_url
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.controls.settings import Controls, parsed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.errors import ParameterError, ReadError
+from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target
 from cascadenorm.io.interop import mesh_of_file, source_name
+from cascadenorm.kept_components import Dropped, without_small_components
 from cascadenorm.learned.methods import Treated, treated
 from cascadenorm.mesh import (
     Mesh,
@@ -51,6 +56,7 @@ class DenoisingSummary:
     error : the kind of error that was found; None where the method is not `auto`, or nothing was to be taken away
     treated_as : what `auto` treated the mesh as; None for other methods
     left_out : what the source holds and the format of the output cannot, in words
+    dropped_components, dropped_faces : of the small components that were left out because that was asked for
     """
 
     source: str
@@ -71,6 +77,8 @@ class DenoisingSummary:
     treated_as: Treated | None
     left_out: tuple[str, ...]
     nearly_coincident: int = 0
+    dropped_components: int = 0
+    dropped_faces: int = 0
 
 
 class Denoised(NamedTuple):
@@ -89,6 +97,7 @@ class Opened(NamedTuple):
     format : of the output
     mesh : n vertices
     controls : over the mesh, where they were given by names in the file
+    dropped : what was left out of the file before; None where that was not asked for
     """
 
     source: str | PathLike[str] | BinaryIO
@@ -97,6 +106,7 @@ class Opened(NamedTuple):
     file: io.MeshFile
     mesh: Mesh
     controls: Controls
+    dropped: Dropped | None = None
 
 
 def opened_file(
@@ -105,6 +115,7 @@ def opened_file(
     controls: Controls,
     *,
     format: str | None = None,
+    drop_components: str | int | None = None,
     force: bool,
     weld: float | str | None = None,
 ) -> Opened:
@@ -112,7 +123,10 @@ def opened_file(
 
     Boundary vertices within the distance `weld` are joined.
     """
+    _check_single(source)
     apart, in_edges = parsed_length("weld", weld) if weld is not None else (0.0, False)
+    if drop_components is not None:
+        component_limit(drop_components)  # raises for what is none
     output = _checked_output(source, output, format, force=force)
     file = io.read(source)
     if controls["on_bad"] == "isolate":
@@ -120,9 +134,22 @@ def opened_file(
     if apart > 0:
         file = _welded(file, apart, in_edges)
     chosen = io.output_format(output, format or file.format)
+    dropped = None
+    if drop_components is not None:
+        dropped = without_small_components(file, drop_components, source_name(source))
+        file = dropped.file
     check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source))
-    return Opened(source, output, chosen, file, mesh, selected(controls, file))
+    return Opened(source, output, chosen, file, mesh, selected(controls, file), dropped)
+
+
+def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, controls: Controls) -> io.MeshFile:
+    """Return a file with other vertices of its mesh, (n, 3), within the limit of the controls."""
+    small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow where coordinates are huge
+    with np.errstate(over="ignore"):
+        framed = framed_length("max_displacement", controls["max_displacement"], small, exponent)
+        limit = float(np.ldexp(framed, exponent))
+    return file.with_vertices(vertices, limit=limit)
 
 
 def _welded(file: io.MeshFile, distance: float, in_edges: bool) -> io.MeshFile:
@@ -150,13 +177,9 @@ def written_file(
     """Write a file with other vertices of its mesh, (n, 3), and return what was done; controls as they were given."""
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
-    # Formats with whole numbers need the limit to round within it
-    small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow where coordinates are huge
-    with np.errstate(over="ignore"):
-        framed = framed_length("max_displacement", controls["max_displacement"], small, exponent)
-        limit = float(np.ldexp(framed, exponent))
+    small, exponent = in_frame(without_lines(mesh))
     try:
-        moved = file.with_vertices(vertices, limit=limit)
+        moved = moved_file(file, vertices, mesh, controls)  # formats with whole numbers round within the limit
         left_out = io.write(moved, output, format=opened.format, force=force)
     except ReadError as error:  # a fault of the source that only other formats need to know
         raise error.within(source_name(source)) from error.__cause__
@@ -180,8 +203,10 @@ def written_file(
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
         **_found(method, small, exponent, moves, parameters, controls["strength"]),
-        left_out=tuple(left_out),
+        left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
         nearly_coincident=int(nearly_coincident(small).sum()),
+        dropped_components=opened.dropped.components if opened.dropped else 0,
+        dropped_faces=opened.dropped.faces if opened.dropped else 0,
     )
     return Denoised(summary, file, moved)
 
@@ -206,6 +231,21 @@ def _found(
         "error": error_kind(order.mesh, order.mesh.vertices + removed, exponent=exponent),
         "treated_as": treated(order.mesh, **method.with_defaults(parameters)),
     }
+
+
+def _check_single(source: str | PathLike[str] | BinaryIO) -> None:
+    """Raise ReadError where a source is not one file of this machine; a batch takes all of these."""
+    if not isinstance(source, str | PathLike):
+        return
+    name = fspath(source)
+    batch = "`cascadenorm batch`, in Python denoise_files"
+    if is_url(name):
+        raise ReadError(f"{name} is a URL, and one file of this machine is denoised here", hint=f"use {batch}")
+    if os.path.isdir(name):
+        problem = f"{name} is a folder: give the name of a mesh file in it"
+        raise ReadError(problem, hint=f"or for all of them use {batch}")
+    if has_magic(str(name)) and not os.path.lexists(name):
+        raise ReadError(f"{name} does not exist: check the name", hint=f"if it is a pattern for many files use {batch}")
 
 
 def _checked_output(

@@ -31,6 +31,9 @@ CODES: dict[type[Exception], int] = {
 }
 """Exit code of each class of error; the first that fits decides."""
 
+LARGE_STRENGTH = 3.0
+"""Strength above which a command warns."""
+
 NO_SPACE = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
 
@@ -57,6 +60,12 @@ def located(name: str, error: Exception) -> str:
     """Return the message of an error after the name of the file that it is about, once."""
     message = worded(error)
     return message if message.startswith((name, repr(name))) else f"{name}: {message}"
+
+
+def warn_of_strength(strength: float) -> None:
+    """Say that a strength is unusually large."""
+    if strength > LARGE_STRENGTH:
+        complain(f"--strength {strength:g} removes shape as well as noise: 1 is usual, and more than 10 acts as 10")
 
 
 def complain(message: str) -> None:

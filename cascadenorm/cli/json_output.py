@@ -1,7 +1,6 @@
 """JSON objects of the commands; docs/json.md is their schema."""
 
 import json
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TextIO
@@ -11,8 +10,11 @@ from cascadenorm.api.spectra import Spectrum
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed
+from cascadenorm.errors import finite_json
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import Inspection
+from cascadenorm.inspection.faults import FAULTS, surface_faults
+from cascadenorm.mesh import Mesh
 from cascadenorm.registry import Method
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ ALIASES = {"rims": "boundary_loops", "turned_edges": "flipped_edges", "turned_pe
 
 def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
     """Print the object of a command, to stdout or another file."""
-    found = {"version": VERSION, "command": command, **with_aliases(content)}
+    found = finite_json({"version": VERSION, "command": command, **with_aliases(content)})
     print(json.dumps(found, indent=2, default=str, allow_nan=False), file=file)
 
 
@@ -45,6 +47,12 @@ def with_aliases(content: Any) -> Any:
 def denoised(done: DenoisingSummary) -> dict[str, Any]:
     """Return what was done to a file."""
     return asdict(done)
+
+
+def faults(before: Mesh, after: Mesh) -> dict[str, Any]:
+    """Return how many faces cross others, and how many vertices are spikes, before and after."""
+    first, last = surface_faults(before), surface_faults(after)
+    return {name: {"before": getattr(first, name), "after": getattr(last, name)} for name in FAULTS}
 
 
 def batch(done: Batch) -> dict[str, Any]:
@@ -97,7 +105,7 @@ def _method(method: Method) -> dict[str, Any]:
         "parameters": [
             {
                 "name": setting.name,
-                "default": _finite(setting.default),
+                "default": setting.default,
                 "unit": setting.about.unit,
                 "allowed": allowed(setting),
                 "help": setting.about.help,
@@ -105,8 +113,3 @@ def _method(method: Method) -> dict[str, Any]:
             for setting in method.given_by_name
         ],
     }
-
-
-def _finite(value: Any) -> Any:
-    """Return text for a number that JSON does not have."""
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

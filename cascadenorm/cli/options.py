@@ -38,7 +38,8 @@ def spelled(name: str, value: object = None) -> str:
     if name in OPTIONS:
         option = OPTIONS[name].option
         return option if value is None or OPTIONS[name].about.flag else f"{option} {value}"
-    return f"--{name}" if name in ("force", "timeout", "weld") else name
+    options = "force", "timeout", "weld", "drop_components"
+    return f"--{name.replace('_', '-')}" if name in options else name
 
 
 def takes_controls(*names: str) -> Callable[[Command], Command]:

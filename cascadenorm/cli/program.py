@@ -64,6 +64,8 @@ def run(arguments: Sequence[str]) -> int:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
         if message:  # none: the help was asked for, and has been printed
             context = getattr(error, "ctx", None)
+            if context and context.info_name == "denoise" and "unexpected extra argument" in message:
+                message += "; to denoise several files use `cascadenorm batch`"
             complain(f"{message} (see `{context.command_path if context else 'cascadenorm'} --help`)")
         return USAGE
     except Exception as error:

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Mapping, Sequence
 from itertools import groupby
+from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, TextIO
 
@@ -11,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.filled_files import Filling
 from cascadenorm.api.spectra import Spectrum
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import complain
@@ -48,6 +50,9 @@ def print_denoised(done: DenoisingSummary, *, file: TextIO) -> None:
     chosen = [_option(name, value) for name, value in controls.items() if value != OPTIONS[name].default]
     if chosen:
         print(f"controls: {', '.join(chosen)}", file=file)
+    if done.dropped_components:
+        components = counted(done.dropped_components, "small component")
+        complain(f"dropped: {components} of {counted(done.dropped_faces, 'face')} in all")
     if done.isolated_vertices or done.isolated_faces:
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
         complain(f"left unchanged: {vertices}, {counted(done.isolated_faces, 'bad face')}")
@@ -57,8 +62,8 @@ def print_denoised(done: DenoisingSummary, *, file: TextIO) -> None:
     print_left_out(done.left_out)
 
 
-def print_batch(done: Batch) -> None:
-    """Print how many files were denoised, kept and not denoised."""
+def print_batch(done: Batch, output: str) -> None:
+    """Print how many files were denoised, kept and not denoised, and where the results are."""
     denoised = len(done.lines) - len(done.failures)
     seconds = sum(line["seconds"] for line in done.lines)
     method = sum(line["summary"]["seconds"] for line in done.lines if line["summary"])
@@ -67,6 +72,17 @@ def print_batch(done: Batch) -> None:
         print(f"{counted(len(done.kept), 'file')} skipped: done already")
     if done.failures:
         print(f"{counted(len(done.failures), 'file')} failed")
+    if denoised or done.kept:
+        print(f"the results are in {output}")
+
+
+def print_filling(target: Path, done: Filling, max_edges: int | None) -> None:
+    """Print how many holes of a file were closed, and which were kept, and why."""
+    print(f"{target}: {counted(done.closed, 'hole')} closed by {counted(done.added, 'face')}, added to {done.faces}")
+    for edges in done.outer:
+        print(f"kept open: the outer boundary of an open component, {edges} edges (--outer fill closes it)")
+    if done.long:
+        print(f"kept open: {counted(len(done.long), 'hole')} of more than {max_edges} edges (--max-edges)")
 
 
 def _option(name: str, value: object) -> str:

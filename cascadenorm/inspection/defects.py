@@ -5,12 +5,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Topology, connected_components
+from cascadenorm.mesh import Mesh, Topology, connected_components, scatter_add
 
 Mask = NDArray[np.bool_]
 
 FLAT = 1e-12
 """A face whose height is smaller than this share of its longest side has no area but by rounding."""
+SPIKE = np.radians(150)
+"""Sum of the angles of the faces at a vertex, 360° in a plane, below which it is a spike: a cone of half-angle 25°."""
 THIN = 0.01
 """A face whose height is smaller than this share of its longest side is a sliver."""
 
@@ -39,6 +41,18 @@ def thin_faces(mesh: Mesh) -> tuple[Mask, Mask]:
     """Return which faces have no area but by rounding, and which others are slivers; each (m,)."""
     flat = mesh.heights <= FLAT * mesh.longest_edges
     return np.asarray(flat), np.asarray(~flat & (mesh.heights < THIN * mesh.longest_edges))
+
+
+def spikes(mesh: Mesh) -> Mask:
+    """Return which inner vertices are spikes, (n,): the angles of their faces add up to less than SPIKE."""
+    onward = np.roll(mesh.corners, -1, axis=1) - mesh.corners
+    backward = np.roll(mesh.corners, 1, axis=1) - mesh.corners
+    sines = np.linalg.norm(np.cross(onward, backward), axis=2)
+    angles = np.arctan2(sines, (onward * backward).sum(axis=2))
+    sums = scatter_add(mesh.faces.ravel(), angles.ravel(), len(mesh.vertices))
+    inner = mesh.topology.used_vertices.copy()
+    inner[mesh.topology.edges[mesh.topology.edge_faces.counts == 1]] = False
+    return np.asarray(inner & (sums < SPIKE))
 
 
 def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:

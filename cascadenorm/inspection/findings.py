@@ -33,5 +33,10 @@ FINDINGS = {
         "boundary vertices nearly coincide with earlier ones, but are not merged with them (denoise --weld joins them)",
     ),
     "crossing_faces": ("face intersects others", "faces intersect others"),
+    "spikes": ("vertex is a spike", "vertices are spikes"),
+    "small_components": (
+        "small component, of less than 1 % of the faces of the largest (denoise --drop-components leaves it out)",
+        "small components, of less than 1 % of the faces of the largest (denoise --drop-components leaves them out)",
+    ),
 }
 """What is said of each finding of an inspection after its count: of one, and of several."""

@@ -9,16 +9,23 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.geometry.orientation import oriented
+from cascadenorm.geometry.small_components import small_components
 from cascadenorm.inspection.crossings import crossing_faces
-from cascadenorm.inspection.defects import boundary_loop_count, flipped_edges, pinched_vertices, repeats, thin_faces
+from cascadenorm.inspection.defects import (
+    boundary_loop_count,
+    flipped_edges,
+    pinched_vertices,
+    repeats,
+    spikes,
+    thin_faces,
+)
 from cascadenorm.inspection.enclosed import enclosed
+from cascadenorm.inspection.faults import MOST_FACES_CROSSED
 from cascadenorm.inspection.source import Found, Given, taken
 from cascadenorm.learned.methods import Treated, auto, treated
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated, without_repeated_faces
 from cascadenorm.mesh.welding import nearly_coincident
 
-MOST_FACES_CROSSED = 200_000
-"""Faces up to which those that cross are looked for unasked; it takes seconds for 100,000."""
 MOST_FACES_DENOISED = 300_000
 """Faces up to which the kind of error is told, from what `auto` would take away; it takes seconds for 100,000."""
 
@@ -52,6 +59,8 @@ class Inspection:
     duplicate_vertices : vertices at the place of an earlier one, but not joined with it
     nearly_coincident : boundary vertices within 0.001 median edge lengths of an earlier one, but not joined with it
     crossing_faces : faces that pass through others; None where that was not looked for
+    spikes : vertices whose faces' angles add up to less than 150°
+    small_components : with fewer than 1 % of the faces of the largest one, by a face of each
     euler_characteristic : vertices less edges plus faces
     genus : handles of all closed parts that are manifolds; None where there is none
     lower, upper : corners of the bounding box of the faces
@@ -87,6 +96,8 @@ class Inspection:
     duplicate_vertices: Found
     nearly_coincident: Found
     crossing_faces: Found | None
+    spikes: Found
+    small_components: Found
     euler_characteristic: int
     genus: int | None
     lower: tuple[float, ...] | None
@@ -158,6 +169,8 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
     crossing = crossing_faces(small, repeats(small.vertices)[1]) if looks else None
     inside_out = np.zeros(len(mesh.faces), bool)
     inside_out[parts.faces[parts.volumes < 0]] = True
+    floating = np.zeros(len(mesh.faces), bool)
+    floating[small_components(mesh)[1]] = True
     corners = mesh.vertices[mesh.faces.ravel()]
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
@@ -176,6 +189,8 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "nearly_coincident": numbered.at_vertices(nearly_coincident(small)),
         "duplicate_faces": numbered.at_faces(repeats(np.sort(mesh.faces, axis=1))[0]),
         "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
+        "spikes": numbered.at_vertices(spikes(small)),
+        "small_components": numbered.at_faces(floating),
         "euler_characteristic": len(np.unique(mesh.faces)) - len(topology.edges) + len(mesh.faces),
         "genus": int((2 - parts.characteristics[parts.manifold]).sum() // 2) if parts.manifold.any() else None,
         "lower": tuple(lower.tolist()),
@@ -201,6 +216,7 @@ NOTHING: dict[str, Any] = {
     **dict.fromkeys(("parts", "boundary_loops", "boundary_edges", "euler_characteristic"), 0),
     **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "flipped_edges", "inside_out"), NONE_FOUND),
     **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "nearly_coincident", "crossing_faces"), NONE_FOUND),
+    **dict.fromkeys(("spikes", "small_components"), NONE_FOUND),
     **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise")),
     **dict.fromkeys(("error", "treated_as")),
     "closed": False,

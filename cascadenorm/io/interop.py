@@ -54,6 +54,8 @@ def as_mesh(source: Any) -> Mesh:
     """Return the triangles of a file, a stream or a mesh of any library."""
     if isinstance(source, Mesh):
         return source
+    if isinstance(source, io.MeshFile):
+        return mesh_of_file(source, f"the {source.format} file")
     if isinstance(source, str | PathLike) or hasattr(source, "read"):
         return mesh_of_file(io.read(source), source_name(source))
     return Mesh(*adapter(source).arrays(source))

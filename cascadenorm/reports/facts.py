@@ -12,6 +12,7 @@ from cascadenorm.controls import CONTROLS
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import Inspection
+from cascadenorm.inspection.source import Found
 from cascadenorm.io.digests import file_digest
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.registry import find
@@ -46,6 +47,9 @@ def _shape(found: Inspection) -> dict[str, str]:
         "faces": f"{found.faces:,}",
         "connected components": f"{found.parts:,}",
         "surface": "closed" if found.closed else f"open, {counted(found.boundary_loops, 'boundary loop')}",
+        "self-intersecting faces": _counted(found.crossing_faces),
+        "spikes": _counted(found.spikes),
+        "small components": _counted(found.small_components),
         "genus": "none" if found.genus is None else str(found.genus),
         "mean edge length": _number(found.mean_edge_length),
         "area": _number(found.area),
@@ -141,6 +145,10 @@ def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Ins
         if found.crossing_faces is None:
             said.append(f"{given.label}: self-intersections were not checked, because the mesh is large")
     return said
+
+
+def _counted(found: Found | None) -> str:
+    return "not checked" if found is None else f"{found.count:,}"
 
 
 def _plain(value: Any) -> Any:

@@ -58,5 +58,7 @@ def given(key: str, source: Any) -> Given:
         return source
     if isinstance(source, str | PathLike) or hasattr(source, "read"):
         return Given(key, source_name(source), io.read(source))
+    if isinstance(source, io.MeshFile):
+        return Given(key, f"the {source.format} file", source, from_file=False)
     arrays = (source.vertices, source.faces) if isinstance(source, Mesh) else adapter(source).arrays(source)
     return Given(key, type(source).__name__, io.from_arrays(*arrays), from_file=False)

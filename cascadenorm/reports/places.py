@@ -16,6 +16,7 @@ AT_FACES = {
     "slivers",
     "duplicate_faces",
     "crossing_faces",
+    "small_components",
 }
 """Findings whose places are faces; those of the others are vertices, or edges."""
 

@@ -10,7 +10,7 @@ from cascadenorm.api.apply import controlled, step_key
 from cascadenorm.controls import checked
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.volume import closed_parts, is_closed, with_volume_of
-from cascadenorm.io.interop import adapter
+from cascadenorm.io.interop import adapter, save_mesh
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import FAMILIES, Method
 from cascadenorm.registry import method as register
@@ -405,3 +405,28 @@ def test_public_names_all_load():
     assert set(cn.__all__) <= set(dir(cn))
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         cn.nonsense  # noqa: B018 - the access is the test
+
+
+def test_a_misspelled_name_is_answered_with_the_one_that_is_meant(tmp_path):
+    mesh = icosphere(1)
+    for wrong, right in ({"strenght": 1}, "strength"), ({"iteration": 2}, "iterations"):
+        with pytest.raises(ParameterError, match=f"did you mean '{right}'"):
+            cn.denoise(mesh, method="laplacian", **wrong)
+    save_mesh(tmp_path / "ball.ply", mesh)
+    with pytest.raises(ParameterError, match="did you mean 'strength'"):
+        cn.denoise_file(tmp_path / "ball.ply", method="laplacian", strenght=1)
+
+
+def test_two_paths_are_answered_with_the_function_that_takes_them():
+    with pytest.raises(ParameterError, match=r"faces is 'b\.ply', a path.* call denoise_file"):
+        cn.denoise("a.ply", "b.ply")
+
+
+def test_a_file_that_was_read_is_denoised_with_all_that_it_holds(tmp_path):
+    save_mesh(tmp_path / "ball.ply", noisy(icosphere(2), 0.2))
+    file = cn.read(tmp_path / "ball.ply")
+    cn.denoise_file(tmp_path / "ball.ply", tmp_path / "out.ply", method="laplacian")
+    moved = cn.denoise(file, method="laplacian")
+    assert b"".join(map(bytes, moved.pieces())) == (tmp_path / "out.ply").read_bytes()
+    assert not file.has_moved
+    assert cn.compare(moved, file).normal_error_deg > 0

@@ -1,9 +1,10 @@
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapes import icosphere, noisy
+from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.api.filled_files import fill_holes_file
@@ -259,7 +260,16 @@ def test_a_holed_file_comes_back_closed(tmp_path, capsys):
     filled = as_mesh(tmp_path / "holed_filled.ply")
     assert_closed(filled)
     assert filled.volume == pytest.approx(sphere.volume, rel=0.01)
-    assert "faces added" in capsys.readouterr().out
+    assert re.search(r"1 hole closed by \d+ faces, added to \d+\n", capsys.readouterr().out)
+    save_mesh(source, grid(8, 8), force=True)
+    assert run(["fill-holes", str(source), "--force"]) == 0
+    said = capsys.readouterr().out
+    assert "0 holes closed by 0 faces" in said and "an open component, 32 edges (--outer fill closes it)" in said
+    assert run(["fill-holes", str(source), "--force", "--outer", "fill", "--max-edges", "9"]) == 0
+    assert "1 hole of more than 9 edges (--max-edges)" in capsys.readouterr().out
+    assert run(["fill-holes", str(source), "--force", "--outer", "fill"]) == 0
+    assert "1 hole closed" in capsys.readouterr().out
+    save_mesh(source, cn.Mesh(sphere.vertices, sphere.faces[sphere.centroids[:, 2] < 0.9]), force=True)
     cn.write(cn.read(source), tmp_path / "holed.stl")
     (tmp_path / "holed.stl").rename(tmp_path / "bare")
     assert run(["fill-holes", str(tmp_path / "bare")]) == 0

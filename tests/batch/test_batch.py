@@ -295,6 +295,19 @@ def test_results_lie_as_the_files_do(place):
     assert [job.source for job in find_jobs("scans/b/[0].ply", Path("out"))] == ["scans/b/[0].ply"]
 
 
+def test_results_of_denoise_beside_their_sources_are_no_input(place, capsys):
+    scans(place / "scans", 2)
+    for name in ("a/0_denoised.ply", "a/0_denoised.stl", "b/other_denoised.ply"):
+        save_mesh(place / "scans" / name, BALL)
+    for sources in ("scans", "scans/**/*"):
+        found = {job.output for job in find_jobs(sources, Path("out"))}
+        # without a source beside them they may be anything
+        assert found == {"out/a/0.ply", "out/b/0.ply", "out/a/0_denoised.stl", "out/b/other_denoised.ply"}
+    assert [job.output for job in find_jobs("scans/a/0_denoised.ply", Path("out"))] == ["out/0_denoised.ply"]
+    assert run(["batch", "scans/a/0.ply", "-o", "out", *FAST, "--workers", "1"]) == 0
+    assert "the results are in out\n" in capsys.readouterr().out
+
+
 def test_a_folder_that_cannot_be_listed_is_not_passed_over(place, monkeypatch):
     scans(place / "scans", 2)
     listed = os.scandir
@@ -504,6 +517,15 @@ def test_the_digest_of_the_settings_is_of_all_that_a_result_depends_on(tmp_path)
     assert len({key(), *others}) == 6
     with pytest.raises(ParameterError, match="cannot be read"):
         key("auto", {"model": tmp_path / "none.safetensors"})
+
+
+def test_a_limit_that_is_infinite_ends_no_batch(place, capsys):
+    scans(place / "scans", 2)
+    done = denoise_files("scans", "out", method="laplacian", workers=1, max_displacement=float("inf"))
+    assert len(done.lines) == 2 and not done.failures
+    assert [line["summary"]["controls"]["max_displacement"] for line in lines(place / "out", "done")] == ["inf"] * 2
+    words = ["denoise", "scans/a/0.ply", *FAST, "--max-displacement", "inf", "--json"]
+    assert run(words) == 0 and json.loads(capsys.readouterr().out)["controls"]["max_displacement"] == "inf"
 
 
 def test_a_file_that_changes_while_it_is_read_is_tried_again(place):

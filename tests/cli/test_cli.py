@@ -239,6 +239,37 @@ def test_missing_files_and_folders(place, capsys):
     assert not (place / "out.docx").exists()
 
 
+@pytest.mark.parametrize("source", ["https://example.org/scan.ply", "s3://bucket/scan.ply", "scans", "scans/**/*.ply"])
+def test_what_is_not_one_file_is_left_to_batch(place, capsys, source):
+    (place / "scans").mkdir()
+    code, message = refused(capsys, "denoise", source, "-o", "out.ply", *FAST)
+    assert code == 3 and source in message and "use `cascadenorm batch`" in message
+    with pytest.raises(cn.ReadError, match="denoise_files"):
+        cn.denoise(source)
+
+
+def test_several_files_are_left_to_batch(place, capsys):
+    code, message = refused(capsys, "denoise", "ball.ply", "true.ply", *FAST)
+    assert code == 2 and "true.ply" in message and "to denoise several files use `cascadenorm batch`" in message
+
+
+def test_a_large_strength_is_warned_of_and_does_no_more_than_ten(place, capsys):
+    assert run(["denoise", "ball.ply", *FAST, "--strength", "3"]) == 0
+    assert capsys.readouterr().err == ""
+    for strength in ("10", "100"):
+        assert run(["denoise", "ball.ply", "-o", f"{strength}.ply", *FAST, "--strength", strength]) == 0
+        assert f"--strength {strength} removes shape as well as noise" in capsys.readouterr().err
+    assert (place / "10.ply").read_bytes() == (place / "100.ply").read_bytes()
+
+
+def test_a_report_is_named_when_it_is_written(place, capsys):
+    pytest.importorskip("PIL")
+    assert run(["denoise", "ball.ply", *FAST, "--report", "report.html"]) == 0
+    assert "report: report.html\n" in capsys.readouterr().out
+    assert run(["inspect", "ball.ply", "--report", "inspected.html"]) == 0
+    assert "report: inspected.html\n" in capsys.readouterr().out
+
+
 LONG = "n" * 300
 
 

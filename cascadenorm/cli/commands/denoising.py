@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, cast
 import typer
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.errors import PARTLY, complain, located
+from cascadenorm.cli.errors import PARTLY, complain, located, warn_of_strength
 from cascadenorm.cli.options import (
     Force,
     Json,
@@ -20,7 +20,6 @@ from cascadenorm.cli.options import (
     takes_controls,
 )
 from cascadenorm.compute.compile_time import tell_of_compiling
-from cascadenorm.errors import counted
 
 
 @app.command()
@@ -55,6 +54,13 @@ def denoise(
             help='Join boundary vertices at most this far apart, in the unit of the mesh or like "0.001 edges".',
         ),
     ] = None,
+    drop_components: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Leave out components with fewer faces than this: a number, or a share of the largest one such as 1%.",
+        ),
+    ] = None,
     force: Force = False,
     as_json: Json = False,
     **controls: Any,
@@ -67,6 +73,7 @@ def denoise(
     if as_json and target == "-":
         tell_of_compiling(None)  # stderr holds the object alone
     parameters = parameter_values(settings, model)
+    warn_of_strength(controls["strength"])
     if format is not None and target != "-":
         raise typer.BadParameter("--format applies to stdout only: the extension of --output selects that of a file")
     if truth is not None and report is None:
@@ -80,7 +87,10 @@ def denoise(
         raise typer.BadParameter("--scheduler works on patches: give --memory too, that of a worker")
     if size is not None and weld is not None:
         raise typer.BadParameter("--weld needs the whole mesh: leave out --memory")
-    if {size, report, weld} == {None} and "-" not in (source, target) and Path(source).is_file():  # not a pipe
+    if drop_components is not None and size is not None:
+        raise typer.BadParameter("--drop-components works in memory: leave out --memory")
+    whole = {size, report, weld, drop_components} == {None}
+    if whole and "-" not in (source, target) and Path(source).is_file():  # not a pipe
         size = _memory_for_patches(source, target, method, parameters, force, controls)
     if size is not None:
         _denoise_large(source, target, size, (report, format), method, parameters, scheduler, force, as_json, controls)
@@ -94,6 +104,7 @@ def denoise(
             parameters=parameters,
             weld=weld,
             force=force,
+            drop_components=drop_components,
             progress=progress,
             **controls,
         )
@@ -102,9 +113,12 @@ def denoise(
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
     if as_json:
-        json_output.print_json("denoise", json_output.denoised(done), file=out)
+        counts = json_output.faults(denoised.before.mesh, denoised.after.mesh)
+        json_output.print_json("denoise", {**json_output.denoised(done), **counts}, file=out)
     else:
         tables.print_denoised(done, file=out)
+        if report is not None:
+            print(f"report: {report}", file=out)
 
 
 def _memory_for_patches(
@@ -213,6 +227,7 @@ def batch(
     from cascadenorm.batch.batch import denoise_files
     from cascadenorm.cli import json_output, progress_bars, tables
 
+    warn_of_strength(controls["strength"])
     with progress_bars.progress_bar("denoising", time_left=True) as progress:
         done = denoise_files(
             sources,
@@ -235,7 +250,7 @@ def batch(
     if as_json:
         json_output.print_json("batch", json_output.batch(done))
     else:
-        tables.print_batch(done)
+        tables.print_batch(done, output)
     if done.failures:
         raise typer.Exit(PARTLY)
 
@@ -263,6 +278,7 @@ def denoise_regions(
     from cascadenorm.cli import json_output, progress_bars, tables
 
     parameters = parameter_values(settings, model)
+    warn_of_strength(controls["strength"])
     with progress_bars.progress_bar("denoising") as progress:
         done = regions.denoise_region_files(
             sources, output, method=method, parameters=parameters, force=force, progress=progress, **controls
@@ -301,6 +317,8 @@ def inspect(
         json_output.print_json("inspect", json_output.inspected(found))
     else:
         tables.print_inspection(found)
+        if report is not None:
+            print(f"report: {report}")
 
 
 @app.command("fill-holes")
@@ -317,9 +335,11 @@ def fill_holes(
             min=1, max=3, help="Smoothness across the hole's boundary: 1 membrane, 2 tangent planes, 3 curvature."
         ),
     ] = 2,
-    max_edges: Annotated[
-        int | None, typer.Option(min=3, help="Leave holes with more boundary edges open, such as the outer boundary.")
-    ] = None,
+    max_edges: Annotated[int | None, typer.Option(min=3, help="Leave holes with more boundary edges open.")] = None,
+    outer: Annotated[
+        Literal["keep", "fill"],
+        typer.Option(help="Keep the outer boundary of an open surface, such as a scan from one side, or fill it too."),
+    ] = "keep",
     force: Force = False,
 ) -> None:
     """Fill the holes of a mesh with patches as dense as the mesh around; existing vertices and faces stay."""
@@ -329,6 +349,6 @@ def fill_holes(
 
     target = beside(source, "filled") if output is None else output
     kind = cast(Literal[1, 2, 3], order)  # typer holds the range
-    done = fill_holes_file(source, target, order=kind, max_edges=max_edges, force=force)
-    print(f"{target}: {counted(done.added, 'face')} added to {done.faces}")
+    done = fill_holes_file(source, target, order=kind, max_edges=max_edges, outer=outer, force=force)
+    tables.print_filling(target, done, max_edges)
     tables.print_left_out(done.left_out)

@@ -1,0 +1,59 @@
+"""Small connected components of a mesh, such as the floaters of a reconstruction."""
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ParameterError
+from cascadenorm.mesh import Bools, Mesh
+
+SMALL = "1%"
+"""Share of the faces of the largest component below which another counts as small."""
+
+
+def component_limit(limit: str | int) -> tuple[float, bool]:
+    """Return a number of faces, or a share of those of the largest component, and whether it is a share.
+
+    Parameters
+    ----------
+    limit
+        Such as 50, "50" or "1%".
+
+    Raises
+    ------
+    ParameterError
+        `limit` is neither a whole number of at least 1 nor a percentage between 0 and 100.
+    """
+    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(%?)\s*", str(limit))
+    number = float(found[1]) if found else 0.0
+    share = bool(found and found[2])
+    if not number > 0 or (share and number > 100) or not (share or number.is_integer()):
+        raise ParameterError(
+            f'is {limit!r}; it must be a number of faces such as 50, or a share of the largest component such as "1%"',
+            parameter="drop_components",
+        )
+    return (number / 100 if share else number), share
+
+
+def small_components(mesh: Mesh, limit: str | int = SMALL) -> tuple[Bools, NDArray[np.int64]]:
+    """Find the components with fewer faces than a limit; the largest one is never among them.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with m faces. Faces that share a vertex are connected.
+    limit
+        Number of faces, or a share of the faces of the largest component, as `component_limit` reads it.
+
+    Returns
+    -------
+    (m,) bool, whether each face lies in a small component; and the first face of each small component.
+    """
+    number, share = component_limit(limit)
+    _, first, of_faces, counts = np.unique(
+        mesh.topology.face_components, return_index=True, return_inverse=True, return_counts=True
+    )
+    largest = counts.max(initial=0)
+    small = (counts < (number * largest if share else number)) & (counts < largest)
+    return small[of_faces.reshape(-1)], np.sort(first[small])

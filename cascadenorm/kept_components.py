@@ -1,0 +1,79 @@
+"""Mesh files without their small components."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from cascadenorm import io
+from cascadenorm.geometry.small_components import small_components
+from cascadenorm.io.files import extensible
+from cascadenorm.io.interop import mesh_of_file
+from cascadenorm.mesh.polygons import Polygons
+
+
+class Dropped(NamedTuple):
+    """A file without its small components.
+
+    Parameters
+    ----------
+    file
+        The file. It is the given one where nothing was dropped, else a PLY or OBJ file in memory.
+    components, faces
+        Numbers of components and of polygons that were dropped.
+    left_out
+        What the file in memory lacks besides, in words.
+    """
+
+    file: io.MeshFile
+    components: int
+    faces: int
+    left_out: tuple[str, ...]
+
+
+def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> Dropped:
+    """Drop the components of a file that have fewer faces than a limit, with their vertices.
+
+    Parameters
+    ----------
+    file
+        As it was read, or isolating its bad vertices and faces, which stay.
+    limit
+        A number of faces, or a share of those of the largest component, as `component_limit` reads it.
+    name
+        What messages call the file.
+    """
+    small, first = small_components(mesh_of_file(file, name), limit)
+    if not len(first):
+        return Dropped(file, 0, 0, ())
+    isolates = bool(file.left_out.any() or file.bad_vertices.any())
+    own, lost = extensible(file)
+    own = own.isolating() if isolates else own
+    small, first = small_components(mesh_of_file(own, name), limit)
+    content = own.content()
+
+    # Polygons of small components; those that the mesh leaves out are in none, and stay
+    bad = np.zeros(len(own.polygons), bool)
+    bad[own.triangle_polygons[~own.left_out][small]] = True
+    outside = own.polygons.out_of_range(len(own.positions))
+    kept = ~np.delete(bad, np.unique(own.polygons.owners[outside]))
+
+    # Vertices that only those polygons use
+    counts, owners = content.polygons.counts, content.polygons.owners
+    corners = content.polygons.corners
+    unused = np.zeros(len(content.positions), bool)
+    unused[corners[~kept[owners]]] = True
+    unused[corners[kept[owners]]] = False
+    numbers = np.cumsum(~unused) - 1
+    left = replace(
+        content,
+        positions=content.positions[~unused],
+        polygons=Polygons.from_counts(counts[kept], numbers[corners[kept[owners]]]),
+        vertex_values={key: values[~unused] for key, values in content.vertex_values.items()},
+        face_values={key: values[kept] for key, values in content.face_values.items()},
+    )
+    kind = type(own)
+    pieces, further = kind.encode(left)
+    made = kind(b"".join(pieces), own.folder)
+    losses = tuple(dict.fromkeys([*lost, *content.left_out, *further]))
+    return Dropped(made.isolating() if isolates else made, len(first), int(bad.sum()), losses)
