@@ -216,7 +216,7 @@ def test_a_program_is_run_on_each_noisy_mesh_timed_and_measured(folder):
     done = evaluate(folder, methods=[], commands={"copy": python(COPY)})
     assert [(r.pair, r.method) for r in done.results] == [(n, m) for n in SHAPES for m in (NOISY, "copy")]
     for before, after in zip(done.results[::2], done.results[1::2], strict=True):
-        assert after.measures == before.measures and 0 < after.seconds < 30
+        assert after.measures == before.measures and after.seconds > 0
         assert before.seconds == 0 and before.memory_mb is None
     if sys.platform.startswith("linux"):
         assert all(120 < result.memory_mb < 180 for result in done.results[1::2])  # not that of this process
