@@ -56,4 +56,4 @@ def small_components(mesh: Mesh, limit: str | int = SMALL) -> tuple[Bools, NDArr
     )
     largest = counts.max(initial=0)
     small = (counts < (number * largest if share else number)) & (counts < largest)
-    return small[of_faces.reshape(-1)], np.sort(first[small])
+    return small[of_faces.reshape(-1)], np.sort(first[small]).astype(np.int64)
