@@ -14,7 +14,6 @@ from cascadenorm.io.interop import save_mesh
 ROOT = Path(__file__).parent.parent
 FOLDERS = {"cascadenorm": ROOT / "cascadenorm", "baselines": ROOT / "baselines", "data_gen": ROOT / "data_gen"}
 
-<<<<<<< HEAD
 MAY_IMPORT = {
     "version": "",
     "errors": "",
@@ -45,65 +44,6 @@ MAY_IMPORT = {
     "models reports streaming studio",
 }
 """What the modules of a room may import besides one another, in an order in which each room has only earlier ones."""
-=======
-MESH = {"mesh", "messages", "errors", "compile_time"}
-METHODS = {*MESH, "progress", "registry", "geometry"}
-MAY_IMPORT = {
-    "errors": set(),
-    "messages": set(),
-    "progress": set(),
-    "compile_time": set(),
-    "mesh": MESH,
-    "registry": {"mesh", "errors"},
-    "child_processes": set(),
-    "workers": {"mesh", "errors", "child_processes"},
-    "worker_processes": {"mesh", "errors", "child_processes"},
-    "cluster": {"errors", "child_processes", "remote_files"},
-    "cluster_map": {"mesh", "errors", "workers", "cluster", "memory"},
-    "memory": {"errors"},
-    "digests": set(),
-    "remote_files": {"errors"},
-    "geometry": METHODS,
-    "baselines": {*METHODS, "baselines"},
-    "data_gen": {"mesh", "errors", "progress", "workers", "geometry", "data_gen"},
-    "learned": {*METHODS, "baselines", "data_gen", "workers", "learned"},
-    "io": {*MESH, "io"},
-    "interop": {*MESH, "io"},
-    "render": {"mesh", "errors", "render"},
-    "render.scenes": {"mesh", "errors", "render", "interop", "evaluation.fields"},
-    "render.files": {"mesh", "errors", "render", "io", "interop"},
-    "evaluation.metrics": {"mesh", "errors", "geometry"},
-    "evaluation.fields": {"mesh", "errors", "geometry", "evaluation.metrics"},
-    "controls": {*METHODS, "controls"},
-    "controls.walls": {*METHODS, "controls", "baselines.vertex_update"},
-    "controls.settings": {"errors", "registry"},
-    "controls.selection": {"mesh", "errors", "registry", "controls", "io"},
-    "inspection": {*MESH, "geometry", "controls", "io", "interop", "learned", "inspection"},
-    "denoised_files": {*METHODS, "controls", "interop", "io", "remote_files", "kept_components"},
-    "kept_components": {*METHODS, "interop", "io"},
-    "filled_files": {*METHODS, "interop", "io"},
-    "api": {*METHODS, "baselines", "learned", "controls", "interop", "io", "denoised_files", "evaluation.metrics"},
-    "spectra": {*METHODS, "io", "interop"},
-    "regions": {*METHODS, "io", "interop", "controls", "api", "denoised_files"},
-    "batch": {*METHODS, "worker_processes", "cluster", "remote_files", "memory", "digests", "learned.cascade",
-              "controls", "io", "api", "denoised_files", "batch"},
-    "model_cards": {"digests", "learned.cascade", "models"},
-    "streaming": {*METHODS, "workers", "cluster", "cluster_map", "memory", "baselines", "learned", "controls", "io",
-                  "api", "denoised_files", "streaming"},
-    "models": {*METHODS, "learned", "io", "controls", "api", "evaluation.pairs"},
-    "evaluation": {*METHODS, "workers", "cluster", "cluster_map", "memory", "digests", "learned", "data_gen", "io",
-                   "interop", "controls", "api", "evaluation"},
-    "reports": {*MESH, "registry", "progress", "digests", "geometry", "learned.cascade", "controls", "io",
-                "interop", "inspection", "evaluation", "render", "api", "denoised_files", "reports"},
-    "frontends": {*METHODS, "interop", "controls", "api", "regions", "inspection", "evaluation.metrics", "frontends"},
-    "frontends.blender": {*METHODS, "io.normals", "controls", "api", "inspection", "frontends"},
-    "studio": {*METHODS, "child_processes", "io", "interop", "controls", "api", "denoised_files", "reports", "studio"},
-    "cli": {*METHODS, "workers", "learned", "data_gen", "io", "interop", "controls", "api", "denoised_files",
-            "filled_files", "batch", "streaming", "models", "model_cards", "regions", "evaluation", "spectra",
-            "inspection", "render", "reports", "studio", "cli"},
-}  # fmt: skip
-"""What a module may import; the longest name that fits it decides. A room's own `__init__` is part of it."""
->>>>>>> d5e8b6b (Say that a first run compiles kernels, and leave that time out of the figure)
 
 
 def modules() -> dict[str, Path]:

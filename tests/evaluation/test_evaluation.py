@@ -25,7 +25,6 @@ from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.evaluation import pairs as pairs_module
 from cascadenorm.evaluation import public_sets, runs, tables
 from cascadenorm.evaluation.harness import NOISY, Evaluation, evaluate
-from cascadenorm.evaluation.pairs import find_pairs, write_pairs
 from cascadenorm.evaluation.programs import command_words
 from cascadenorm.evaluation.public_sets import public_pairs
 from cascadenorm.execution.memory import peak_memory
