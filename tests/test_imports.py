@@ -32,16 +32,16 @@ MAY_IMPORT = {
     "render": "errors mesh io geometry",
     "inspection": "mesh io detection geometry learned",
     "regions": "mesh geometry baselines controls",
-    "api": "errors execution mesh registry io detection geometry baselines learned controls regions",
+    "api": "errors compute execution mesh registry io detection geometry baselines learned controls regions",
     "batch": "version errors execution mesh registry io learned controls api",
     "evaluation": "version errors execution mesh registry io geometry data_gen learned controls api",
     "models": "errors execution mesh io geometry data_gen learned api",
     "frontends": "errors execution mesh registry io geometry controls inspection api",
     "reports": "version errors execution mesh registry io geometry learned controls render inspection api evaluation",
-    "studio": "errors execution mesh registry io controls api reports",
+    "studio": "errors compute execution mesh registry io controls api reports",
     "streaming": "version errors execution mesh registry io detection geometry baselines learned controls regions api",
-    "cli": "version errors execution mesh registry io geometry learned controls render inspection api batch evaluation "
-    "models reports streaming studio",
+    "cli": "version errors compute execution mesh registry io geometry learned controls render inspection api batch "
+    "evaluation models reports streaming studio",
 }
 """What the modules of a room may import besides one another, in an order in which each room has only earlier ones."""
 

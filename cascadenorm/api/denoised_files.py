@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import in_words
+from cascadenorm.api.kept_components import Dropped, without_small_components
 from cascadenorm.api.selection import selected
-from cascadenorm.batch.remote_files import is_url
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.controls.settings import Controls, parsed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
@@ -22,7 +22,7 @@ from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target
 from cascadenorm.io.interop import mesh_of_file, source_name
-from cascadenorm.kept_components import Dropped, without_small_components
+from cascadenorm.io.urls import is_url
 from cascadenorm.learned.methods import Treated, treated
 from cascadenorm.mesh import (
     Mesh,

@@ -18,7 +18,7 @@ from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs, listed
 from cascadenorm.batch.manifest import NAME, Line, Manifest
 from cascadenorm.batch.processes import LocalProcesses, Processes
-from cascadenorm.batch.remote_files import check_writable, is_url
+from cascadenorm.batch.remote_files import check_writable
 from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import SCAN, Watched
@@ -30,6 +30,7 @@ from cascadenorm.execution.memory import FREE, available_memory, memory_size
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io import output_format
 from cascadenorm.io.atomic import remove_unfinished
+from cascadenorm.io.urls import is_url
 from cascadenorm.mesh import thread_count
 
 if TYPE_CHECKING:

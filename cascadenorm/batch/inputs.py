@@ -8,9 +8,10 @@ from os import PathLike
 from pathlib import Path, PurePath
 from typing import NamedTuple
 
-from cascadenorm.batch.remote_files import file_name, files_at, fixed_part, is_url, without_query
+from cascadenorm.batch.remote_files import file_name, files_at, fixed_part, without_query
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import is_mesh_name
+from cascadenorm.io.urls import is_url
 
 RESULT = "_denoised"
 """What `denoise` adds to the name of a file."""

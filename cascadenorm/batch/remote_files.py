@@ -42,11 +42,6 @@ class ChangedError(ReadError):
     """A file that was written to while it was read."""
 
 
-def is_url(name: object) -> bool:
-    """Test whether a name is a URL; "C://" is a drive."""
-    return isinstance(name, str) and re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", name) is not None
-
-
 def without_query(url: str) -> str:
     """Return a URL without what follows its path: on the web ? and # end it, elsewhere they are letters of a name."""
     return re.split("[?#]", url, maxsplit=1)[0] if urlsplit(url).scheme.lower() in WEB else url

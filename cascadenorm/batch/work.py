@@ -15,10 +15,11 @@ from cascadenorm.api import api
 from cascadenorm.api.denoised_files import DenoisingSummary
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
-from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_name, is_url, put
+from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_name, put
 from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerError
 from cascadenorm.io.atomic import check_output, make_folder
 from cascadenorm.io.digests import file_digest
+from cascadenorm.io.urls import is_url
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 

@@ -24,10 +24,10 @@ class GiftiFile(MeshFile):
     moving_loses = ("what nibabel does not keep (layout of the XML)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
-        from nibabel.gifti import GiftiImage
+        from nibabel.gifti import GiftiImage, parse_gifti_fast
 
         try:
-            with limited(len(self.data), "nibabel.gifti.parse_gifti_fast"):
+            with limited(len(self.data), parse_gifti_fast):
                 self._image = GiftiImage.from_bytes(self.data)
         except ReadError:
             raise

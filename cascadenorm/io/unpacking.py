@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 from cascadenorm.io.limits import allowed, check_expansion
@@ -47,9 +47,8 @@ LIMITED = {"zlib": _Limited(zlib, zlib.decompressobj), "lzma": _Limited(lzma, lz
 
 
 @contextmanager
-def limited(size: int, module: str) -> Iterator[None]:
+def limited(size: int, reader: ModuleType) -> Iterator[None]:
     """Let a module of a library unpack no more in this block than a file of a size may expand to."""
-    reader = import_module(module)
     for name, stands_for in LIMITED.items():
         if getattr(reader, name, None) is sys.modules[name]:
             setattr(reader, name, stands_for)

@@ -33,8 +33,10 @@ class MeshioFile(MeshFile):
     moving_loses = ("what meshio does not keep (title, layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        from meshio.vtu import _vtu
+
         try:
-            with limited(len(self.data), "meshio.vtu._vtu"):
+            with limited(len(self.data), _vtu):
                 self._grid = self._load()
         except ReadError:
             raise

@@ -7,11 +7,11 @@ import pytest
 from shapes import cube, icosphere
 
 import cascadenorm as cn
+from cascadenorm.api.kept_components import without_small_components
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.small_components import component_limit, small_components
 from cascadenorm.io.interop import save_mesh
-from cascadenorm.kept_components import without_small_components
 from cascadenorm.mesh import Mesh
 
 LARGE, MIDDLE, SMALL = icosphere(4), icosphere(1), cube(1)  # 5120, 80 and 12 faces
