@@ -1,0 +1,282 @@
+"""An evenly spread coarse copy of a mesh, and how a change of it is carried over to the mesh."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cascadenorm.geometry.vertex_clusters import vertex_areas, vertex_clusters
+from cascadenorm.mesh import Bools, Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.averages import averaged
+from cascadenorm.mesh.vectors import Vector, add, dot, row, scaled, subtract
+
+LEAST_CLUSTERS = 100
+"""Clusters on each connected component, if it has so many vertices, however long the edges of the copy shall be."""
+HALVINGS = 4
+"""How often, at most, the edges are halved where the copy would be torn or folded, as on a tube that is thinner."""
+EVEN = 3
+"""Passes that even out the correction of a copy that is too small, so that steps in the copy do not become sharper."""
+
+
+class Feet(NamedTuple):
+    """The nearest point of a coarse copy for each of n vertices.
+
+    Parameters
+    ----------
+    faces
+        (n,) face of the copy that it lies on; -1 where there is none around.
+    weights
+        (n, 3) its barycentric coordinates there.
+    outside
+        (n,) whether it lies on the boundary of the copy.
+    """
+
+    faces: Ints32
+    weights: Floats
+    outside: Bools
+
+    def places(self, copy: Mesh) -> Vectors:
+        """Return where these points are on the copy or, with other vertices, on what became of it, (n, 3)."""
+        return np.asarray(np.einsum("ij,ijk->ik", self.weights, copy.corners[self.faces]))
+
+
+class CoarseCopy(NamedTuple):
+    """A coarse copy of a mesh with n vertices.
+
+    Parameters
+    ----------
+    mesh
+        The copy.
+    labels
+        (n,) vertex of the copy that each vertex belongs to; -1 for a vertex without a face.
+    """
+
+    mesh: Mesh
+    labels: Ints32
+
+    def feet(self, points: Vectors) -> Feet:
+        """Find the nearest point to each vertex, (n, 3), on the faces within two rings of the vertex of its cluster.
+
+        Sheets that lie close together are told apart this way, and the time does not depend on the size of the copy.
+        """
+        topology = self.mesh.topology
+        single = topology.edge_faces.counts[topology.face_edges] == 1
+        faces, weights, outside = (
+            np.empty(len(points), np.int32),
+            np.empty((len(points), 3)),
+            np.empty(len(points), bool),
+        )
+        arrays = self.mesh.vertices, self.mesh.faces, topology.vertex_faces, topology.vertex_neighbors, single
+        parallel_for(len(points), _feet_range, points, self.labels, *arrays, faces, weights, outside)
+        return Feet(faces, weights, outside)
+
+    def carried_over(self, points: Vectors, vertices: Vectors) -> Vectors:
+        """Return where vertices go as the copy changes: from their nearest point on it to the same point afterwards.
+
+        A vertex beyond the boundary of the copy keeps its distance from it along the surface.
+
+        Parameters
+        ----------
+        points
+            (n, 3) vertices of the mesh.
+        vertices
+            New vertices of the copy.
+
+        Returns
+        -------
+        (n, 3); vertices without a face of the copy around them stay.
+        """
+        feet, after = self.feet(points), self.mesh.moved(vertices)
+        beyond = points - feet.places(self.mesh)
+        normals = after.face_normals[feet.faces]
+        beyond -= np.einsum("ij,ij->i", beyond, normals)[:, None] * normals
+        carried = feet.places(after) + np.where(feet.outside[:, None], beyond, 0.0)
+        return np.where((feet.faces >= 0)[:, None], carried, points)
+
+
+def coarse_copy(mesh: Mesh, length: float) -> CoarseCopy | None:
+    """Return a copy with edges of about a given length: a vertex for each cluster, a face where three clusters meet.
+
+    The vertices are the centroids of the clusters, at a boundary those of their boundary vertices, moved along the
+    normals to the middle of the surface around them. Each connected component has at least LEAST_CLUSTERS clusters, if
+    it has so many vertices. Where clusters are so large that the copy would have a hole, a fold, or an edge of three
+    faces that the surface does not have, they are made smaller.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with n vertices, of any kind; of several faces on the same vertices one counts.
+    length
+        In the unit of the mesh, above 0.
+
+    Returns
+    -------
+    The copy; None where no three clusters meet.
+    """
+    spacing, faces = _spacing(mesh, length), _distinct(mesh.faces)
+    for halving in range(HALVINGS + 1):
+        labels = vertex_clusters(mesh, spacing)
+        triangles, twice = _triangles(labels[faces])
+        torn = _torn(mesh, labels, triangles, twice)
+        if halving == HALVINGS or not torn.any():
+            break
+        spacing = np.where((labels >= 0) & torn[labels], spacing / 2, spacing)
+    if not len(triangles):
+        return None
+    return _fitted(CoarseCopy(Mesh(_centroids(mesh, labels), triangles), labels), mesh)
+
+
+def _spacing(mesh: Mesh, length: float) -> Floats:
+    """Return the distance of the clusters around each vertex, (n,): the length, or less on small components."""
+    components = mesh.topology.components
+    areas = scatter_add(mesh.topology.face_components, mesh.areas, int(components.max()) + 1)
+    smallest = np.sqrt(areas / (LEAST_CLUSTERS * math.sqrt(0.75)))  # a hexagon of width d has the area √¾ d²
+    return np.maximum(np.minimum(length, smallest), np.finfo(float).tiny)[components]
+
+
+def _distinct(faces: Ints32) -> Ints32:
+    """Return the first of the faces on each three vertices, in their order."""
+    rows = np.sort(faces, axis=1)
+    order = np.lexsort(rows.T)
+    new = np.ones(len(rows), bool)
+    new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    return faces if new.all() else faces[np.sort(order[new])]
+
+
+def _triangles(corners: Ints32) -> tuple[Ints32, Bools]:
+    """Return the faces of the copy, (t, 3), and which of them the surface has facing both ways, (t,).
+
+    Parameters
+    ----------
+    corners
+        (m, 3) clusters at the corners of the faces of the mesh; among those of three clusters the majority decides
+        which way a face of the copy faces.
+    """
+    a, b, c = corners.T
+    corners = corners[(a != b) & (b != c) & (c != a)]
+    order = np.argsort(corners, axis=1)
+    turn = np.where((order[:, 0] + 1) % 3 == order[:, 1], 1, -1)
+    triangles, which = np.unique(np.take_along_axis(corners, order, axis=1), axis=0, return_inverse=True)
+    sums = np.bincount(which.ravel(), turn, minlength=len(triangles))
+    counts = np.bincount(which.ravel(), minlength=len(triangles))
+    triangles[sums < 0] = triangles[sums < 0][:, [0, 2, 1]]
+    return triangles.astype(np.int32), np.abs(sums) < counts
+
+
+def _torn(mesh: Mesh, labels: Ints32, triangles: Ints32, twice: Bools) -> Bools:
+    """Tell which clusters lie where the copy is no image of the surface, (k,); those of one vertex never do."""
+    count = int(labels.max()) + 1
+    torn = np.ones(count, bool)
+    torn[triangles] = False  # a cluster without a face
+    torn[triangles[twice]] = True
+    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    ends, faces = np.unique(sides, axis=0, return_counts=True)
+    torn[ends[faces > 2]] = True
+    topology = mesh.topology
+    torn[labels[topology.edges[topology.edge_faces.counts > 2]]] = False
+    return torn & (np.bincount(labels[labels >= 0], minlength=count) > 1)
+
+
+def _centroids(mesh: Mesh, labels: Ints32) -> Vectors:
+    """Return the centroid of each cluster, (k, 3), or of its boundary vertices where it has some."""
+    count = int(labels.max()) + 1
+    boundary, inside = mesh.topology.boundary_vertices, labels >= 0
+    at_boundary = np.zeros(count, bool)
+    at_boundary[labels[boundary]] = True
+    weights = np.where(at_boundary[labels] & ~boundary, 0.0, vertex_areas(mesh))[inside]
+    sums = scatter_add(labels[inside], weights[:, None] * mesh.vertices[inside], count)
+    return np.asarray(sums / scatter_add(labels[inside], weights, count)[:, None])
+
+
+def _fitted(copy: CoarseCopy, mesh: Mesh) -> CoarseCopy:
+    """Move the vertices of a copy along their normals by the mean of what lies between the surface and its faces.
+
+    The centroid of a cluster lies on the inner side of a curved surface, so that the copy would be too small.
+    """
+    feet = copy.feet(mesh.vertices)
+    weights = feet.weights * (vertex_areas(mesh) * ((feet.faces >= 0) & ~feet.outside))[:, None]
+    between = weights[:, :, None] * (mesh.vertices - feet.places(copy.mesh))[:, None]
+    count, corners = len(copy.mesh.vertices), copy.mesh.faces[feet.faces].ravel()
+    sums, totals = scatter_add(corners, between.reshape(-1, 3), count), scatter_add(corners, weights.ravel(), count)
+    normals = copy.mesh.vertex_normals
+    heights = np.einsum("ij,ij->i", sums, normals) / np.maximum(totals, np.finfo(float).tiny)
+    heights = averaged(heights, copy.mesh.topology.vertex_neighbors, EVEN)
+    return copy._replace(mesh=copy.mesh.moved(copy.mesh.vertices + heights[:, None] * normals))
+
+
+@kernel
+def _feet_range(
+    start: int,
+    stop: int,
+    points: Vectors,
+    labels: Ints32,
+    vertices: Vectors,
+    triangles: Ints32,
+    around: Csr,
+    neighbors: Csr,
+    single: Bools,
+    faces: Ints32,
+    weights: Floats,
+    outside: Bools,
+) -> None:
+    """Search the faces around the cluster of each point and around its neighbours; among equals the lowest counts."""
+    for i in range(start, stop):
+        faces[i], weights[i], outside[i], best = -1, 0.0, False, np.inf
+        cluster = labels[i]
+        if cluster < 0:
+            continue
+        first = neighbors.indptr[cluster]
+        for k in range(first - 1, neighbors.indptr[cluster + 1]):
+            near = neighbors.indices[k] if k >= first else cluster
+            for face in around.indices[around.indptr[near] : around.indptr[near + 1]]:
+                a, b, c = triangles[face]
+                u, v, w, distance = foot(row(points, i), row(vertices, a), row(vertices, b), row(vertices, c))
+                if distance < best or (distance == best and face < faces[i]):
+                    best, faces[i] = distance, face
+                    weights[i, 0], weights[i, 1], weights[i, 2] = u, v, w
+        for side in range(3):
+            if faces[i] >= 0 and single[faces[i], side] and weights[i, (side + 2) % 3] == 0.0:
+                outside[i] = True
+
+
+@kernel
+def foot(p: Vector, a: Vector, b: Vector, c: Vector) -> tuple[float, float, float, float]:
+    """Return the barycentric coordinates of the nearest point of a triangle, and its squared distance (Ericson 2005).
+
+    A coordinate is exactly 0 where the nearest point lies on the side across, or at its ends.
+    """
+    ab, ac, bc, ap, bp, cp = (
+        subtract(b, a),
+        subtract(c, a),
+        subtract(c, b),
+        subtract(p, a),
+        subtract(p, b),
+        subtract(p, c),
+    )
+    ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = dot(ab, ap), dot(ac, ap), dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp)
+    # the three corners
+    if ab_a <= 0 and ac_a <= 0:
+        return 1.0, 0.0, 0.0, dot(ap, ap)
+    if ab_b >= 0 and ac_b <= ab_b:
+        return 0.0, 1.0, 0.0, dot(bp, bp)
+    if ac_c >= 0 and ab_c <= ac_c:
+        return 0.0, 0.0, 1.0, dot(cp, cp)
+    # the three sides
+    of_c, of_b, of_a = ab_a * ac_b - ab_b * ac_a, ab_c * ac_a - ab_a * ac_c, ab_b * ac_c - ab_c * ac_b
+    if of_c <= 0 and ab_a >= 0 and ab_b <= 0:
+        share = ab_a / (ab_a - ab_b)
+        away = subtract(ap, scaled(share, ab))
+        return 1 - share, share, 0.0, dot(away, away)
+    if of_b <= 0 and ac_a >= 0 and ac_c <= 0:
+        share = ac_a / (ac_a - ac_c)
+        away = subtract(ap, scaled(share, ac))
+        return 1 - share, 0.0, share, dot(away, away)
+    if of_a <= 0:
+        share = (ac_b - ab_b) / ((ac_b - ab_b) + (ab_c - ac_c))
+        away = subtract(bp, scaled(share, bc))
+        return 0.0, 1 - share, share, dot(away, away)
+    # the inside
+    total = of_a + of_b + of_c
+    u, v, w = of_a / total, of_b / total, of_c / total
+    away = subtract(ap, add(scaled(v, ab), scaled(w, ac)))
+    return u, v, w, dot(away, away)
