@@ -1,7 +1,7 @@
 """A method under the controls: in its frame, where and as strongly as wanted, within limits."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.halo import Halo, as_part, check_halo
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut
-from cascadenorm.controls.detail import Removal, finer_than, without_finer
+from cascadenorm.controls.detail import Removal, Removed, denoised, finer_than, without_finer
 from cascadenorm.controls.displacement import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.weights import holds_some, vertex_weights
@@ -138,22 +138,19 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
     return method.checked(parameters)
 
 
-def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent: int) -> list[Removal]:
-    """List what to remove after a method: `remove_detail`, then what a strength above 1 asks of one that converges.
+def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent: int) -> Removed:
+    """Return the width of `remove_detail`, and what a strength above 1 removes after a method that converges.
 
     Each 1 of strength above 1 is one more removal on the result so far, of detail EDGES wider; the last
     one may be partial. So a strength builds on what less of it removes.
     """
-    removals = []
-    if controls["remove_detail"] is not None:
-        width = framed_length("remove_detail", controls["remove_detail"], framed, exponent)
-        removals.append(Removal(width, 1.0, everywhere=True))
+    given, removals = controls["remove_detail"], []
     if method.converges:
         more = controls["strength"] - 1
         for number in range(math.ceil(more)):
             width = (number + 1) * EDGES * framed.mean_edge_length
-            removals.append(Removal(width, min(more - number, 1.0), everywhere=False))
-    return removals
+            removals.append(Removal(width, min(more - number, 1.0)))
+    return Removed(None if given is None else framed_length("remove_detail", given, framed, exponent), removals)
 
 
 def _step(
@@ -164,7 +161,7 @@ def _step(
     parameters: Mapping[str, Any],
     controls: Controls,
     detail: float,
-    removed: Sequence[Removal],
+    removed: Removed,
 ) -> Step:
     """Return the method together with creases, boundary and detail, which apply each time that it does.
 
@@ -176,7 +173,7 @@ def _step(
     order : how its vertices are numbered
     parts : the shells of its regions, where these share walls
     detail : width of the smallest feature to keep, in the unit of the frame
-    removed : detail to remove after the method, in order
+    removed : detail to remove
     """
     creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
@@ -197,7 +194,7 @@ def _surface_step(
     controls: Controls,
     creases: NDArray[np.bool_] | None,
     detail: float,
-    removed: Sequence[Removal],
+    removed: Removed,
 ) -> Step:
     """Return the step of a mesh without shared walls.
 
@@ -219,8 +216,8 @@ def _surface_step(
 
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
-        vertices = _finite(method, method.function(seen, **parameters), numbers)
-        for removal in removed:
+        vertices = _finite(method, denoised(method, parameters, removed.width, seen), numbers)
+        for removal in removed.afterwards:
             vertices = without_finer(removal, seen, vertices)
         if edges is not None:
             vertices = smoothed_boundary(seen, edges, vertices)

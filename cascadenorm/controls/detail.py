@@ -1,19 +1,24 @@
 """The width of the smallest feature to keep, and of the largest to remove."""
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
 from cascadenorm.baselines.rolling_guidance import rolling_guidance_normal
+from cascadenorm.baselines.wide_errors import without_steps, without_wide_errors
 from cascadenorm.controls.displacement import limited
+from cascadenorm.detection.enlarged_steps import enlarged_steps
+from cascadenorm.geometry.coarse_copy import CoarseCopy
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.registry import REGION, Method
 
+TREAT_AS = "treat_as"  # the parameter of `auto`
 WIDEST = 10.0
 """In diagonals of the mesh; a larger width to keep takes away the mean displacement of a component, and no more."""
 
@@ -51,17 +56,69 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     return finer
 
 
+def denoised(method: Method, parameters: Mapping[str, Any], width: float | None, mesh: Mesh) -> Vectors:
+    """Apply a method to a mesh or, where its errors are wide, to coarse copies of it.
+
+    Parameters
+    ----------
+    method, parameters
+        The method, and all of its parameters but the mesh.
+    width
+        Of the errors, in the unit of the mesh. None: a learned method looks for the steps of enlarged volumes.
+    mesh
+        Mesh with n vertices.
+
+    Returns
+    -------
+    (n, 3)
+    """
+    if width is not None:
+        return without_wide_errors(mesh, width, lambda copy: _on_copy(method, parameters, copy))
+    widths = enlarged_steps(mesh) if method.converges else np.zeros(1)
+    if not widths.any():
+        return np.asarray(method.function(mesh, **parameters))
+    return without_steps(mesh, widths, lambda part: np.asarray(method.function(part, **parameters)))
+
+
+def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) -> Vectors:
+    """Apply a method to a copy, of which the clusters move all of whose vertices may move."""
+    if REGION in parameters:
+        held = np.zeros(len(copy.mesh.vertices), bool)
+        held[copy.labels[~parameters[REGION] & (copy.labels >= 0)]] = True
+        parameters = {**parameters, REGION: ~held}
+    if parameters.get(TREAT_AS, "") is None:  # the triangles of a copy do not tell how the surface was made
+        parameters = {**parameters, TREAT_AS: "measured-surface"}
+    return np.asarray(method.function(copy.mesh, **parameters))
+
+
 class Removal(NamedTuple):
     """Detail to remove from what a method left.
 
-    width : of the widest feature that goes, in the unit of the mesh
-    share : of the way, from 0 to 1
-    everywhere : False keeps the vertices that the method left where they are
+    Parameters
+    ----------
+    width
+        Of the widest feature that goes, in the unit of the mesh.
+    share
+        Of the way, from 0 to 1.
     """
 
     width: float
     share: float
-    everywhere: bool
+
+
+class Removed(NamedTuple):
+    """All detail to remove.
+
+    Parameters
+    ----------
+    width
+        Of the errors that the method shall remove, in the unit of the mesh; None leaves that to the method.
+    afterwards
+        What to remove from what the method left, in this order.
+    """
+
+    width: float | None
+    afterwards: list[Removal]
 
 
 def without_finer(removal: Removal, mesh: Mesh, vertices: Vectors) -> Vectors:
@@ -69,19 +126,23 @@ def without_finer(removal: Removal, mesh: Mesh, vertices: Vectors) -> Vectors:
 
     Parameters
     ----------
-    mesh : the input, n vertices
-    vertices : (n, 3), where a method wants them
+    removal
+        What to remove.
+    mesh
+        The input, with n vertices.
+    vertices
+        (n, 3) where a method wants them.
 
     Returns
     -------
-    (n, 3), at most half a width from `vertices`, which is the height of a half sphere; no face is flipped against the
-    input but its foldovers
+    (n, 3), at most half a width from `vertices`, which is the height of a half sphere; vertices that the method left
+    where they are stay, and no face is flipped against the input but its foldovers.
     """
     left = mesh.moved(vertices)
     if removal.width == 0 or not left.mean_edge_length > 0:
         return vertices
     width = min(removal.width, WIDEST * mesh.diagonal)
     filtered = rolling_guidance_normal(left, width=width / left.mean_edge_length)
-    kept = np.zeros(len(vertices), bool) if removal.everywhere else (vertices == mesh.vertices).all(axis=1)
+    kept = (vertices == mesh.vertices).all(axis=1)
     displacement = limited(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
     return without_flips(mesh, vertices + removal.share * displacement)

@@ -136,8 +136,8 @@ class Controls(TypedDict, total=False):
     remove_detail: Annotated[
         Length | None,
         Control(
-            help="Width of the largest feature to remove from what the method leaves, in the unit of the mesh or like "
-            '"4 edges"; wider features and their edges stay.',
+            help="Width of the errors to remove, such as steps or bumps, in the unit of the mesh or like "
+            '"4 edges"; the method sees coarse copies of the mesh. Wider features and their edges stay.',
             example="4 edges",
             metavar="LENGTH",
         ),
