@@ -20,6 +20,10 @@ WIDTHS = 2.0
 """Width of the error, in steps: a tread and the rise beside it."""
 
 
+LEAST_MASK = 3
+"""Factor of a mask from which its steps are too wide for the networks; those of factor 2 they know."""
+
+
 def enlarged_steps(mesh: Mesh) -> Floats:
     """Find the width of the steps on each connected component that comes from an enlarged volume.
 
@@ -53,8 +57,9 @@ def enlarged_steps(mesh: Mesh) -> Floats:
 
 
 def enlargement(mesh: Mesh) -> int:
-    """Return how often each voxel was repeated along each axis; 0 where it was not, or no lattice is found."""
+    """Return how often each voxel was repeated along each axis; 0 where it was not, or a mask fewer than LEAST_MASK times."""
     lattice = lattice_of_mask(mesh)
+    least = 2 if lattice is None else LEAST_MASK
     lattice = _lattice_along_axes(mesh) if lattice is None else lattice
     if lattice is None:
         return 0
@@ -63,7 +68,8 @@ def enlargement(mesh: Mesh) -> int:
     if sum(map(len, cells)) < ON_EDGES * len(points):
         return 0
     factors = {_period(along) for along in cells}
-    return factors.pop() if len(factors) == 1 else 0
+    factor = factors.pop() if len(factors) == 1 else 0
+    return factor if factor >= least else 0
 
 
 def _lattice_along_axes(mesh: Mesh) -> Lattice | None:
