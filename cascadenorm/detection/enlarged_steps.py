@@ -57,7 +57,7 @@ def enlarged_steps(mesh: Mesh) -> Floats:
 
 
 def enlargement(mesh: Mesh) -> int:
-    """Return how often each voxel was repeated along each axis; 0 where it was not, or a mask fewer than LEAST_MASK times."""
+    """Return how often each voxel was repeated along each axis; 0 for once, and for masks below LEAST_MASK."""
     lattice = lattice_of_mask(mesh)
     least = 2 if lattice is None else LEAST_MASK
     lattice = _lattice_along_axes(mesh) if lattice is None else lattice
