@@ -28,7 +28,7 @@ MAY_IMPORT = {
     "data_gen": "execution mesh detection",
     "baselines": "compute execution mesh registry geometry",
     "learned": "errors compute execution mesh registry detection geometry data_gen baselines",
-    "controls": "errors mesh registry geometry baselines",
+    "controls": "errors mesh registry detection geometry baselines",
     "render": "errors mesh io geometry",
     "inspection": "mesh io detection geometry learned",
     "regions": "mesh geometry baselines controls",
