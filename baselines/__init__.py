@@ -15,6 +15,7 @@ from cascadenorm.baselines import (
     prescribed_mean_curvature,
     rolling_guidance,
     spectral,
+    static_dynamic_normal,
     taubin,
     tv_normal,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "prescribed_mean_curvature",
     "rolling_guidance",
     "spectral",
+    "static_dynamic_normal",
     "taubin",
     "tv_normal",
 ]

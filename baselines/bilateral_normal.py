@@ -106,14 +106,18 @@ def joint_bilateral_pass(
     rings: Csr,
     weights: NDArray[np.float64],
     sigma_r: float,
+    *,
+    given: Vectors | None = None,
 ) -> Vectors:
     """One pass of the filter, its range weight taken on the guide; the guide is the normals themselves for bilateral.
 
-    The face itself takes part with the weight own[f]. Where all weights vanish the normal stays.
+    The face itself takes part with the weight own[f] and its normal, or the one in `given`, which pulls the passes of a
+    sequence to where it began. Where all weights vanish the normal stays.
     """
     out = np.empty_like(normals)
+    given = normals if given is None else given
     spread = 0.5 / sigma_r**2
-    parallel_for(len(normals), _bilateral_pass, normals, guide, own, rings, weights, spread, out)
+    parallel_for(len(normals), _bilateral_pass, normals, guide, given, own, rings, weights, spread, out)
     return out
 
 
@@ -139,6 +143,7 @@ def _bilateral_pass(
     stop: int,
     normals: Vectors,
     guide: Vectors,
+    given: Vectors,
     own: Floats,
     rings: Csr,
     weights: Floats,
@@ -159,7 +164,7 @@ def _bilateral_pass(
             shares[k] = weights[first + k] * exp(shares[k])
 
         # the sum of the normals
-        x, y, z = own[f] * normals[f, 0], own[f] * normals[f, 1], own[f] * normals[f, 2]
+        x, y, z = own[f] * given[f, 0], own[f] * given[f, 1], own[f] * given[f, 2]
         for k in range(count):
             g = rings.indices[first + k]
             x += shares[k] * normals[g, 0]

@@ -88,6 +88,38 @@ def l0_system(noisy, vertices, quads, coefficients, *, alpha, beta, price):
     return matrix, noisy + beta * difference.T @ bend
 
 
+def pairs_within(mesh: Mesh, radius):
+    """Which faces reach each other by steps over shared vertices within `radius` mean edge lengths, from both sides."""
+    near = length(mesh.centroids[:, None] - mesh.centroids) <= radius * mesh.mean_edge_length
+    touching = (mesh.faces[:, None, :, None] == mesh.faces[None, :, None, :]).any(axis=(2, 3))
+    reached = np.eye(len(near), dtype=bool)
+    for f in range(len(near)):
+        while (grown := near[f] & touching[reached[f]].any(axis=0)).sum() > reached[f].sum():
+            reached[f] = grown
+    return reached & reached.T & ~np.eye(len(near), dtype=bool)
+
+
+def static_dynamic_weights(mesh: Mesh, guide, *, smoothness, sigma_s, sigma_g):
+    """Dense λ' (A_f + A_g) φ(distance) φ(guidance) of Zhang et al. (2018)."""
+    a, spread = mesh.areas, sigma_s * mesh.mean_edge_length
+    spatial = pairs_within(mesh, 3 * sigma_s) * (a[:, None] + a)
+    spatial = spatial * gauss(length(mesh.centroids[:, None] - mesh.centroids), spread)
+    scale = smoothness * a.sum() / (0.5 * spatial.sum())
+    return scale * spatial * gauss(length(guide[:, None] - guide), sigma_g)
+
+
+def static_dynamic_pass(mesh: Mesh, guide, normals, *, smoothness, sigma_s, sigma_g, sigma_r):
+    weights = static_dynamic_weights(mesh, guide, smoothness=smoothness, sigma_s=sigma_s, sigma_g=sigma_g)
+    weights = weights * gauss(length(normals[:, None] - normals), sigma_r) / (2 * sigma_r**2)
+    return unit(mesh.areas[:, None] * mesh.face_normals + weights @ normals)
+
+
+def static_dynamic_energy(mesh: Mesh, guide, normals, *, smoothness, sigma_s, sigma_g, sigma_r):
+    weights = static_dynamic_weights(mesh, guide, smoothness=smoothness, sigma_s=sigma_s, sigma_g=sigma_g)
+    robust = 0.5 * (weights * (1 - gauss(length(normals[:, None] - normals), sigma_r))).sum()
+    return mesh.areas @ length(normals - mesh.face_normals) ** 2 + robust
+
+
 def unilateral_pass(n, rings: Csr, threshold):
     out = np.empty_like(n)
     for f in range(len(n)):

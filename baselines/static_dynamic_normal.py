@@ -1,0 +1,130 @@
+"""Static/dynamic filtering of face normals (Zhang, Deng, Hong, Peng, Qin, Liu 2018).
+
+An energy that no longer grows where neighbouring normals differ much, its pairs weighted by a guidance that stays as it
+is: what counts as an edge is decided by both, the guidance (static) and the normals that are sought (dynamic).
+"""
+
+from typing import Annotated
+
+import numpy as np
+
+from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass
+from cascadenorm.baselines.guided_normal import GuidedDistance, centroid_distance, faces_within, patch_guidance
+from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.execution.progress import track
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import row, squared_distance
+from cascadenorm.registry import Parameter, method
+
+REACH = 3.0
+"""Radius of the neighbourhood, in spreads over distance."""
+
+Smoothness = Annotated[float, Parameter("λ, weight of the differences between normals against fidelity", minimum=0)]
+StaticSpread = Annotated[float, Parameter("spread over the chord between guidance normals", "chord", minimum=1e-6)]
+DynamicSpread = Annotated[
+    float, Parameter("spread over the chord between the normals that are sought", "chord", minimum=1e-6)
+]
+Passes = Annotated[int, Parameter("passes over the normals in each iteration", minimum=0)]
+Iterations = Annotated[int, Parameter("filters, each of the normals that the vertices have by then", minimum=0)]
+
+
+@method("static-dynamic-normal", source="Zhang, Deng, Hong, Peng, Qin, Liu 2018", family="normals")
+def static_dynamic_normal(
+    mesh: Mesh,
+    *,
+    smoothness: Smoothness = 1.0,
+    sigma_s: GuidedDistance = None,
+    sigma_g: StaticSpread = 0.3,
+    sigma_r: DynamicSpread = 0.6,
+    passes: Passes = 8,
+    iterations: Iterations = 5,
+    sweeps: Sweeps = 10,
+    fit: Fit = "sweeps",
+) -> Vectors:
+    """Find normals near the given ones that differ little within regions of a guidance, and let the vertices follow.
+
+    Formula
+    -------
+    minimise Σ_f A_f |n_f - n*_f|² + λ' Σ_fg (A_f + A_g) exp(-|c_f - c_g|²/2σ_s² - |γ_f - γ_g|²/2σ_g²) ψ(n_f - n_g)
+    ψ(d) = 1 - exp(-|d|²/2σ_r²),   |n_f| = 1,   λ' = λ Σ_f A_f / Σ_fg (A_f + A_g) exp(-|c_f - c_g|²/2σ_s²)
+    γ: guidance of `guided-normal`; pairs f, g of faces within 3 σ_s
+    each pass: n_f ← unit(2σ_r²/λ' A_f n*_f + Σ_g (A_f + A_g) exp(…) exp(-|n_f - n_g|²/2σ_r²) n_g)
+
+    Limits
+    ------
+    The guidance has the limits of that of `guided-normal`: features narrower than two rings blur. The energy has many
+    minima; the passes end in one near the given normals.
+    """
+    for _ in track(iterations):
+        spread = centroid_distance(mesh) if sigma_s is None else sigma_s
+        energy = StaticDynamic(
+            mesh, patch_guidance(mesh), smoothness=smoothness, sigma_s=spread, sigma_g=sigma_g, sigma_r=sigma_r
+        )
+        normals = mesh.face_normals
+        for _ in range(passes):
+            normals = energy.descended(normals)
+        mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
+    return mesh.vertices.copy()
+
+
+class StaticDynamic:
+    """The energy of the formula of `static_dynamic_normal`, for the normals n* of a mesh and a guidance.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with m faces.
+    guidance
+        (m, 3) normals that weigh pairs of faces.
+    smoothness
+        λ; the sum over pairs is scaled so that the result does not depend on how many there are.
+    sigma_s, sigma_g, sigma_r
+        Spreads over distance, in mean edge lengths, and over the chords of the guidance and of the normals.
+    """
+
+    def __init__(
+        self, mesh: Mesh, guidance: Vectors, *, smoothness: float, sigma_s: float, sigma_g: float, sigma_r: float
+    ) -> None:
+        count = len(mesh.faces)
+        self.given, self.areas, self.sigma_r = mesh.face_normals, mesh.areas, sigma_r
+        self.neighbors = faces_within(mesh, REACH * sigma_s)
+        self.weights, spatial = np.empty(len(self.neighbors.indices)), np.empty(count)
+        over_distance, over_guidance = 0.5 / (sigma_s * mesh.mean_edge_length) ** 2, 0.5 / sigma_g**2
+        arrays = mesh.centroids, mesh.areas, guidance, self.neighbors
+        parallel_for(count, _pair_weights, *arrays, over_distance, over_guidance, self.weights, spatial)
+        pairs = 0.5 * spatial.sum()  # each pair was added up from both sides
+        self.weights *= smoothness * mesh.areas.sum() / pairs if pairs > 0 else 0.0
+
+    def descended(self, normals: Vectors) -> Vectors:
+        """Return (m, 3) unit normals after one pass: each minimises a bound of the energy while all others stay."""
+        own = 2 * self.sigma_r**2 * self.areas
+        return joint_bilateral_pass(normals, normals, own, self.neighbors, self.weights, self.sigma_r, given=self.given)
+
+
+@kernel
+def _pair_weights(
+    start: int,
+    stop: int,
+    centroids: Vectors,
+    areas: Floats,
+    guidance: Vectors,
+    neighbors: Csr,
+    over_distance: float,
+    over_guidance: float,
+    weights: Floats,
+    spatial: Floats,
+) -> None:
+    """Write the weight of each pair, 0 where only one face has the other as a neighbour; sum those of distance."""
+    for f in range(start, stop):
+        spatial[f] = 0.0
+        for k in range(neighbors.indptr[f], neighbors.indptr[f + 1]):
+            g = neighbors.indices[k]
+            weights[k] = 0.0
+            for other in neighbors.indices[neighbors.indptr[g] : neighbors.indptr[g + 1]]:
+                if other == f:
+                    closeness = np.exp(-over_distance * squared_distance(row(centroids, f), row(centroids, g)))
+                    alike = np.exp(-over_guidance * squared_distance(row(guidance, f), row(guidance, g)))
+                    weights[k] = (areas[f] + areas[g]) * closeness * alike
+                    spatial[f] += (areas[f] + areas[g]) * closeness
+                    break
