@@ -89,6 +89,7 @@ class StaticDynamic:
         count = len(mesh.faces)
         self.given, self.areas, self.sigma_r = mesh.face_normals, mesh.areas, sigma_r
         self.neighbors = faces_within(mesh, REACH * sigma_s)
+        parallel_for(count, _sort_rows, self.neighbors)
         self.weights, spatial = np.empty(len(self.neighbors.indices)), np.empty(count)
         over_distance, over_guidance = 0.5 / (sigma_s * mesh.mean_edge_length) ** 2, 0.5 / sigma_g**2
         arrays = mesh.centroids, mesh.areas, guidance, self.neighbors
@@ -100,6 +101,12 @@ class StaticDynamic:
         """Return (m, 3) unit normals after one pass: each minimises a bound of the energy while all others stay."""
         own = 2 * self.sigma_r**2 * self.areas
         return joint_bilateral_pass(normals, normals, own, self.neighbors, self.weights, self.sigma_r, given=self.given)
+
+
+@kernel
+def _sort_rows(start: int, stop: int, neighbors: Csr) -> None:
+    for f in range(start, stop):
+        neighbors.indices[neighbors.indptr[f] : neighbors.indptr[f + 1]].sort()
 
 
 @kernel
@@ -121,10 +128,10 @@ def _pair_weights(
         for k in range(neighbors.indptr[f], neighbors.indptr[f + 1]):
             g = neighbors.indices[k]
             weights[k] = 0.0
-            for other in neighbors.indices[neighbors.indptr[g] : neighbors.indptr[g + 1]]:
-                if other == f:
-                    closeness = np.exp(-over_distance * squared_distance(row(centroids, f), row(centroids, g)))
-                    alike = np.exp(-over_guidance * squared_distance(row(guidance, f), row(guidance, g)))
-                    weights[k] = (areas[f] + areas[g]) * closeness * alike
-                    spatial[f] += (areas[f] + areas[g]) * closeness
-                    break
+            others = neighbors.indices[neighbors.indptr[g] : neighbors.indptr[g + 1]]
+            place = np.searchsorted(others, f)
+            if place < len(others) and others[place] == f:
+                closeness = np.exp(-over_distance * squared_distance(row(centroids, f), row(centroids, g)))
+                alike = np.exp(-over_guidance * squared_distance(row(guidance, f), row(guidance, g)))
+                weights[k] = (areas[f] + areas[g]) * closeness * alike
+                spatial[f] += (areas[f] + areas[g]) * closeness

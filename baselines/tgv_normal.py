@@ -131,7 +131,7 @@ class GeneralizedVariation:
 def _shrunk(differences: Vectors, duals: Vectors, weights: Floats, penalty: float) -> tuple[Vectors, Vectors]:
     """Shorten d + y/r of each edge by w/r to the best difference p; return the multiplier y and rp - y after it."""
     wanted = differences + duals / penalty
-    rows = wanted.reshape(len(weights), -1)
+    rows = wanted.reshape(len(weights), 3 * (len(wanted) // max(len(weights), 1)))
     sizes = np.sqrt((rows**2).sum(axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
         kept = np.where(sizes > 0, np.maximum(0.0, 1.0 - weights / (penalty * sizes)), 0.0)
