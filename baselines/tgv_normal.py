@@ -206,4 +206,4 @@ def _center_heights(mesh: Mesh, faces: NDArray[np.int32], ends: Vectors) -> Floa
     twice = np.sqrt((np.cross(u, v) ** 2).sum(axis=1))
     cosine = (u * v).sum(axis=1)
     cotangent = np.clip(np.divide(cosine, twice, out=np.zeros_like(twice), where=twice > 0), -STEEPEST, STEEPEST)
-    return 0.5 * np.sqrt(((u - v) ** 2).sum(axis=1)) * cotangent
+    return np.asarray(0.5 * np.sqrt(((u - v) ** 2).sum(axis=1)) * cotangent)
