@@ -17,7 +17,6 @@ from cascadenorm.baselines import (
     spectral,
     static_dynamic_normal,
     taubin,
-    tgv_normal,
     tv_normal,
 )
 
@@ -38,6 +37,5 @@ __all__ = [
     "spectral",
     "static_dynamic_normal",
     "taubin",
-    "tgv_normal",
     "tv_normal",
 ]
