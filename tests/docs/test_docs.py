@@ -112,7 +112,7 @@ def test_external_links_are_well_formed_and_each_has_one_spelling():
         for link in external_links(page.read_text(encoding="utf-8")):
             assert not faults(link), f"{named(page)}: {link}: {', '.join(faults(link))}"
             spellings.setdefault(spelled_alike(link), set()).add(link.partition("#")[0])
-    assert len(spellings) > 20
+    assert len(spellings) > 15  # that links are found at all; no page names an address of this repository
     assert not [links for links in spellings.values() if len(links) > 1]
 
 
