@@ -43,7 +43,9 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
     return bilateral_normal(mesh.moved(carried), iterations=PASSES)
 
 
-def without_steps(mesh: Mesh, widths: Floats, denoise: Callable[[Mesh], Vectors]) -> Vectors:
+def without_steps(
+    mesh: Mesh, widths: Floats, denoise: Callable[[Mesh], Vectors], denoise_copy: Callable[[CoarseCopy], Vectors]
+) -> Vectors:
     """Denoise a mesh of which some connected components have steps of a known width.
 
     Parameters
@@ -53,7 +55,9 @@ def without_steps(mesh: Mesh, widths: Floats, denoise: Callable[[Mesh], Vectors]
     widths
         (c,) width of the steps of each connected component, as `enlarged_steps` finds them; 0 where there are none.
     denoise
-        Gives new vertices of a mesh: of the components without steps, or of a copy of the others.
+        Gives new vertices of the components without steps.
+    denoise_copy
+        Gives new vertices of a copy of the others.
 
     Returns
     -------
@@ -62,7 +66,7 @@ def without_steps(mesh: Mesh, widths: Floats, denoise: Callable[[Mesh], Vectors]
     vertices, of_faces = mesh.vertices.copy(), widths[mesh.topology.face_components]
     for width in np.unique(of_faces):
         part = Mesh(mesh.vertices, mesh.faces[of_faces == width]) if len(widths) > 1 else mesh
-        moved = without_wide_errors(part, float(width), lambda copy: denoise(copy.mesh)) if width else denoise(part)
+        moved = without_wide_errors(part, float(width), denoise_copy) if width else denoise(part)
         used = part.topology.used_vertices
         vertices[used] = moved[used]
     return vertices

@@ -72,12 +72,16 @@ def denoised(method: Method, parameters: Mapping[str, Any], width: float | None,
     -------
     (n, 3)
     """
+
+    def on_copy(copy: CoarseCopy) -> Vectors:
+        return _on_copy(method, parameters, copy)
+
     if width is not None:
-        return without_wide_errors(mesh, width, lambda copy: _on_copy(method, parameters, copy))
+        return without_wide_errors(mesh, width, on_copy)
     widths = enlarged_steps(mesh) if method.converges else np.zeros(1)
     if not widths.any():
         return np.asarray(method.function(mesh, **parameters))
-    return without_steps(mesh, widths, lambda part: np.asarray(method.function(part, **parameters)))
+    return without_steps(mesh, widths, lambda part: np.asarray(method.function(part, **parameters)), on_copy)
 
 
 def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) -> Vectors:
@@ -86,7 +90,8 @@ def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) ->
         held = np.zeros(len(copy.mesh.vertices), bool)
         held[copy.labels[~parameters[REGION] & (copy.labels >= 0)]] = True
         parameters = {**parameters, REGION: ~held}
-    if parameters.get(TREAT_AS, "") is None:  # the triangles of a copy do not tell how the surface was made
+    coarser = len(copy.mesh.vertices) < len(copy.labels)
+    if coarser and TREAT_AS in method.settings and parameters.get(TREAT_AS) is None:  # its triangles do not tell
         parameters = {**parameters, TREAT_AS: "measured-surface"}
     return np.asarray(method.function(copy.mesh, **parameters))
 
