@@ -1,5 +1,6 @@
 """Bilateral filtering of face normals (Zheng, Fu, Au, Tai 2011), and the vertices that go with them."""
 
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from cascadenorm.compute.elementary import exp
 from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance
+from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
 SpatialSpread = Annotated[float, Parameter("spread of the weight over distance", "mean edge lengths", minimum=1e-6)]
@@ -46,7 +48,8 @@ def bilateral_normal(
     One σ_r serves the whole mesh: a narrow one leaves noise, a wide one rounds edges. Under heavy noise the normals
     themselves no longer tell where an edge is.
     """
-    normals = bilateral_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations, center=center)
+    filtered = partial(bilateral_normals, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations, center=center)
+    normals = normals_by_patches(mesh, filtered, reach=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 

@@ -5,6 +5,7 @@ normal of the most consistent patch around, or the Gaussian mean. Vertices follo
 sees the normals that the mesh really has.
 """
 
+from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
+from cascadenorm.patches.cutting import MeshPatch
+from cascadenorm.patches.work import patching_of, rows_of_faces
 from cascadenorm.registry import Parameter, method
 
 Guidance = Annotated[
@@ -39,6 +42,8 @@ Radius = Annotated[
         above=0,
     ),
 ]
+REACH = 10
+"""Edges around a face within which a pass is first taken to see the mesh; its neighbourhoods are by distance."""
 GuidedDistance = Annotated[
     float | None,
     Parameter(
@@ -74,10 +79,15 @@ def guided_normal(
     organic shapes flat patches can turn into facets.
     """
     chosen = guided_filter(guidance, sigma_r, iterations)
-    neighbors = faces_within(mesh, 2 * centroid_distance(mesh) if radius is None else radius)
+    start, radius = mesh, 2 * centroid_distance(mesh) if radius is None else radius
+    neighbors = None if patching_of(mesh) else faces_within(mesh, radius)
     for _ in track(chosen.iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s
-        normals = guided_normals(mesh, neighbors, chosen, sigma_s=spread)
+        if neighbors is not None:
+            normals = guided_normals(mesh, neighbors, chosen, sigma_s=spread)
+        else:
+            work = partial(_of_patch, chosen, spread, radius, start.mean_edge_length)
+            normals = rows_of_faces(mesh, work, reach=REACH, facts=["mean_edge_length"], vertices=[start.vertices])
         mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
     return mesh.vertices.copy()
 
@@ -103,6 +113,32 @@ def guided_normals(mesh: Mesh, neighbors: Csr, chosen: GuidedFilter, *, sigma_s:
     guide = patch_guidance(mesh) if chosen.guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)
     weights = spatial_weights(mesh, neighbors, sigma_s)
     return joint_bilateral_pass(mesh.face_normals, guide, mesh.areas, neighbors, weights, chosen.sigma_r)
+
+
+def _of_patch(
+    chosen: GuidedFilter, sigma_s: float, radius: float, edge: float, patch: MeshPatch, start: Vectors
+) -> Vectors:
+    """Return the normals of a patch after one pass; neighbours are those of the mesh as it was given.
+
+    Parameters
+    ----------
+    edge
+        Mean edge length of the whole mesh as it was given.
+    start
+        (k, 3) vertices of the patch as they were given.
+
+    Raises
+    ------
+    TooNarrow : a face depends on others beyond the halo
+    """
+    neighbors = faces_within(patch.mesh.moved(start).with_facts(mean_edge_length=edge), radius)
+    around = neighbors if chosen.guidance == "gaussian" else patch.mesh.topology.face_rings(1)
+    seen = patch.own  # then their neighbours, and the faces whose guidance these have
+    for graph in (neighbors, around):
+        seen = seen.copy()
+        seen[graph.indices[seen[graph.rows]]] = True
+    patch.check_complete(seen)
+    return guided_normals(patch.mesh, neighbors, chosen, sigma_s=sigma_s)
 
 
 def centroid_distance(mesh: Mesh) -> float:

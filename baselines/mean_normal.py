@@ -3,6 +3,7 @@
 Neighbours are the faces that share a vertex, and the face itself.
 """
 
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -14,6 +15,7 @@ from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import dot, length, row, squared_distance
+from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[
@@ -35,7 +37,8 @@ def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit:
     ------
     Every edge is rounded, the more the more passes are made.
     """
-    normals = bilateral_normals(mesh, sigma_s=np.inf, sigma_r=np.inf, iterations=iterations, center="count")
+    filtered = partial(bilateral_normals, sigma_s=np.inf, sigma_r=np.inf, iterations=iterations, center="count")
+    normals = normals_by_patches(mesh, filtered, reach=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
@@ -54,10 +57,8 @@ def unilateral_normal(
     Edges whose angle has a cosine above T are rounded. Faces are not weighed by area, so uneven meshes are pulled
     toward where faces are small.
     """
-    rings = mesh.topology.face_rings(1)
-    normals = mesh.face_normals
-    for _ in track(iterations):
-        normals = unilateral_pass(normals, rings, threshold)
+    filtered = partial(unilateral_normals, threshold=threshold, iterations=iterations)
+    normals = normals_by_patches(mesh, filtered, reach=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
@@ -86,11 +87,27 @@ def random_walk_normal(
     ------
     One σ_r serves the whole mesh, as in bilateral-normal. There are no weights of area or distance.
     """
+    filtered = partial(walk_normals, sigma_r=sigma_r, length=length, iterations=iterations)
+    normals = normals_by_patches(mesh, filtered, reach=length * iterations)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
+
+
+def unilateral_normals(mesh: Mesh, *, threshold: float, iterations: int) -> Vectors:
+    """Return (m, 3) the face normals after some passes of the unilateral filter."""
+    rings = mesh.topology.face_rings(1)
+    normals = mesh.face_normals
+    for _ in track(iterations):
+        normals = unilateral_pass(normals, rings, threshold)
+    return normals
+
+
+def walk_normals(mesh: Mesh, *, sigma_r: float, length: int, iterations: int) -> Vectors:
+    """Return (m, 3) the face normals after some passes, each of which takes the mean over where walks end."""
     rings = mesh.topology.face_rings(1)
     normals = mesh.face_normals
     for _ in track(iterations):
         normals = unit(walk_means(normals, rings, sigma_r=sigma_r, length=length), otherwise=normals)
-    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
+    return normals
 
 
 def unilateral_pass(normals: Vectors, rings: Csr, threshold: float) -> Vectors:

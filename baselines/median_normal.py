@@ -1,5 +1,6 @@
 """Weighted median filtering of face normals (Yagou, Ohtake, Belyaev 2002)."""
 
+from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import length, row, squared_distance, subtract
+from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
 Median = Annotated[
@@ -33,10 +35,17 @@ def median_normal(
     ------
     The result is one of the noisy normals, so smooth surfaces keep a grain. It suits impulsive noise best.
     """
+    filtered = partial(median_normals, median=median, iterations=iterations)
+    normals = normals_by_patches(mesh, filtered, reach=iterations)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
+
+
+def median_normals(mesh: Mesh, *, median: Literal["vector", "angle"], iterations: int) -> Vectors:
+    """Return (m, 3) the face normals after some passes of the median filter."""
     normals = mesh.face_normals
     for _ in track(iterations):
         normals = median_pass(mesh, normals, median=median)
-    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
+    return normals
 
 
 def median_pass(mesh: Mesh, normals: Vectors, *, median: Literal["vector", "angle"]) -> Vectors:

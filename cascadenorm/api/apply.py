@@ -31,6 +31,7 @@ from cascadenorm.mesh import (
     without_lines,
     without_repeated_faces,
 )
+from cascadenorm.patches.work import free_derived
 from cascadenorm.regions.region_volumes import with_region_volumes
 from cascadenorm.regions.shells import Shells, divided
 from cascadenorm.regions.walls import joined_walls
@@ -78,6 +79,7 @@ def controlled(
     weights = vertex_weights(mesh, controls, faces)
     halo = None if controls["halo"] is None else check_halo(method, parameters, mesh, controls)
     order, framed, parts, exponent = _prepared(mesh, halo)
+    free_derived(mesh, order.mesh, framed)
     weights = weights[order.numbers]
     if REGION in method.settings and holds_some(controls):
         checked[REGION] = weights > 0
@@ -92,6 +94,8 @@ def controlled(
         displacement = _accumulated(step, framed, strength * weights, steps)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, parts, displacement, weights)
+    del step
+    free_derived(mesh, order.mesh, framed)
     if controls["progress"] is not None:
         controls["progress"](1.0)
     return displaced(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))

@@ -22,10 +22,12 @@ from cascadenorm.learned.descriptors import (
     SMOOTH_SIGMA_R,
 )
 from cascadenorm.learned.features import CONTEXT_STEPS, FLOOR
-from cascadenorm.learned.regression import Regression, stage_stack
+from cascadenorm.learned.regression import Regression
+from cascadenorm.learned.stage_normals import stage_normals
 from cascadenorm.learned.stage_settings import CHOICES, StageSettings
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.patches.work import free_derived
 
 FORMAT = "cascadenorm/6"
 CONSTANTS = {
@@ -136,8 +138,9 @@ class Cascade:
 def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh) -> Mesh:
     """Return a mesh after one more stage: its normals regressed from the filtered ones, its vertices moved to them."""
     settings = stage.settings
-    normals = stage.normals(mesh, stage_stack(settings, mesh, noisy))
+    normals = stage_normals(stage, mesh, noisy)
     vertices = recover_vertices(
         mesh, normals, sweeps=settings.sweeps, weighting=settings.weighting, foldovers=settings.foldovers
     )
+    free_derived(mesh, noisy)
     return mesh.moved(vertices)

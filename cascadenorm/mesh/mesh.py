@@ -45,6 +45,12 @@ class Mesh:
         mesh.vertices.flags.writeable = False
         return mesh
 
+    def forget(self) -> None:
+        """Free the arrays that were derived from the mesh; they are computed again when they are asked for."""
+        for name in self.__dict__.keys() - {"vertices", "faces", "topology"}:
+            del self.__dict__[name]
+        self.topology.forget()
+
     def as_part(self, groups: NDArray[np.int32], components: NDArray[np.int32] | None = None, **facts: float) -> "Mesh":
         """Return the same mesh as a part of a larger one, from which it takes what depends on all of that.
 

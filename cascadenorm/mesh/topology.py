@@ -40,6 +40,12 @@ class Topology:
         self.vertex_count = vertex_count
         self._face_rings: dict[int, Csr] = {}
 
+    def forget(self) -> None:
+        """Free all neighbourhoods; they are computed again when they are asked for."""
+        for name in self.__dict__.keys() - {"faces", "vertex_count", "_face_rings"}:
+            del self.__dict__[name]
+        self._face_rings.clear()
+
     @cached_property
     def vertex_faces(self) -> Csr:
         """Faces around each vertex, ascending; a face that repeats a vertex is listed twice."""

@@ -1,0 +1,140 @@
+"""The normals that a stage regresses, on a whole mesh or patch by patch."""
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from cascadenorm.baselines.normal_filter_bank import faces_added
+from cascadenorm.learned.descriptors import CUTOFF, DESCRIPTORS, SIGMA_S, Stack
+from cascadenorm.learned.features import CONTEXT_STEPS, ComponentSums
+from cascadenorm.learned.regression import Regression, stage_stack
+from cascadenorm.learned.stage_settings import StageSettings
+from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.patches.cutting import MeshPatch
+from cascadenorm.patches.work import EXTRA, Patching, each_patch, patching_of, rows_of_faces
+
+BY_DISTANCE = 14
+"""Reach in edges that is tried first where filters have a neighbourhood by distance."""
+FACTS = ("mean_edge_length", "median_area")
+"""What the filters need to know of the whole mesh."""
+
+
+def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
+    """Regress the true normal of each face.
+
+    Parameters
+    ----------
+    stage
+        Regression that is applied.
+    mesh
+        Mesh with m faces as the stage before left it.
+    noisy
+        The same mesh before the first stage.
+
+    Returns
+    -------
+    (m, 3) unit normals.
+    """
+    patching = patching_of(mesh)
+    if patching is None:
+        return stage.normals(mesh, stage_stack(stage.settings, mesh, noisy))
+    if not stage.scaler.projection.size:
+        work = partial(_without_context, stage)
+        return rows_of_faces(mesh, work, reach=_reach(stage.settings), facts=FACTS, vertices=[noisy.vertices])
+    return _with_context(stage, mesh, noisy, patching)
+
+
+class _Filtered(NamedTuple):
+    """The filtered normals of a patch, (j, k, 3), whose halo is as wide as context features need."""
+
+    patch: MeshPatch
+    stack: Stack
+
+
+def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching) -> Vectors:
+    """Regress normals of which some features are means over connected components, which take a pass of their own.
+
+    The filtered normals are kept from the first pass to the second for as many patches as there is memory for. Other
+    patches are filtered twice.
+    """
+    reach = _reach(stage.settings) + CONTEXT_STEPS[-1] + EXTRA
+    each = partial(
+        each_patch, mesh, patching, reach=reach, facts=FACTS, vertices=[noisy.vertices], components=True
+    )
+    totals = _no_sums(stage, int(mesh.topology.components.max()) + 1)
+    kept, again, spare = list[_Filtered](), list[int](), patching.spare
+    for patch, (sums, filtered) in each(partial(_sums, stage, spare > 0)):
+        for total, rows in zip(totals, sums, strict=True):
+            total[patch.component_numbers] += rows
+        spare -= 0 if filtered is None else filtered.stack.nbytes
+        if filtered is None or spare < 0:
+            again.append(patch.box)
+        else:
+            kept.append(filtered)
+        del filtered
+    out = np.empty(mesh.faces.shape)
+    while kept:
+        filtered = kept.pop()
+        out[filtered.patch.numbers[filtered.patch.own]] = _regressed(stage, totals, filtered)
+        del filtered
+    for patch, rows in each(partial(_filtered_again, stage, totals), boxes=again):
+        out[patch.numbers[patch.own]] = rows
+    return out
+
+
+def _no_sums(stage: Regression, count: int) -> ComponentSums:
+    width = stage.scaler.projection.shape[1]
+    return ComponentSums(np.zeros(count, np.int64), np.zeros((count, width)), np.zeros((count, 3)), np.zeros(count))
+
+
+def _sums(
+    stage: Regression, keep: bool, patch: MeshPatch, noisy: Vectors
+) -> tuple[ComponentSums, "_Filtered | None"]:
+    """Return what the faces of a patch add to the sums over components, and their filtered normals if wanted."""
+    filtered = _filtered(stage, patch, noisy)
+    own = filtered.patch.own
+    part = stage.scaler.sums(filtered.stack, filtered.patch.mesh, own)
+    sums = ComponentSums(*(np.zeros((len(patch.component_numbers), *rows.shape[1:]), rows.dtype) for rows in part))
+    places = np.searchsorted(patch.component_numbers, filtered.patch.component_numbers)
+    for total, rows in zip(sums, part, strict=True):
+        total[places] = rows
+    return sums, filtered if keep else None
+
+
+def _filtered_again(stage: Regression, totals: ComponentSums, patch: MeshPatch, noisy: Vectors) -> Vectors:
+    return _regressed(stage, totals, _filtered(stage, patch, noisy))
+
+
+def _filtered(stage: Regression, patch: MeshPatch, noisy: Vectors) -> _Filtered:
+    stack = _stack(stage.settings, patch, noisy)
+    narrow, faces = patch.narrowed(CONTEXT_STEPS[-1] + EXTRA)
+    return _Filtered(narrow, stack[faces])
+
+
+def _regressed(stage: Regression, totals: ComponentSums, filtered: _Filtered) -> Vectors:
+    """Return the normals of the faces that belong to a patch."""
+    patch = filtered.patch
+    sums = ComponentSums(*(rows[patch.component_numbers] for rows in totals))
+    return stage.normals(patch.mesh, filtered.stack, sums)[patch.own]
+
+
+def _without_context(stage: Regression, patch: MeshPatch, noisy: Vectors) -> Vectors:
+    return stage.normals(patch.mesh, _stack(stage.settings, patch, noisy))
+
+
+def _stack(settings: StageSettings, patch: MeshPatch, noisy: Vectors) -> Stack:
+    """Filter the normals of a patch; raises TooNarrow where filters see beyond the halo."""
+    filters = DESCRIPTORS[settings.descriptor].filters
+    if filters and settings.neighborhood == "distance":
+        seen = patch.own
+        for _ in range(filters):
+            seen = faces_added(patch.mesh, seen, sigma_s=SIGMA_S, cutoff=CUTOFF)
+        patch.check_complete(seen)
+    return stage_stack(settings, patch.mesh, patch.mesh.moved(noisy).with_facts(**patch.facts))
+
+
+def _reach(settings: StageSettings) -> int:
+    """Return within how many edges of a face its filtered normals see the mesh, or how many to try first."""
+    descriptor = DESCRIPTORS[settings.descriptor]
+    return BY_DISTANCE if descriptor.filters and settings.neighborhood == "distance" else descriptor.rings
