@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
@@ -19,11 +21,13 @@ from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.controls.weights import selected_faces
 from cascadenorm.errors import ParameterError
+from cascadenorm.execution.memory import FACE, FREE, OTHERS, amount, free_memory, memory_size
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io import MeshFile
 from cascadenorm.io.interop import adapter, as_mesh
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
+from cascadenorm.patches.planning import IN_STEPS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.registry import Method, find, registered
 
 if TYPE_CHECKING:
@@ -102,6 +106,8 @@ def denoise_file(
     weld: float | str | None = None,
     drop_components: str | int | None = None,
     parameters: dict[str, Any] | None = None,
+    memory: str | int | None = None,
+    scheduler: str | None = None,
     **controls: Unpack[Controls],
 ) -> DenoisingSummary:
     """Denoise a mesh file; everything in it but positions and normals is kept.
@@ -119,6 +125,12 @@ def denoise_file(
     drop_components : leave out connected components with fewer faces than this number, such as 50, or than this share
         of the largest component, such as "1%"; None keeps all. `left_out` of the result lists what is lost besides
     parameters : of the method
+    memory
+        Memory for the process, as bytes or as text like "4GB". Where the whole mesh needs more, the method works in
+        patches, and the result agrees to 1e-6 of an edge (docs/patches.md). None sets no limit.
+    scheduler
+        Address of a Dask scheduler whose workers work on the patches, or "local" for a cluster on this machine.
+        `memory` is then that of each worker process.
 
     Controls count the vertices and triangles of `read(source).mesh`. Given by names, they count the vertices of the
     file, from 0; where it splits a vertex at a seam, the smallest weight of the copies counts.
@@ -140,6 +152,8 @@ def denoise_file(
         weld=weld,
         drop_components=drop_components,
         parameters=parameters,
+        memory=memory,
+        scheduler=scheduler,
         **controls,
     ).summary
 
@@ -154,22 +168,54 @@ def denoised_file(
     weld: float | str | None = None,
     drop_components: str | int | None = None,
     parameters: dict[str, Any] | None = None,
+    memory: str | int | None = None,
+    scheduler: str | None = None,
+    on_short: Callable[[str], object] | None = None,
     **controls: Unpack[Controls],
 ) -> Denoised:
-    """Denoise a mesh file as `denoise_file` does; the meshes are returned as well."""
-    every = checked(controls)
+    """Denoise a mesh file as `denoise_file` does, and return the meshes as well.
+
+    Parameters
+    ----------
+    on_short
+        Called with the reason before the method works in patches although no `memory` was given, because less is free
+        than the whole mesh needs. None does not look at the free memory.
+    """
+    every, chosen, given = checked(controls), find(method), parameters or {}
+    if scheduler is not None and memory is None:
+        raise ParameterError("works on patches", parameter="scheduler", hint="give memory too, that of a worker")
+    if memory is not None:
+        memory = memory_size("memory", memory)
+        check_works_in_patches(chosen, given)
+
+    def limited(faces: int) -> AbstractContextManager[None]:
+        size = memory if memory is not None or on_short is None else _short_memory(chosen, given, faces, on_short)
+        return nullcontext() if size is None else patches_within(size, faces, scheduler)
+
     with limit_threads(every["threads"]):
         return _denoised_file(
-            find(method),
+            chosen,
             source,
             output,
-            parameters or {},
+            given,
             every,
             format=format,
             drop_components=drop_components,
             force=force,
             weld=weld,
+            limited=limited,
         )
+
+
+def _short_memory(
+    method: Method, parameters: dict[str, Any], faces: int, on_short: Callable[[str], object]
+) -> int | None:
+    """Return the memory for patches where the whole mesh needs more than is free, and say so; else None."""
+    need, free = faces * (FACE if method.name in IN_STEPS else OTHERS), free_memory()
+    if free is None or need <= free or not works_in_patches(method, parameters):
+        return None
+    on_short(f"{method.name} needs about {amount(need)} for {faces:,} faces, and {amount(free)} are free")
+    return int(FREE * free)
 
 
 def methods() -> dict[str, Method]:
@@ -237,12 +283,15 @@ def _denoised_file(
     drop_components: str | int | None = None,
     force: bool,
     weld: float | str | None = None,
+    limited: Callable[[int], AbstractContextManager[None]] = lambda faces: nullcontext(),
 ) -> Denoised:
+    """Denoise a file; `limited` returns, from the number of faces, the context in which the method works."""
     method.checked(parameters)
     opened = opened_file(
         source, output, controls, format=format, drop_components=drop_components, force=force, weld=weld
     )
     watch = Stopwatch()
-    vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
+    with limited(len(opened.mesh.faces)):
+        vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
     seconds = watch.seconds()
     return written_file(opened, vertices, method, parameters, controls, seconds=seconds, force=force)

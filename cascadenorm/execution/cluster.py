@@ -33,6 +33,10 @@ Dask has by itself, this hits workers that were lost a second time and are just 
 """
 
 
+LARGE_TASKS = {"distributed.admin.large-graph-warning-threshold": "100 GB"}
+"""Settings of Dask for tasks that carry patches of a mesh, of which it warns otherwise."""
+
+
 @contextmanager
 def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Iterator["Client"]:
     """Connect to a scheduler for the block; the messages of the library are left out, errors say what happens.
@@ -54,6 +58,7 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
         raise MissingDependencyError("a cluster", package=error.name or "distributed", extra="cluster") from None
     with ExitStack() as stack:
         stack.enter_context(_silent("distributed"))
+        stack.enter_context(dask.config.set(LARGE_TASKS))
         if scheduler == LOCAL:
             stack.enter_context(dask.config.set(OWN_CLUSTER))
             with interrupts_blocked():  # Ctrl-C is for this process to answer

@@ -14,6 +14,8 @@ PROCESS = 350_000_000
 """Bytes that a process takes before it has read anything, kernels included."""
 FACE = 1800
 """Bytes that a face takes in the learned methods, which need most; benchmarks/speed.md has what was measured."""
+OTHERS = 500
+"""Bytes that a face takes in other methods at least, the file included."""
 FREE = 0.8
 """Fraction of the free memory that work uses by default."""
 

@@ -59,9 +59,7 @@ def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching
     patches are filtered twice.
     """
     reach = _reach(stage.settings) + CONTEXT_STEPS[-1] + EXTRA
-    each = partial(
-        each_patch, mesh, patching, reach=reach, facts=FACTS, vertices=[noisy.vertices], components=True
-    )
+    each = partial(each_patch, mesh, patching, reach=reach, facts=FACTS, vertices=[noisy.vertices], components=True)
     totals = _no_sums(stage, int(mesh.topology.components.max()) + 1)
     kept, again, spare = list[_Filtered](), list[int](), patching.spare
     for patch, (sums, filtered) in each(partial(_sums, stage, spare > 0)):
@@ -76,10 +74,10 @@ def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching
     out = np.empty(mesh.faces.shape)
     while kept:
         filtered = kept.pop()
-        out[filtered.patch.numbers[filtered.patch.own]] = _regressed(stage, totals, filtered)
+        out[filtered.patch.face_numbers[filtered.patch.own]] = _regressed(stage, totals, filtered)
         del filtered
     for patch, rows in each(partial(_filtered_again, stage, totals), boxes=again):
-        out[patch.numbers[patch.own]] = rows
+        out[patch.face_numbers[patch.own]] = rows
     return out
 
 
@@ -88,9 +86,7 @@ def _no_sums(stage: Regression, count: int) -> ComponentSums:
     return ComponentSums(np.zeros(count, np.int64), np.zeros((count, width)), np.zeros((count, 3)), np.zeros(count))
 
 
-def _sums(
-    stage: Regression, keep: bool, patch: MeshPatch, noisy: Vectors
-) -> tuple[ComponentSums, "_Filtered | None"]:
+def _sums(stage: Regression, keep: bool, patch: MeshPatch, noisy: Vectors) -> tuple[ComponentSums, "_Filtered | None"]:
     """Return what the faces of a patch add to the sums over components, and their filtered normals if wanted."""
     filtered = _filtered(stage, patch, noisy)
     own = filtered.patch.own

@@ -51,19 +51,16 @@ class Mesh:
             del self.__dict__[name]
         self.topology.forget()
 
-    def as_part(self, groups: NDArray[np.int32], components: NDArray[np.int32] | None = None, **facts: float) -> "Mesh":
+    def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
         """Return the same mesh as a part of a larger one, from which it takes what depends on all of that.
 
         Parameters
         ----------
         groups : (n,) the colour of each vertex in the larger mesh, as in `vertex_colors`, -1 for none
-        components : (n,) the connected component of each vertex there; None: those of the part
         facts : as in `with_facts`
         """
         mesh = Mesh(self.vertices, self.faces)
         mesh.topology.__dict__["vertex_colors"] = grouped(groups)
-        if components is not None:
-            mesh.topology.__dict__["components"] = components
         return mesh.with_facts(**facts)
 
     def with_facts(self, **facts: float) -> "Mesh":

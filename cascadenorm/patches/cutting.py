@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,8 +27,8 @@ class MeshPatch:
         (j, 3) corners of the faces, by rows of `vertices`.
     box
         Number of the box that the patch was grown from, see `Cutter`.
-    numbers
-        (j,) ascending numbers of the faces in the whole mesh.
+    vertex_numbers, face_numbers
+        (k,) and (j,) ascending numbers of the vertices and faces in the whole mesh.
     inside
         (k,) vertices that are not in the halo.
     complete
@@ -41,7 +42,8 @@ class MeshPatch:
     vertices: Vectors
     corners: Ints32
     box: int
-    numbers: Ints32
+    vertex_numbers: Ints32
+    face_numbers: Ints32
     inside: Bools
     complete: Bools
     facts: Mapping[str, float]
@@ -81,8 +83,8 @@ class MeshPatch:
         complete = self.complete[near] & (np.bincount(corners.ravel(), minlength=len(counts)) == counts)
         components = None if self.components is None else self.components[near]
         narrow = replace(
-            self, vertices=self.vertices[near], corners=corners, numbers=self.numbers[faces], inside=self.inside[near],
-            complete=complete, components=components,
+            self, vertices=self.vertices[near], corners=corners, vertex_numbers=self.vertex_numbers[near],
+            face_numbers=self.face_numbers[faces], inside=self.inside[near], complete=complete, components=components,
         )  # fmt: skip
         return narrow, faces
 
@@ -90,7 +92,8 @@ class MeshPatch:
     def whole(cls, mesh: Mesh) -> "MeshPatch":
         """Return a whole mesh as its only patch."""
         every = np.ones(len(mesh.vertices), bool)
-        patch = cls(mesh.vertices, mesh.faces, 0, np.arange(len(mesh.faces), dtype=np.int32), every, every, {})
+        numbers = (np.arange(count, dtype=np.int32) for count in (len(mesh.vertices), len(mesh.faces)))
+        patch = cls(mesh.vertices, mesh.faces, 0, *numbers, every, every, {})
         patch.__dict__["mesh"] = mesh
         return patch
 
@@ -115,8 +118,8 @@ class Cutter:
 
     def patch(
         self, mesh: Mesh, number: int, rings: int, facts: Mapping[str, float], components: Ints32 | None
-    ) -> tuple[MeshPatch, Ints32]:
-        """Return the patch of a box, and the numbers of its vertices in the whole mesh, (k,) ascending.
+    ) -> MeshPatch:
+        """Return the patch of a box.
 
         Parameters
         ----------
@@ -141,7 +144,7 @@ class Cutter:
         place[near] = -1
         complete = np.bincount(corners.ravel(), minlength=len(near)) == around.indptr[near + 1] - around.indptr[near]
         of_here = None if components is None else components[near]
-        return MeshPatch(mesh.vertices[near], corners, number, numbers, inside, complete, facts, of_here), near
+        return MeshPatch(mesh.vertices[near], corners, number, near, numbers, inside, complete, facts, of_here)
 
 
 def lighter(patch: MeshPatch) -> MeshPatch:
@@ -167,7 +170,7 @@ def _starts(count: int, depth: int) -> Ints:
     """Return where each of the 2**depth parts that `_halve` makes begins, and the end, (2**depth + 1,)."""
     starts = [0, count]
     for _ in range(depth):
-        middles = [first + (last - first) // 2 for first, last in zip(starts[:-1], starts[1:], strict=True)]
+        middles = [first + (last - first) // 2 for first, last in pairwise(starts)]
         starts = [*(start for pair in zip(starts[:-1], middles, strict=True) for start in pair), count]
     return np.array(starts)
 

@@ -1,4 +1,4 @@
-"""Work that is done on one patch of a mesh after the other where `working_in_patches` asks for it, else on the whole."""
+"""Work on one patch of a mesh after the other where `working_in_patches` asks for it, else on the whole mesh."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -70,7 +70,7 @@ def patching_of(mesh: Mesh) -> Patching | None:
 
 
 def free_derived(*meshes: Mesh) -> None:
-    """Free the arrays that were derived from meshes, which are computed again, where work on them is done in patches."""
+    """Free the arrays that were derived from meshes where work is done in patches, until they are needed again."""
     for mesh in meshes:
         if patching_of(mesh) is not None:
             mesh.forget()
@@ -118,11 +118,12 @@ def each_patch(
 
     def items(boxes: Sequence[int], rings: int) -> Iterator[tuple[Any, ...]]:
         for box in boxes:
-            patch, near = cutter.patch(mesh, box, rings, known, labels)
-            if patch.own.any():
+            patch = cutter.patch(mesh, box, rings, known, labels)
+            if len(patch.corners):
                 begun.append(lighter(patch))
-                yield patch, *(rows[near] for rows in vertices), *(rows[patch.numbers] for rows in faces)
-            del patch, near  # and what was derived from them, before the next patch is cut
+                ids, numbers = patch.vertex_numbers, patch.face_numbers
+                yield patch, *(rows[ids] for rows in vertices), *(rows[numbers] for rows in faces)
+            del patch  # and what was derived from them, before the next patch is cut
 
     while left:
         narrow = list[int]()
@@ -158,8 +159,36 @@ def rows_of_faces(mesh: Mesh, work: Callable[..., NDArray[Any]], *, reach: int, 
     for patch, rows in each_patch(mesh, patching, partial(_own_rows, work), reach=reach, **given):
         if out is None:
             out = np.empty((len(mesh.faces), *rows.shape[1:]), rows.dtype)
-        out[patch.numbers[patch.own]] = rows
+        out[patch.face_numbers[patch.own]] = rows
     assert out is not None
+    return out
+
+
+def moved_in_patches(
+    mesh: Mesh, patching: Patching, work: Callable[..., Vectors], vertices: Vectors, *, reach: int, components: bool
+) -> Vectors:
+    """Move vertices patch by patch.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with n vertices.
+    work
+        As in `each_patch`, called with the patch and its rows of `vertices`; returns where they go, (k, 3), of which
+        those in the halo may be wrong.
+    vertices
+        (n, 3) positions before; a vertex without a face stays there.
+    reach, components
+        As in `each_patch`.
+
+    Returns
+    -------
+    (n, 3)
+    """
+    out = vertices.copy()
+    given = {"reach": reach, "vertices": [vertices], "components": components}
+    for patch, rows in each_patch(mesh, patching, partial(_inside_rows, work), **given):
+        out[patch.vertex_numbers[patch.inside]] = rows
     return out
 
 
@@ -199,11 +228,15 @@ def _own_rows(work: Callable[..., NDArray[Any]], patch: MeshPatch, *values: NDAr
     return work(patch, *values)[patch.own]
 
 
+def _inside_rows(work: Callable[..., Vectors], patch: MeshPatch, *values: NDArray[Any]) -> Vectors:
+    return work(patch, *values)[patch.inside]
+
+
 def _depth(mesh: Mesh, faces: int, rings: int) -> int:
     """Return how often a mesh is halved so that a patch has so many faces with its halo.
 
-    A square of w edges a side has w² vertices and 2 w² faces. Where halos are wider than patches, a patch keeps an eighth
-    of the faces inside, and its halo makes it larger.
+    A square of w edges a side has w² vertices and 2 w² faces. Where halos are wider than patches, a patch keeps an
+    eighth of the faces inside, and its halo makes it larger.
     """
     width = max((faces / 2) ** 0.5 - 2 * rings, (faces / 16) ** 0.5)
     parts = len(mesh.vertices) / width**2

@@ -43,7 +43,7 @@ def denoise(
     memory: Annotated[
         str | None,
         typer.Option(
-            metavar="SIZE", help="Denoise in patches within this much memory, such as 4GB; see docs/patches.md."
+            metavar="SIZE", help="Memory to use, such as 4GB; larger meshes are denoised in patches (docs/patches.md)."
         ),
     ] = None,
     scheduler: Scheduler = None,
@@ -82,19 +82,6 @@ def denoise(
         from cascadenorm import reports
 
         reports.check_report(report, force=force)
-    size: str | int | None = memory
-    if size is None and scheduler is not None:
-        raise typer.BadParameter("--scheduler works on patches: give --memory too, that of a worker")
-    if size is not None and weld is not None:
-        raise typer.BadParameter("--weld needs the whole mesh: leave out --memory")
-    if drop_components is not None and size is not None:
-        raise typer.BadParameter("--drop-components works in memory: leave out --memory")
-    whole = {size, report, weld, drop_components} == {None}
-    if whole and "-" not in (source, target) and Path(source).is_file():  # not a pipe
-        size = _memory_for_patches(source, target, method, parameters, force, controls)
-    if size is not None:
-        _denoise_large(source, target, size, (report, format), method, parameters, scheduler, force, as_json, controls)
-        return
     with progress_bars.progress_bar("denoising") as progress:
         denoised = api.denoised_file(
             sys.stdin.buffer if source == "-" else source,
@@ -105,6 +92,9 @@ def denoise(
             weld=weld,
             force=force,
             drop_components=drop_components,
+            memory=memory,
+            scheduler=scheduler,
+            on_short=lambda why: complain(f"{source}: {why}: it is denoised in patches (docs/patches.md)"),
             progress=progress,
             **controls,
         )
@@ -119,60 +109,6 @@ def denoise(
         tables.print_denoised(done, file=out)
         if report is not None:
             print(f"report: {report}", file=out)
-
-
-def _memory_for_patches(
-    source: str, target: str | None, method: str, parameters: dict[str, Any], force: bool, controls: dict[str, Any]
-) -> int | None:
-    """Return the memory of patches for a file that does not fit into memory, and say so."""
-    from cascadenorm.streaming.fitting import memory_for_patches
-
-    found = memory_for_patches(source, target, method=method, force=force, parameters=parameters, controls=controls)
-    if found is None:
-        return None
-    size, why = found
-    complain(f"{source}: {why}: it is denoised in patches (docs/patches.md)")
-    return size
-
-
-def _denoise_large(
-    source: str,
-    target: str | None,
-    memory: str | int,
-    others: tuple[object, ...],
-    method: str,
-    parameters: dict[str, Any],
-    scheduler: str | None,
-    force: bool,
-    as_json: bool,
-    controls: dict[str, Any],
-) -> None:
-    """Denoise a file in patches."""
-    from cascadenorm.cli import json_output, progress_bars, tables
-    from cascadenorm.streaming.streaming import denoise_large_file
-
-    if "-" in (source, target) or any(other is not None for other in others):
-        raise typer.BadParameter("--memory works on files only: leave out -, --format and --report")
-    try:
-        with progress_bars.progress_bar("denoising", time_left=True) as progress:
-            done = denoise_large_file(
-                source,
-                target,
-                memory=memory,
-                method=method,
-                force=force,
-                parameters=parameters,
-                scheduler=scheduler,
-                progress=progress,
-                **controls,
-            )
-    except KeyboardInterrupt:
-        complain("finished patches stay in a folder beside the output: the same command goes on from there")
-        raise
-    if as_json:
-        json_output.print_json("denoise", json_output.denoised(done))
-    else:
-        tables.print_denoised(done, file=sys.stdout)
 
 
 @app.command()

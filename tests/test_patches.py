@@ -1,0 +1,260 @@
+"""Methods in patches of a mesh in memory give the result of the whole mesh."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, noisy
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.geometry.neighborhoods import steps_from
+from cascadenorm.io.interop import save_mesh
+from cascadenorm.learned import stage_normals
+from cascadenorm.mesh import Mesh
+from cascadenorm.patches import planning
+from cascadenorm.patches.cutting import Cutter
+from cascadenorm.patches.work import Patching, rows_of_faces, working_in_patches
+
+AGREES = 1e-6  # of an edge
+RIBBON = noisy(grid(400, 6), 0.25, seed=1)
+"""Much longer than a halo is wide, so that patches are parts of it."""
+BALL = noisy(icosphere(4), 0.2)
+
+
+def side_by_side(*meshes: Mesh) -> Mesh:
+    """Return meshes as the components of one, in a row along x."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    places = np.cumsum([0, *(np.ptp(mesh.vertices[:, 0]) + 5 for mesh in meshes)])
+    vertices = [mesh.vertices - mesh.vertices.min(axis=0) + [x, 0, 0] for mesh, x in zip(meshes, places, strict=False)]
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def many() -> Mesh:
+    """Components of many kinds: open, closed, inward, exact, of one face; and a vertex without a face."""
+    face = Mesh([[0, 0, 9], [1, 0, 9], [0, 1, 9.5]], [[0, 1, 2]])
+    inward = Mesh(BALL.vertices * 8, BALL.faces[:, ::-1])
+    mesh = side_by_side(RIBBON, inward, noisy(icosphere(2), 0.2), cube(6), face)
+    return Mesh(np.append(mesh.vertices * 3 + [70, 0, 0], [[900.0, 0, 0]], axis=0), mesh.faces)
+
+
+def shuffled(mesh: Mesh) -> Mesh:
+    """Return a mesh with vertices and faces in random order."""
+    rng = np.random.default_rng(0)
+    numbers = rng.permutation(len(mesh.vertices))
+    return Mesh(mesh.vertices[numbers], rng.permutation(np.argsort(numbers).astype(np.int32)[mesh.faces]))
+
+
+def with_fin() -> Mesh:
+    """Return a ribbon of which some edges have three faces."""
+    middle = np.flatnonzero(grid(400, 6).vertices[:, 0] == 3)[100:200]
+    tips = len(RIBBON.vertices) + np.arange(len(middle))
+    fin = [np.stack([middle[:-1], middle[1:], tips[:-1]], axis=1), np.stack([middle[1:], tips[1:], tips[:-1]], axis=1)]
+    vertices = np.concatenate([RIBBON.vertices, RIBBON.vertices[middle] + [0, 0, 1]])
+    return Mesh(vertices, np.concatenate([RIBBON.faces, *fin]))
+
+
+MESHES = {
+    "open": lambda: RIBBON,
+    "non-manifold": with_fin,
+    "many components": many,
+    "shuffled": lambda: shuffled(noisy(grid(700, 6), 0.25, seed=1)),
+}
+EXACT = {
+    "taubin": {"iterations": 5},
+    "laplacian": {"iterations": 3},
+    "bilateral-normal": {"iterations": 4},
+    "mean-normal": {},
+    "median-normal": {"iterations": 2},
+    "unilateral-normal": {"iterations": 3},
+    "random-walk-normal": {"iterations": 2},
+    "guided-normal": {"iterations": 2},
+}
+"""Methods of which each result is the same to the last bit, and parameters that save time."""
+
+
+def in_patches(mesh: Mesh, faces: int, *, spare: int = 0, each=map, **settings) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices of a mesh denoised as a whole, and in patches of so many faces."""
+    whole = cn.denoise(mesh, **settings).vertices
+    with working_in_patches(Patching(faces, each, spare)):
+        return whole, cn.denoise(mesh, **settings).vertices
+
+
+@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("method", EXACT)
+def test_filters_give_the_bits_of_the_whole(method, name):
+    whole, patches = in_patches(MESHES[name](), 1000, method=method, **EXACT[method])
+    assert patches.tobytes() == whole.tobytes()
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_auto_agrees_with_the_whole(name):
+    mesh = MESHES[name]()
+    spare = 3_000_000 if name == "open" else 0  # some of the filtered normals are kept, others filtered twice
+    whole, patches = in_patches(mesh, 2400, spare=spare, method="auto")
+    assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
+    assert np.abs(whole - mesh.vertices).max() > 0.1 * mesh.mean_edge_length
+
+
+def test_filtered_normals_are_kept_or_made_again(monkeypatch):
+    made = []
+    stage_stack = stage_normals.stage_stack
+    monkeypatch.setattr(stage_normals, "stage_stack", lambda *given: made.append(1) or stage_stack(*given))
+    counts = []
+    for spare in (0, 3_000_000, 10**9):
+        made.clear()
+        with working_in_patches(Patching(2400, spare=spare)):
+            cn.denoise(RIBBON, method="auto")
+        counts.append(len(made))
+    assert counts[0] == 2 * counts[2] and counts[2] < counts[1] < counts[0]
+
+
+def test_cascade_agrees_with_the_whole_and_widens_halos(monkeypatch):
+    monkeypatch.setattr(stage_normals, "BY_DISTANCE", 3)
+    mesh = side_by_side(RIBBON, noisy(icosphere(2), 0.2))
+    whole, patches = in_patches(mesh, 1500, method="cascade")
+    assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
+
+
+@pytest.mark.parametrize("guidance", ["patch", "gaussian"])
+def test_guided_filter_widens_a_halo_that_is_too_narrow(guidance, monkeypatch):
+    from cascadenorm.baselines import guided_normal
+
+    monkeypatch.setattr(guided_normal, "REACH", 0)
+    given = {"guidance": guidance, "iterations": 2, "sweeps": 2, "radius": 4.0}
+    whole, patches = in_patches(RIBBON, 800, method="guided-normal", **given)
+    assert patches.tobytes() == whole.tobytes()
+
+
+@pytest.mark.parametrize(
+    "controls",
+    [
+        {"mask": np.linspace(0, 1, len(BALL.vertices)), "fixed": [3, 5], "volume": "keep"},
+        {"creases": 40.0, "max_displacement": "0.1 edges"},
+        {"strength": 2.5, "only": np.arange(900)},
+        {"keep_detail": "4 edges"},
+    ],
+    ids=["mask", "creases", "strength", "keep_detail"],
+)
+def test_controls_see_the_whole_mesh(controls):
+    whole, patches = in_patches(BALL, 900, method="bilateral-normal", iterations=3, **controls)
+    assert patches.tobytes() == whole.tobytes()
+
+
+def test_boundaries_are_smoothed_as_those_of_the_whole():
+    whole, patches = in_patches(RIBBON, 800, method="mean-normal", boundary="smooth")
+    assert patches.tobytes() == whole.tobytes()
+
+
+def test_walls_that_regions_share_stay_shared():
+    from partitions import HALF_BALLS, segmented
+
+    labelled = segmented(HALF_BALLS, 16)
+    mesh = Mesh(labelled.vertices, labelled.faces)
+    whole, patches = in_patches(mesh, 600, method="bilateral-normal", iterations=2)
+    assert patches.tobytes() == whole.tobytes()
+
+
+@pytest.mark.parametrize("rings", [0, 1, 5])
+def test_patches_hold_all_within_their_halo(rings):
+    mesh = shuffled(BALL)
+    cutter = Cutter(mesh.vertices, 3)
+    owners, inside = np.zeros(len(mesh.faces), int), np.zeros(len(mesh.vertices), int)
+    for box in range(cutter.count):
+        patch = cutter.patch(mesh, box, rings, {}, None)
+        seeds = np.zeros(len(mesh.vertices), bool)
+        seeds[patch.vertex_numbers[patch.inside]] = True
+        near = steps_from(mesh.topology, seeds, rings) <= rings
+        assert (patch.vertex_numbers == np.flatnonzero(near)).all()
+        assert (patch.face_numbers == np.flatnonzero(near[mesh.faces].all(axis=1))).all()
+        assert (patch.vertex_numbers[patch.corners] == mesh.faces[patch.face_numbers]).all()
+        surrounded = steps_from(mesh.topology, ~near, 1) > 1
+        assert (patch.complete == surrounded[near]).all()
+        owners[patch.face_numbers[patch.own]] += 1
+        inside[patch.vertex_numbers[patch.inside]] += 1
+        if rings == 5:
+            narrow, faces = patch.narrowed(2)
+            again = cutter.patch(mesh, box, 2, {}, None)
+            assert (narrow.face_numbers == again.face_numbers).all() and (narrow.inside == again.inside).all()
+            assert (narrow.complete == again.complete).all() and (narrow.mesh.vertices == again.mesh.vertices).all()
+            assert (patch.face_numbers[faces] == again.face_numbers).all()
+    assert (owners == 1).all() and (inside == 1).all()
+
+
+def test_boxes_hold_equally_many_vertices():
+    points = np.random.default_rng(0).normal(size=(1000, 3))
+    cutter = Cutter(points, 4)
+    assert cutter.count == 16 and set(np.diff(cutter._starts)) <= {62, 63}
+    assert (np.sort(cutter._order) == np.arange(1000)).all()
+
+
+def counted(patch):
+    """Number of faces that can be reached within 6 rings, which needs a halo as wide."""
+    rings = patch.mesh.topology.face_rings(6)
+    seen = patch.own.copy()
+    seen[rings.indices[patch.own[rings.rows]]] = True
+    patch.check_complete(seen)
+    return rings.counts
+
+
+def test_work_is_repeated_until_the_halo_is_wide_enough():
+    with working_in_patches(Patching(700)):
+        found = rows_of_faces(BALL, counted, reach=0)
+    assert (found == BALL.topology.face_rings(6).counts).all()
+
+
+FEW = {"SMALLEST": 900, "LARGEST": 900, "PROCESS": 0, "WHOLE": 1, "PATCH": 1}
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch) -> Path:
+    """A working directory in which a mesh of some thousand faces is large, so that 6 kB hold patches of 900 faces."""
+    monkeypatch.chdir(tmp_path)
+    for name, value in FEW.items():
+        monkeypatch.setattr(planning, name, value)
+    return tmp_path
+
+
+@pytest.mark.parametrize("suffix", ["ply", "stl", "obj", "off", "glb"])
+def test_every_format_is_denoised_in_patches(place, suffix):
+    save_mesh(place / f"scan.{suffix}", BALL)
+    given = {"method": "bilateral-normal", "parameters": {"iterations": 3}}
+    whole = cn.denoise_file(f"scan.{suffix}", f"whole.{suffix}", **given)
+    patches = cn.denoise_file(f"scan.{suffix}", f"patches.{suffix}", memory=6500, **given)
+    assert (place / f"patches.{suffix}").read_bytes() == (place / f"whole.{suffix}").read_bytes()
+    assert (patches.moved, patches.faces) == (whole.moved, whole.faces)
+
+
+def test_memory_on_the_command_line(place, capsys):
+    save_mesh(place / "scan.ply", BALL)
+    words = ["denoise", "scan.ply", "--method", "mean-normal"]
+    assert run([*words, "-o", "whole.ply"]) == run([*words, "-o", "patches.ply", "--memory", "6500 B"]) == 0
+    assert (place / "patches.ply").read_bytes() == (place / "whole.ply").read_bytes()
+    assert run([*words, "-o", "a.ply", "--memory", "5 kB"]) == 2
+    assert "--memory is 0 MB; 5,120 faces need at least 0 MB" in capsys.readouterr().err
+    assert run([*words, "-o", "a.ply", "--memory", "much"]) == 2
+    assert "--memory is 'much'; it must be an amount of memory" in capsys.readouterr().err
+    assert run(["denoise", "scan.ply", "-o", "a.ply", "--method", "fairing", "--memory", "1GB"]) == 2
+    assert "fairing needs the whole mesh at once" in capsys.readouterr().err
+    assert run([*words, "-o", "a.ply", "--scheduler", "local"]) == 2
+    assert "--scheduler works on patches: give memory too" in capsys.readouterr().err
+
+
+def test_a_mesh_that_does_not_fit_is_denoised_in_patches_and_that_is_said(place, capsys, monkeypatch):
+    from cascadenorm.api import api
+
+    save_mesh(place / "scan.ply", BALL)
+    monkeypatch.setattr(api, "free_memory", lambda: 8500)
+    assert run(["denoise", "scan.ply", "-o", "out.ply", "--method", "taubin"]) == 0
+    said = capsys.readouterr().err
+    assert "scan.ply: taubin needs about 3 MB for 5,120 faces, and 0 MB are free: it is denoised in patches" in said
+
+
+def test_which_methods_work_in_patches():
+    def works(name, **given):
+        return planning.works_in_patches(cn.methods()[name], given)
+
+    assert works("auto") and works("cascade") and works("guided-normal") and all(map(works, EXACT))
+    assert not works("guided-normal", fit="least-squares") and not works("bilateral-normal", fit="least-squares")
+    assert not works("laplacian", scheme="implicit") and not works("fairing") and not works("tv-normal")
