@@ -26,7 +26,6 @@ def recover_vertices(
     weighting: Weighting = "heights",
     foldovers: Foldovers = "avoid",
     movable: NDArray[np.bool_] | None = None,
-    start: Vectors | None = None,
 ) -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
@@ -45,13 +44,12 @@ def recover_vertices(
         over-relaxes, so that 20 sweeps converge as far as 100
     foldovers : "avoid", or "ignore", as published, where each step is the whole sum whatever faces it flips
     movable : (n,) the vertices that move; None: all
-    start : (n, 3) where earlier sweeps have left the vertices, which these continue; None: those of the mesh
 
     Returns
     -------
     (n, 3) float64; a vertex without a face stays
     """
-    vertices = (mesh.vertices if start is None else start).copy()
+    vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
     groups = [colors.row(color) for color in range(len(colors.counts))]
     if movable is not None:

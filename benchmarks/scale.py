@@ -2,8 +2,7 @@
 
     python benchmarks/scale.py
 
-Reads benchmarks/speed.md (seconds of whole commands at two sizes) and the table of large files in docs/patches.md. The
-formulas are in the page. Prices are arguments: they differ by provider and by year.
+Reads benchmarks/speed.md (seconds of whole commands at two sizes). The formulas are in the page. Prices are arguments: they differ by provider and by year.
 """
 
 import argparse
@@ -11,8 +10,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from cascadenorm.patches.planning import LARGEST, PATCH, WHOLE
+
 ROOT = Path(__file__).parents[1]
-SPEED, PATCHES, PAGE = ROOT / "benchmarks" / "speed.md", ROOT / "docs" / "patches.md", ROOT / "docs" / "scale.md"
+SPEED, PAGE = ROOT / "benchmarks" / "speed.md", ROOT / "docs" / "scale.md"
 BEGIN, END = "<!-- figures: written by benchmarks/scale.py -->", "<!-- end of figures -->"
 
 BYTES = 19
@@ -21,8 +22,8 @@ BYTES = 19
 REQUESTS = 8
 """Requests to a store for a file that fits into one part; tests/batch/test_remote_files.py counts them."""
 
-PER_VERTEX = 10
-"""Most bytes of a vertex beyond `--memory` in a denoising by patches, as docs/patches.md says."""
+IN_PATCHES = "auto, cascade, bilateral-normal or guided-normal"
+"""Methods whose memory in patches docs/patches.md states."""
 
 SIZES = {"100 k": 1e5, "1 M": 1e6}
 
@@ -65,29 +66,17 @@ def scans_table(threads: int, methods: dict[str, Rate], scans: float, faces: flo
     return "\n".join(lines)
 
 
-def large_table(methods: dict[str, Rate], patches: str, faces: float) -> str:
+def large_table(methods: dict[str, Rate], faces: float) -> str:
     """Rows for one mesh of so many faces, in memory and in patches."""
-    lines = ["| how | hours | memory, GB | scratch written, GB |", "| --- | ---: | ---: | ---: |"]
+    lines = ["| how | hours | memory, GB |", "| --- | ---: | ---: |"]
     for name, rate in methods.items():
         hours, memory = (rate.start + rate.slope * faces) / 3600, rate.memory * faces / 1e9
-        lines.append(f"| {name}, in memory | {hours:.1f} | {memory:,.0f} | 0 |")
-    found = re.findall(
-        r"^\| `(\S+)`[^|]* \| ([\d.]+) \| \d+ \| \S+ \| \S+ \| (\d+) \| \S+ \| (\d+) \| \d+ \| (\d+) \| \S+ \|$",
-        patches,
-        re.MULTILINE,
-    )
-    assert found, "the page of patches has no row of large files"
-    for name, million, peak, seconds, written in {row[0]: row for row in found}.values():  # the last one of a method
-        measured = float(million) * 1e6
-        times, more = faces / measured, PER_VERTEX * (faces - measured) / 2
-        lines.append(
-            f"| {name}, in patches | {float(seconds) * times / 3600:.1f} | {float(peak) / 1000 + more / 1e9:.1f} "
-            f"| {float(written) * times / 1000:,.0f} |"
-        )
+        lines.append(f"| {name}, in memory | {hours:.1f} | {memory:,.0f} |")
+    lines.append(f"| {IN_PATCHES}, in patches | – | {(WHOLE * faces + PATCH * LARGEST) / 1e9:,.0f} |")
     return "\n".join(lines)
 
 
-def figures(speed: str, patches: str, price: float, fee: float) -> str:
+def figures(speed: str, price: float, fee: float) -> str:
     """The tables with what they assume."""
     threads, methods = rates(speed)
     scans, faces, huge = 1e6, 2e5, 1e9
@@ -100,7 +89,7 @@ def figures(speed: str, patches: str, price: float, fee: float) -> str:
             scans_table(threads, methods, scans, faces, price, fee),
             f"### One mesh of {huge:,.0f} faces",
             f"{BYTES * huge / 1e9:.0f} GB as binary PLY. On {threads} threads.",
-            large_table(methods, patches, huge),
+            large_table(methods, huge),
         )
     )
 
@@ -110,8 +99,7 @@ def main() -> None:
     parser.add_argument("--core-hour", type=float, default=0.04, help="price of a core hour")
     parser.add_argument("--requests", type=float, default=0.005, help="price of a thousand requests to the store")
     options = parser.parse_args()
-    speed, patches = SPEED.read_text(encoding="utf-8"), PATCHES.read_text(encoding="utf-8")
-    text = figures(speed, patches, options.core_hour, options.requests)
+    text = figures(SPEED.read_text(encoding="utf-8"), options.core_hour, options.requests)
     head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     PAGE.write_text(f"{head}{BEGIN}\n\n{text}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
 

@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from cascadenorm.models.models import Denoiser, train
     from cascadenorm.reports import report
     from cascadenorm.reports.notebook import view
-    from cascadenorm.streaming.streaming import denoise_large_file
 
 if (_checkout := Path(__file__).parents[1]).joinpath("baselines", "__init__.py").exists():
     # In a checkout `baselines/` and `data_gen/` lie beside the package instead of in it.
@@ -73,7 +72,6 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "denoise": "api.api",
     "denoise_file": "api.api",
     "denoise_files": "batch.batch",
-    "denoise_large_file": "streaming.streaming",
     "denoise_region_files": "api.regions",
     "denoise_regions": "api.regions",
     "evaluate": "evaluation.harness",
@@ -119,7 +117,6 @@ __all__ = [
     "denoise",
     "denoise_file",
     "denoise_files",
-    "denoise_large_file",
     "denoise_region_files",
     "denoise_regions",
     "evaluate",

@@ -39,9 +39,8 @@ MAY_IMPORT = {
     "frontends": "errors execution mesh registry io geometry controls inspection api",
     "reports": "version errors execution mesh registry io geometry learned controls render inspection api evaluation",
     "studio": "errors compute execution mesh registry io controls api reports",
-    "streaming": "version errors execution mesh registry io detection geometry baselines learned controls regions api",
     "cli": "version errors compute execution mesh registry io geometry learned controls render inspection api batch "
-    "evaluation models reports streaming studio",
+    "evaluation models reports studio",
 }
 """What the modules of a room may import besides one another, in an order in which each room has only earlier ones."""
 

@@ -165,8 +165,10 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
             parameter="halo",
             hint="pass the halo of the same patch",
         )
-    rings = check_local(method, parameters, whole.groups, controls)
-    near = cut_within(mesh, whole.around, rings) & ~halo.vertices
+    rings = _rings(method, parameters, whole.groups)
+    _check_local(controls)
+    cut = mesh.topology.vertex_faces.counts != whole.around
+    near = (steps_from(mesh.topology, cut, rings) < rings) & ~halo.vertices
     if near.any():
         raise ParameterError(
             f"is too narrow: {near.sum()} vertices are fewer than {rings} edges from the cut, which is the receptive "
@@ -177,19 +179,7 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
     return halo
 
 
-def check_local(method: Method, parameters: Mapping[str, Any], groups: int, controls: Controls) -> int:
-    """Return the receptive field of a method, as `Method.receptive_field` does.
-
-    Raises
-    ------
-    ParameterError : the method or a control sees all of the mesh
-    """
-    rings = _rings(method, parameters, groups)
-    check_local_controls(controls)
-    return rings
-
-
-def check_local_controls(controls: Controls) -> None:
+def _check_local(controls: Controls) -> None:
     """Refuse controls that see all of the mesh; raises ParameterError."""
     for name, setting in CONTROLS.items():
         given: Any = controls[name]  # type: ignore[literal-required]
@@ -206,22 +196,12 @@ def check_local_controls(controls: Controls) -> None:
         )
 
 
-def cut_within(mesh: Mesh, around: NDArray[np.int32], rings: int) -> NDArray[np.bool_]:
-    """Return (k,) which vertices are fewer than so many edges away from one that lacks some of its faces."""
-    return np.asarray(steps_from(mesh.topology, mesh.topology.vertex_faces.counts != around, rings) < rings)
-
-
-def as_part(mesh: Mesh, whole: Whole, components: NDArray[np.int32] | None = None, **facts: float) -> Mesh:
-    """Return a patch as the method sees it: in the frame of the whole, and oriented as it is.
-
-    Parameters
-    ----------
-    components, facts : further ones of the whole, as `Mesh.as_part` takes them
-    """
+def as_part(mesh: Mesh, whole: Whole) -> Mesh:
+    """Return a patch as the method sees it: in the frame of the whole, and oriented as it is."""
     faces = mesh.faces.copy()
     faces[whole.flipped] = faces[whole.flipped, ::-1]
     framed = whole.frame.of(Mesh(mesh.vertices, faces))
-    return framed.as_part(whole.group, components, mean_edge_length=whole.mean_edge_length, **facts)
+    return framed.as_part(whole.group, mean_edge_length=whole.mean_edge_length)
 
 
 def _rings(method: Method, parameters: Mapping[str, Any], groups: int) -> int:

@@ -49,17 +49,11 @@ def oriented(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, faces)
 
 
-def patches(mesh: Mesh, among: NDArray[np.bool_] | None = None) -> Patches:
-    """Find the patches of a mesh, as `oriented` describes them.
-
-    Parameters
-    ----------
-    among : (e,) the edges that connect faces or bound them, where this is a part of a larger mesh; None: all
-    """
+def patches(mesh: Mesh) -> Patches:
+    """Find the patches of a mesh, as `oriented` describes them."""
     count, around = len(mesh.faces), mesh.topology.edge_faces
-    among = np.ones(len(mesh.topology.edges), bool) if among is None else among
     found = np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool)
-    single_sided = _join(mesh.faces, mesh.topology.edges, around, among, *found)
+    single_sided = _join(mesh.faces, mesh.topology.edges, around, *found)
     return Patches(*found, bool(single_sided))
 
 
@@ -88,9 +82,7 @@ def _weigh(vertices: Vectors, faces: Ints32, patch: Ints32, flipped: Bools, majo
 
 
 @kernel
-def _join(
-    faces: Ints32, edges: Ints32, around: Csr, among: Bools, patch: Ints32, flipped: Bools, at_boundary: Bools
-) -> bool:
+def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Bools, at_boundary: Bools) -> bool:
     """Number each face by the first of its patch, and tell whether its orientation is opposite to that of this one.
 
     Returns whether a patch has a single side.
@@ -101,8 +93,6 @@ def _join(
     """
     single_sided = False
     for e in range(len(edges)):
-        if not among[e]:
-            continue
         a, b = edges[e]
         # an edge is passed where its faces have at most two third vertices: one face, two, or copies of these
         apexes = 0

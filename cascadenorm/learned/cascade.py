@@ -28,7 +28,6 @@ from cascadenorm.learned.stage_settings import CHOICES, StageSettings
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.patches.work import free_derived
-from cascadenorm.registry import ParameterError
 
 FORMAT = "cascadenorm/6"
 CONSTANTS = {

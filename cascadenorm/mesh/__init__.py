@@ -70,7 +70,6 @@ __all__ = [
     "doubled",
     "face_area_vectors",
     "first_places",
-    "frame_between",
     "frame_of",
     "in_blocks",
     "in_frame",

@@ -32,16 +32,12 @@ class Frame(NamedTuple):
         return mesh.moved(self.points(vertices))
 
 
-def frame_between(lower: Vectors, upper: Vectors) -> Frame:
-    """Return the frame of what lies between two corners, (3,), of a box."""
-    exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
-    return Frame(0.5 * upper + 0.5 * lower, exponent)
-
-
 def frame_of(mesh: Mesh) -> Frame:
     """Return the frame of the vertices that a face uses."""
     used = mesh.topology.used_vertices
-    return frame_between(*box_of(mesh.vertices if used.all() else mesh.vertices[used]))
+    lower, upper = box_of(mesh.vertices if used.all() else mesh.vertices[used])
+    exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
+    return Frame(0.5 * upper + 0.5 * lower, exponent)
 
 
 def in_frame(mesh: Mesh) -> tuple[Mesh, int]:

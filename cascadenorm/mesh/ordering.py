@@ -98,25 +98,12 @@ def _sorted(codes: NDArray[np.uint64], points: Vectors) -> Ints:
 
 
 def cache_misses(mesh: Mesh) -> float:
-    """Count how often a cache lacks a vertex as face after face asks for its own, against the fewest possible."""
-    cache = Cache()
-    cache.ask(mesh.faces)
-    return cache.misses(len(mesh.vertices))
+    """Count how often a cache lacks a vertex as face after face asks for its own, against the fewest possible.
 
-
-class Cache:
-    """Lines of memory with vertices, direct-mapped: of those that have one number modulo LINES the last one used."""
-
-    def __init__(self) -> None:
-        self._held, self._missed = np.full(LINES, -1, np.int64), 0
-
-    def ask(self, faces: NDArray[Any]) -> None:
-        """Let faces, (m, 3), ask for their vertices, one after the other."""
-        self._missed += _ask(np.ascontiguousarray(faces, np.int32), self._held)
-
-    def misses(self, vertices: int) -> float:
-        """Return how often a line was not there, against the fewest possible for so many vertices."""
-        return self._missed * LINE / vertices
+    The cache has lines of memory with vertices and is direct-mapped: of those that have one number modulo LINES it
+    holds the last one used.
+    """
+    return _ask(mesh.faces, np.full(LINES, -1, np.int64)) * LINE / len(mesh.vertices)
 
 
 @kernel
@@ -137,11 +124,7 @@ def morton_codes(points: Vectors) -> NDArray[np.uint64]:
 
     The bits of the three coordinates take turns.
     """
-    return morton_codes_between(points, *np.quantile(points, [OUTLIERS, 1 - OUTLIERS], axis=0))
-
-
-def morton_codes_between(points: Vectors, lower: Vectors, upper: Vectors) -> NDArray[np.uint64]:
-    """Number the cells of a grid between two corners, (3,), of a box, as `morton_codes` does."""
+    lower, upper = np.quantile(points, [OUTLIERS, 1 - OUTLIERS], axis=0)
     size = max(float((upper - lower).max()), np.finfo(float).tiny)
     codes = np.empty(len(points), np.uint64)
     parallel_for(len(points), _code_range, points, lower, size, codes)

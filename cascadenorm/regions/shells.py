@@ -103,19 +103,6 @@ def shells(mesh: Mesh) -> Shells | None:
     return Shells(*parts, edges[divided[component[edges[:, 0]]]])
 
 
-def share_walls(mesh: Mesh, wall: Ints) -> bool:
-    """Whether `shells` finds regions that share walls; all faces at the edges of three faces or more are enough for it.
-
-    Parameters
-    ----------
-    mesh : m faces, consistently oriented on each wall
-    wall : (m,) the number of the wall, or patch, of each face, from 0 on in the order of their first faces
-    """
-    distinct = _first_of_twins(mesh.faces)
-    junctions = _junctions(mesh, distinct)
-    return bool(len(junctions)) and bool(_regions_at(mesh, junctions, wall, distinct)[1].any())
-
-
 def _junctions(mesh: Mesh, distinct: Bools) -> Ints:
     """Return the edges at which three faces or more meet, those on the same three vertices counted once."""
     counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))

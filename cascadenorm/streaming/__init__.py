@@ -1,1 +1,0 @@
-"""Meshes larger than memory, denoised in patches that lie on disk."""
