@@ -2,7 +2,8 @@
 
     python benchmarks/scale.py
 
-Reads benchmarks/speed.md (seconds of whole commands at two sizes). The formulas are in the page. Prices are arguments: they differ by provider and by year.
+Reads benchmarks/speed.md (seconds of whole commands at two sizes). The formulas are in the page. Prices are arguments:
+they differ by provider and by year.
 """
 
 import argparse

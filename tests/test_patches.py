@@ -16,7 +16,7 @@ from cascadenorm.patches import planning
 from cascadenorm.patches.cutting import Cutter
 from cascadenorm.patches.work import Patching, rows_of_faces, working_in_patches
 
-AGREES = 1e-6  # of an edge
+AGREES = 1e-5  # of an edge; rounding in products of matrices, made larger by what follows
 RIBBON = noisy(grid(400, 6), 0.25, seed=1)
 """Much longer than a halo is wide, so that patches are parts of it."""
 BALL = noisy(icosphere(4), 0.2)
@@ -91,8 +91,8 @@ def test_filters_give_the_bits_of_the_whole(method, name):
 @pytest.mark.parametrize("name", MESHES)
 def test_auto_agrees_with_the_whole(name):
     mesh = MESHES[name]()
-    spare = 3_000_000 if name == "open" else 0  # some of the filtered normals are kept, others filtered twice
-    whole, patches = in_patches(mesh, 2400, spare=spare, method="auto")
+    spare = 500_000 if name == "open" else 0  # some of the filtered normals are kept, others filtered twice
+    whole, patches = in_patches(mesh, 4000, spare=spare, method="auto")
     assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
     assert np.abs(whole - mesh.vertices).max() > 0.1 * mesh.mean_edge_length
 
@@ -102,9 +102,9 @@ def test_filtered_normals_are_kept_or_made_again(monkeypatch):
     stage_stack = stage_normals.stage_stack
     monkeypatch.setattr(stage_normals, "stage_stack", lambda *given: made.append(1) or stage_stack(*given))
     counts = []
-    for spare in (0, 3_000_000, 10**9):
+    for spare in (0, 500_000, 10**9):
         made.clear()
-        with working_in_patches(Patching(2400, spare=spare)):
+        with working_in_patches(Patching(4000, spare=spare)):
             cn.denoise(RIBBON, method="auto")
         counts.append(len(made))
     assert counts[0] == 2 * counts[2] and counts[2] < counts[1] < counts[0]

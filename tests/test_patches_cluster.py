@@ -19,4 +19,4 @@ def test_workers_give_the_result_of_this_process(place, cluster, method, monkeyp
     there = cn.denoise_file("scan.ply", "there.ply", method=method, memory=2500, scheduler=cluster[0])
     assert there.moved == whole.moved
     one, other = cn.read("whole.ply").mesh, cn.read("there.ply").mesh
-    assert abs(one.vertices - other.vertices).max() < 1e-6 * one.mean_edge_length
+    assert abs(one.vertices - other.vertices).max() < 1e-5 * one.mean_edge_length

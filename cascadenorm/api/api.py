@@ -127,7 +127,7 @@ def denoise_file(
     parameters : of the method
     memory
         Memory for the process, as bytes or as text like "4GB". Where the whole mesh needs more, the method works in
-        patches, and the result agrees to 1e-6 of an edge (docs/patches.md). None sets no limit.
+        patches, and the result agrees to 1e-5 of an edge (docs/patches.md). None sets no limit.
     scheduler
         Address of a Dask scheduler whose workers work on the patches, or "local" for a cluster on this machine.
         `memory` is then that of each worker process.

@@ -1,9 +1,11 @@
 """The normals that a stage regresses, on a whole mesh or patch by patch."""
 
+from collections.abc import Iterable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.baselines.normal_filter_bank import faces_added
 from cascadenorm.learned.descriptors import CUTOFF, DESCRIPTORS, SIGMA_S, Stack
@@ -63,8 +65,7 @@ def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching
     totals = _no_sums(stage, int(mesh.topology.components.max()) + 1)
     kept, again, spare = list[_Filtered](), list[int](), patching.spare
     for patch, (sums, filtered) in each(partial(_sums, stage, spare > 0)):
-        for total, rows in zip(totals, sums, strict=True):
-            total[patch.component_numbers] += rows
+        _add(totals, sums, patch.component_numbers)
         spare -= 0 if filtered is None else filtered.stack.nbytes
         if filtered is None or spare < 0:
             again.append(patch.box)
@@ -86,15 +87,20 @@ def _no_sums(stage: Regression, count: int) -> ComponentSums:
     return ComponentSums(np.zeros(count, np.int64), np.zeros((count, width)), np.zeros((count, 3)), np.zeros(count))
 
 
+def _add(totals: ComponentSums, sums: ComponentSums, places: NDArray[Any]) -> None:
+    """Add sums to the rows of others that have these places, each of which comes once."""
+    pairs: Iterable[tuple[NDArray[Any], NDArray[Any]]] = zip(totals, sums, strict=True)
+    for total, rows in pairs:
+        total[places] += rows
+
+
 def _sums(stage: Regression, keep: bool, patch: MeshPatch, noisy: Vectors) -> tuple[ComponentSums, "_Filtered | None"]:
     """Return what the faces of a patch add to the sums over components, and their filtered normals if wanted."""
     filtered = _filtered(stage, patch, noisy)
     own = filtered.patch.own
     part = stage.scaler.sums(filtered.stack, filtered.patch.mesh, own)
-    sums = ComponentSums(*(np.zeros((len(patch.component_numbers), *rows.shape[1:]), rows.dtype) for rows in part))
-    places = np.searchsorted(patch.component_numbers, filtered.patch.component_numbers)
-    for total, rows in zip(sums, part, strict=True):
-        total[places] = rows
+    sums = _no_sums(stage, len(patch.component_numbers))
+    _add(sums, part, np.searchsorted(patch.component_numbers, filtered.patch.component_numbers))
     return sums, filtered if keep else None
 
 
@@ -111,7 +117,8 @@ def _filtered(stage: Regression, patch: MeshPatch, noisy: Vectors) -> _Filtered:
 def _regressed(stage: Regression, totals: ComponentSums, filtered: _Filtered) -> Vectors:
     """Return the normals of the faces that belong to a patch."""
     patch = filtered.patch
-    sums = ComponentSums(*(rows[patch.component_numbers] for rows in totals))
+    every: Iterable[NDArray[Any]] = totals
+    sums = ComponentSums(*(rows[patch.component_numbers] for rows in every))
     return stage.normals(patch.mesh, filtered.stack, sums)[patch.own]
 
 

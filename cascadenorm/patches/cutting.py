@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from cascadenorm.geometry.neighborhoods import steps_from
-from cascadenorm.mesh import Bools, Csr, Ints, Ints32, Mesh, Vectors, doubled, kernel
+from cascadenorm.mesh import Bools, Csr, Index, Ints, Ints32, Mesh, Vectors, doubled, kernel
 
 
 class TooNarrow(Exception):
@@ -92,8 +92,8 @@ class MeshPatch:
     def whole(cls, mesh: Mesh) -> "MeshPatch":
         """Return a whole mesh as its only patch."""
         every = np.ones(len(mesh.vertices), bool)
-        numbers = (np.arange(count, dtype=np.int32) for count in (len(mesh.vertices), len(mesh.faces)))
-        patch = cls(mesh.vertices, mesh.faces, 0, *numbers, every, every, {})
+        vertices, faces = np.arange(len(mesh.vertices), dtype=np.int32), np.arange(len(mesh.faces), dtype=np.int32)
+        patch = cls(mesh.vertices, mesh.faces, 0, vertices, faces, every, every, {})
         patch.__dict__["mesh"] = mesh
         return patch
 
@@ -134,6 +134,7 @@ class Cutter:
         """
         faces, around, place = mesh.faces, mesh.topology.vertex_faces, self._place
         seeds = self._order[self._starts[number] : self._starts[number + 1]]
+        seeds = seeds[around.indptr[seeds + 1] > around.indptr[seeds]]  # a vertex without a face is in no patch
         near = _grown(faces, around, seeds, rings, place)
         near.sort()
         place[near] = np.arange(len(near), dtype=np.int32)
@@ -205,7 +206,7 @@ def _faces_between(faces: Ints32, around: Csr, vertices: Ints32, place: Ints32) 
     found = np.empty(2 * len(vertices) + 64, np.int32)
     end = 0
     for v in vertices:
-        before = -1
+        before: Index = np.int64(-1)
         for k in range(around.indptr[v], around.indptr[v + 1]):
             f = np.int64(around.indices[k])
             if f == before or faces[f, 0] != v or place[faces[f, 1]] < 0 or place[faces[f, 2]] < 0:

@@ -186,8 +186,9 @@ def moved_in_patches(
     (n, 3)
     """
     out = vertices.copy()
-    given = {"reach": reach, "vertices": [vertices], "components": components}
-    for patch, rows in each_patch(mesh, patching, partial(_inside_rows, work), **given):
+    inside = partial(_inside_rows, work)
+    each = each_patch(mesh, patching, inside, reach=reach, vertices=[vertices], components=components)
+    for patch, rows in each:
         out[patch.vertex_numbers[patch.inside]] = rows
     return out
 
