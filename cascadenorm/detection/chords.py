@@ -11,6 +11,7 @@ from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, 
 from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import Vector, add, cross, dot, length, row, subtract
 
+RINGS = 3  # edges around a vertex that the residuals of its edges depend on
 PASSES = 8  # averages over neighbours that a noise estimate is taken from: about four rings
 SAME_SIDE = 0.5
 """Cosine, 60°, of the angle to the mean normal of an edge up to which faces at its ends are on its side of a crease."""

@@ -5,7 +5,6 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.detection.parts import AT_ONCE, Found, Part, Surface, in_parts
 from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import Vector, row, subtract
 
@@ -32,40 +31,15 @@ ON_NODES = 0.5
 """Share of the vertices that lie on a plane of nodes across each axis; marching cubes put two thirds there."""
 
 
-def lattice_share(mesh: Mesh | Surface) -> float:
+def lattice_share(mesh: Mesh) -> float:
     """Share of the edges that the most frequent vectors hold; near 1 where vertices lie on a lattice, else near 0."""
-    parts = in_parts(mesh).each("lattice", 1, _vectors)
-    edges, kinds = (sum(int(found[name]) for _, found in parts) for name in ("edges", "kinds"))
-    if edges < FEWEST:
+    edges, size = mesh.topology.edges, RESOLUTION * mesh.median_edge_length
+    if len(edges) < FEWEST or size == 0:
         return 0.0
-    groups, most = -(-kinds // AT_ONCE), np.empty(0, np.int64)
-    for group in range(groups):  # each kind of vector is in one
-        chosen = [_of_group(found, group, groups) for _, found in parts]
-        counts = chosen[0][1]
-        if len(chosen) > 1:
-            _, kind = np.unique(np.concatenate([keys for keys, _ in chosen]), return_inverse=True)
-            counts = np.bincount(kind.ravel(), np.concatenate([counts for _, counts in chosen])).astype(np.int64)
-        most = np.sort(np.concatenate([most, counts]))[-FREQUENT:]
-    return float(most.sum() / edges)
-
-
-def _of_group(found: Found, group: int, groups: int) -> tuple[Ints, Ints]:
-    """Return the keys of some kinds of vectors, and how many edges have each."""
-    mine = slice(None) if groups == 1 else found["keys"] % groups == group
-    return found["keys"][mine], found["counts"][mine]
-
-
-def _vectors(part: Part) -> Found:
-    """Count the edges of a part, and the vectors along them by what they are rounded to."""
-    mesh = part.mesh
-    edges = mesh.topology.edges[part.edges]
-    size = RESOLUTION * mesh.median_edge_length
-    if size == 0:
-        return {"edges": np.array(0), "kinds": np.array(0), "keys": np.empty(0, int), "counts": np.empty(0, int)}
     keys = np.empty(len(edges), np.int64)
     parallel_for(len(edges), _edge_key_range, mesh.vertices, edges, size, keys)
-    keys, counts = np.unique(keys, return_counts=True)
-    return {"edges": np.array(len(edges)), "kinds": np.array(len(keys)), "keys": keys, "counts": counts}
+    counts = np.unique(keys, return_counts=True)[1]
+    return float(np.sort(counts)[-FREQUENT:].sum() / len(edges))
 
 
 def lattice_of_mask(mesh: Mesh) -> Lattice | None:

@@ -17,6 +17,7 @@ from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.gated import GatedCascades, read_model
 from cascadenorm.learned.safeguards import safeguarded
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.patches.work import free_derived
 from cascadenorm.registry import Parameter, ParameterError, method
 
 Learned = Cascade | GatedCascades
@@ -51,11 +52,14 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     mesh = without_spikes(mesh)
     start = without_voxel_faces(mesh)
     network = loaded(model, "auto")
-    if isinstance(network, GatedCascades):
-        vertices = network.vertices(start, network.judged(mesh, treat_as).measured)
-    else:
-        vertices = network.vertices(start)
-    return safeguarded(mesh, without_drift(mesh, vertices))
+    gated = isinstance(network, GatedCascades)
+    measured = network.judged(mesh, treat_as).measured if gated else None
+    free_derived(mesh)
+    vertices = network.vertices(start) if measured is None else network.vertices(start, measured)
+    vertices = without_drift(mesh, vertices)
+    del start
+    free_derived(mesh)
+    return safeguarded(mesh, vertices)
 
 
 @method("cascade", source="Wang, Liu, Tong 2016", family="learned")

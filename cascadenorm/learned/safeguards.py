@@ -1,14 +1,16 @@
 """Limits on vertex displacement: a model moves no vertex farther than the noise around it explains."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.detection.chords import chord_residuals, local_noise
-from cascadenorm.detection.parts import Found, InMemory, Part, Surface, by_component
+from cascadenorm.detection.chords import PASSES, RINGS, chord_residuals, local_noise
 from cascadenorm.detection.segmentation_steps import has_voxel_faces
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
+from cascadenorm.patches.cutting import MeshPatch
+from cascadenorm.patches.work import moved_in_patches, patching_of
 
 NOISES = 30.0
 """Times the estimated noise around it that a vertex may move. Of independent noise 4 times are enough; of an error that
@@ -34,7 +36,19 @@ def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
     -------
     (n, 3)
     """
-    return without_flips(mesh, within_bounds(mesh, vertices))
+    patching = patching_of(mesh)
+    if patching is None:
+        bounded = within_bounds(mesh, vertices)
+    else:
+        work = partial(_within_bounds_of_patch, what_is_bounded(mesh))
+        bounded = moved_in_patches(mesh, patching, work, vertices, reach=RINGS + PASSES, components=True)
+    return without_flips(mesh, bounded)
+
+
+def _within_bounds_of_patch(bounded: "Bounded", patch: MeshPatch, vertices: Vectors) -> Vectors:
+    """Do what `within_bounds` does on a patch, with the facts about the whole mesh."""
+    here = Bounded(bounded.untold[patch.component_numbers], bounded.voxel_faces)
+    return within_bounds(patch.mesh, vertices, here)
 
 
 def within_bounds(mesh: Mesh, vertices: Vectors, bounded: "Bounded | None" = None) -> Vectors:
@@ -83,7 +97,7 @@ def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
     """
     tallest = np.zeros(len(mesh.vertices))
     np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))
-    bounded = bounded or what_is_bounded(InMemory(mesh))
+    bounded = bounded or what_is_bounded(mesh)
     noise = local_noise(mesh, chord_residuals(mesh))
     noise[mesh.faces[bounded.untold[mesh.topology.face_components]]] = np.inf
     if bounded.voxel_faces:  # along their edges the normals of both ends agree
@@ -91,14 +105,9 @@ def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
     return np.minimum(NOISES * noise, HEIGHTS * tallest)
 
 
-def what_is_bounded(surface: Surface) -> Bounded:
-    """Return what the bounds depend on."""
-    edges = by_component(surface.each("interior edges", 1, _interior_edges), surface.components)["edges"]
-    return Bounded(edges < FEWEST, has_voxel_faces(surface))
-
-
-def _interior_edges(part: Part) -> Found:
-    """Count the edges with two faces of each component of a part, (c,)."""
-    topology = part.mesh.topology
-    label = part.components[topology.face_components[topology.face_pairs[part.interior_edges, 0]]]
-    return {"edges": np.bincount(label, minlength=len(part.components))}
+def what_is_bounded(mesh: Mesh) -> Bounded:
+    """Return the facts about a whole mesh that the bounds depend on."""
+    topology = mesh.topology
+    components = topology.face_components
+    edges = np.bincount(components[topology.face_pairs[:, 0]], minlength=int(components.max()) + 1)
+    return Bounded(edges < FEWEST, has_voxel_faces(mesh))
