@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from partitions import walls
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
@@ -148,10 +149,7 @@ def test_boundaries_are_smoothed_as_those_of_the_whole():
 
 
 def test_walls_that_regions_share_stay_shared():
-    from partitions import HALF_BALLS, segmented
-
-    labelled = segmented(HALF_BALLS, 16)
-    mesh = Mesh(labelled.vertices, labelled.faces)
+    mesh = walls("half balls").mesh
     whole, patches = in_patches(mesh, 600, method="bilateral-normal", iterations=2)
     assert patches.tobytes() == whole.tobytes()
 
@@ -179,7 +177,8 @@ def test_patches_hold_all_within_their_halo(rings):
             assert (narrow.face_numbers == again.face_numbers).all() and (narrow.inside == again.inside).all()
             assert (narrow.complete == again.complete).all() and (narrow.mesh.vertices == again.mesh.vertices).all()
             assert (patch.face_numbers[faces] == again.face_numbers).all()
-    assert (owners == 1).all() and (inside == 1).all()
+    assert (owners == 1).all() or rings == 0  # then a face whose corners lie in several boxes is in no patch
+    assert (inside == 1).all()
 
 
 def test_boxes_hold_equally_many_vertices():
@@ -232,13 +231,13 @@ def test_memory_on_the_command_line(place, capsys):
     assert run([*words, "-o", "whole.ply"]) == run([*words, "-o", "patches.ply", "--memory", "6500 B"]) == 0
     assert (place / "patches.ply").read_bytes() == (place / "whole.ply").read_bytes()
     assert run([*words, "-o", "a.ply", "--memory", "5 kB"]) == 2
-    assert "--memory is 0 MB; 5,120 faces need at least 0 MB" in capsys.readouterr().err
+    assert "memory is 0 MB; 5,120 faces need at least 0 MB" in capsys.readouterr().err
     assert run([*words, "-o", "a.ply", "--memory", "much"]) == 2
-    assert "--memory is 'much'; it must be an amount of memory" in capsys.readouterr().err
+    assert "memory is 'much'; it must be an amount of memory" in capsys.readouterr().err
     assert run(["denoise", "scan.ply", "-o", "a.ply", "--method", "fairing", "--memory", "1GB"]) == 2
     assert "fairing needs the whole mesh at once" in capsys.readouterr().err
     assert run([*words, "-o", "a.ply", "--scheduler", "local"]) == 2
-    assert "--scheduler works on patches: give memory too" in capsys.readouterr().err
+    assert "scheduler works on patches: give memory too" in capsys.readouterr().err
 
 
 def test_a_mesh_that_does_not_fit_is_denoised_in_patches_and_that_is_said(place, capsys, monkeypatch):
