@@ -32,7 +32,7 @@ from cascadenorm.compute.threads import (
 )
 from cascadenorm.errors import MeshError
 from cascadenorm.mesh.connectivity import connected_components
-from cascadenorm.mesh.frame import Frame, frame_between, frame_of, in_frame, scale_between, scaled_alike
+from cascadenorm.mesh.frame import Frame, frame_of, in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import (
     bad_faces,
     bad_vertices,
