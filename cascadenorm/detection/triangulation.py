@@ -14,6 +14,10 @@ MOST_FACES = 20_000
 VALENCES = range(3, 9)
 FLAT = 0.02, 0.2
 """Degrees between neighbouring faces below which they count as coplanar, and as nearly coplanar."""
+FREQUENT = 4, 16
+"""Numbers of the most frequent shapes of triangles whose share is measured; lattices repeat few shapes."""
+SAME = 0.01
+"""Mean lengths by which sides of triangles of the same shape differ at most."""
 FIGURES = (
     "open sides",
     *("deviation of lengths", *(f"length at {share:.0%}" for share in (0.02, 0.1, 0.5, 0.9, 0.98))),
@@ -21,7 +25,9 @@ FIGURES = (
     "valence above 8",
     *(f"smallest angle at {share:.0%}" for share in (0.05, 0.25, 0.5, 0.75)),
     *(f"largest angle at {share:.0%}" for share in (0.25, 0.5, 0.75, 0.95)),
+    *(f"most frequent {count} shapes" for count in FREQUENT),
     *(f"bends below {bend}°" for bend in FLAT),
+    "faces inside planes",
     *(f"bend at {share:.0%}" for share in (0.1, 0.25, 0.5, 0.75, 0.9)),
 )
 """Names of what `triangulation_figures` returns, in order."""
@@ -41,7 +47,7 @@ def triangulation_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
 
     Returns
     -------
-    (29,) figures in the order of FIGURES.
+    (32,) figures in the order of FIGURES.
     """
     if len(faces) > MOST_FACES:
         faces = np.sort(np.random.default_rng(0).choice(faces, MOST_FACES, replace=False))
@@ -53,6 +59,7 @@ def triangulation_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
             _side_figures(mesh, faces, lengths),
             _valence_figures(mesh, faces),
             _angle_figures(sides, lengths),
+            _shape_figures(lengths),
             _bend_figures(mesh, faces),
         ]
     )
@@ -79,12 +86,25 @@ def _angle_figures(sides: NDArray[np.float64], lengths: Floats) -> Floats:
     return np.concatenate([smallest, np.quantile(angles[:, 2], [0.25, 0.5, 0.75, 0.95])])
 
 
+def _shape_figures(lengths: Floats) -> Floats:
+    """Shares of the triangles that have the most frequent lengths of sides."""
+    mean = max(float(lengths.mean()), np.finfo(float).tiny)
+    shapes = np.round(np.sort(lengths, axis=1) / (SAME * mean)).astype(np.int64)
+    counts = np.sort(np.unique(shapes, axis=0, return_counts=True)[1])[::-1]
+    return np.array([counts[:count].sum() / len(lengths) for count in FREQUENT])
+
+
 def _bend_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
     """Angles to the neighbours across sides that have exactly one; a surface without any counts as flat."""
     across = mesh.topology.faces_across[faces]
-    rows, columns = np.nonzero(across >= 0)
-    if len(rows) == 0:
-        return np.array([*np.ones(len(FLAT)), *np.zeros(5)])
+    known = across >= 0
+    if not known.any():
+        return np.array([*np.ones(len(FLAT)), 1.0, *np.zeros(5)])
     normals = mesh.face_normals
-    bends = np.degrees(angles_between(normals[faces[rows]], normals[across[rows, columns]]))
-    return np.array([*((bends < limit).mean() for limit in FLAT), *np.quantile(bends, [0.1, 0.25, 0.5, 0.75, 0.9])])
+    rows, columns = np.nonzero(known)
+    bends = np.zeros(across.shape)
+    bends[known] = np.degrees(angles_between(normals[faces[rows]], normals[across[rows, columns]]))
+    inside = (bends < FLAT[1]).all(axis=1).mean()
+    bends = bends[known]
+    shares = [(bends < limit).mean() for limit in FLAT]
+    return np.array([*shares, inside, *np.quantile(bends, [0.1, 0.25, 0.5, 0.75, 0.9])])

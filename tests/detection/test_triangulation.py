@@ -19,7 +19,7 @@ def test_a_regular_grid_has_valence_6_right_angles_and_no_bends():
     assert found["valence 6"] == pytest.approx(6 * 39**2 / (3 * 2 * 40**2))
     assert found["smallest angle at 50%"] == pytest.approx(45)
     assert found["largest angle at 50%"] == pytest.approx(90)
-    assert found["bends below 0.02°"] == 1
+    assert found["bends below 0.02°"] == found["faces inside planes"] == found["most frequent 4 shapes"] == 1
     sides = np.array([1, 1, np.sqrt(2)])
     assert found["deviation of lengths"] == pytest.approx(sides.std() / sides.mean())
     assert found["open sides"] == pytest.approx(4 * 40 / (3 * 2 * 40 * 40))
@@ -29,7 +29,12 @@ def test_the_bends_of_a_box_are_those_of_its_edges():
     found = figures(cube(1))
     assert found["bends below 0.2°"] == pytest.approx(1 / 3)
     assert found["bend at 50%"] == pytest.approx(90)
-    assert found["open sides"] == 0
+    assert found["open sides"] == found["faces inside planes"] == 0
+
+
+def test_noise_leaves_no_shape_of_triangles_frequent():
+    assert figures(icosphere(3))["most frequent 16 shapes"] > 0.5
+    assert figures(noisy(icosphere(4), 0.2))["most frequent 16 shapes"] < 0.02
 
 
 def test_a_surface_without_neighbours_counts_as_flat():
