@@ -40,14 +40,14 @@ def watch_compiler() -> None:
     """Count the compilations of numba from now on."""
     from numba.core import event
 
-    class Listener(event.Listener):  # type: ignore[misc]
+    class Listener(event.Listener):
         def on_start(self, event: Any) -> None:
             _clock.begin()
 
         def on_end(self, event: Any) -> None:
             _clock.end()
 
-    event.register("numba:compile", Listener())
+    event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]
 
 
 def tell_of_compiling(tell: Callable[[str], object] | None) -> None:

@@ -51,7 +51,7 @@ def local_noise(mesh: Mesh, residuals: Floats) -> Floats:
     sums = np.zeros((n, 2))
     _add_squares(residuals, topology.edges, topology.interior_edges, sums)
     sums = averaged(sums, topology.vertex_neighbors, PASSES)
-    return np.sqrt(np.divide(sums[:, 0], sums[:, 1], out=np.full(n, np.inf), where=sums[:, 1] > 0))
+    return np.asarray(np.sqrt(np.divide(sums[:, 0], sums[:, 1], out=np.full(n, np.inf), where=sums[:, 1] > 0)))
 
 
 def rises(mesh: Mesh, pairs: Ints32) -> Floats:

@@ -59,7 +59,7 @@ def without_spikes(mesh: Mesh) -> Mesh:
             break
         vertices = mesh.vertices.copy()
         for i in np.flatnonzero(found):
-            vertices[i] = mesh.vertices[mesh.topology.vertex_neighbors.row(i)].mean(axis=0)
+            vertices[i] = mesh.vertices[mesh.topology.vertex_neighbors.row(int(i))].mean(axis=0)
         mesh = mesh.moved(vertices)
     return mesh
 

@@ -147,7 +147,8 @@ def _gain(totals: Floats, cluster: int, vertices: Vectors, i: int, weight: float
     for d in range(3):
         part = totals[cluster, d] + weight * vertices[i, d]
         squares += part * part
-    return squares / total
+    gain: float = squares / total
+    return gain
 
 
 @kernel

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike, fspath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,25 +55,13 @@ class GatedCascades:
         count = int(mesh.topology.components.max()) + 1
         return Judged(np.full(count, probability == 1), np.full(count, probability))
 
-    def vertices(self, mesh: Mesh, measured: Bools | None = None) -> Vectors:
-        """Return the denoised vertices, (n, 3).
+    def chosen(self, measured: Bools) -> "Chosen":
+        """Return the networks with the choice for each component, (c,)."""
+        return Chosen(self.vertex, self.surface, measured)
 
-        Parameters
-        ----------
-        mesh
-            Mesh with c components.
-        measured
-            (c,) components that are treated as measured surfaces. None asks the gate.
-        """
-        chosen = (self.judged(mesh).measured if measured is None else measured)[mesh.topology.face_components]
-        if chosen.all() or not chosen.any():
-            return (self.surface if chosen.all() else self.vertex).vertices(mesh)
-        vertices = mesh.vertices.copy()
-        for cascade, faces in ((self.vertex, ~chosen), (self.surface, chosen)):
-            numbers, corners = np.unique(mesh.faces[faces], return_inverse=True)
-            part = Mesh(mesh.vertices[numbers], corners.reshape(-1, 3))
-            vertices[numbers] = cascade.vertices(part)
-        return vertices
+    def vertices(self, mesh: Mesh) -> Vectors:
+        """Return the denoised vertices, (n, 3), of each component from the network that the gate chooses."""
+        return self.chosen(self.judged(mesh).measured).vertices(mesh)
 
     def to_bytes(self) -> bytes:
         """Return the content of a weights file: the same bytes for the same model."""
@@ -92,6 +80,26 @@ class GatedCascades:
             Gate(**gate),
             header["gate"],
         )
+
+
+class Chosen(NamedTuple):
+    """Two networks, and which components are treated as measured surfaces, (c,)."""
+
+    vertex: Cascade
+    surface: Cascade
+    measured: Bools
+
+    def vertices(self, mesh: Mesh) -> Vectors:
+        """Return the denoised vertices, (n, 3), of a mesh with these components."""
+        measured = self.measured[mesh.topology.face_components]
+        if measured.all() or not measured.any():
+            return (self.surface if measured.all() else self.vertex).vertices(mesh)
+        vertices = mesh.vertices.copy()
+        for cascade, faces in ((self.vertex, ~measured), (self.surface, measured)):
+            numbers, corners = np.unique(mesh.faces[faces], return_inverse=True)
+            part = Mesh(mesh.vertices[numbers], corners.reshape(-1, 3))
+            vertices[numbers] = cascade.vertices(part)
+        return vertices
 
 
 def _under(tensors: Arrays, part: str) -> Arrays:

@@ -52,11 +52,10 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     mesh = without_spikes(mesh)
     start = without_voxel_faces(mesh)
     network = loaded(model, "auto")
-    gated = isinstance(network, GatedCascades)
-    measured = network.judged(mesh, treat_as).measured if gated else None
+    if isinstance(network, GatedCascades):
+        network = network.chosen(network.judged(mesh, treat_as).measured)
     free_derived(mesh)
-    vertices = network.vertices(start) if measured is None else network.vertices(start, measured)
-    vertices = without_drift(mesh, vertices)
+    vertices = without_drift(mesh, network.vertices(start))
     del start
     free_derived(mesh)
     return safeguarded(mesh, vertices)

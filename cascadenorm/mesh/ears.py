@@ -41,7 +41,8 @@ def ears(corners: NDArray[Any]) -> NDArray[np.int64] | None:
 @kernel
 def _side(x: Floats, y: Floats, a: int, b: int, c: int) -> float:
     """Twice the area of a triangle, negative where it is clockwise."""
-    return (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a])
+    doubled: float = (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a])
+    return doubled
 
 
 @kernel

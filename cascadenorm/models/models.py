@@ -3,7 +3,6 @@
 import shutil
 from contextlib import nullcontext
 from copy import deepcopy
-from dataclasses import replace
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -226,10 +225,8 @@ def train_gate(
         from cascadenorm.learned.training import gate_training
     except ImportError as error:
         raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None
-    config = gate_training.GateConfig()
+    config = gate_training.GateConfig() if seed is None else gate_training.GateConfig(seed=seed)
     with limit_threads(threads):
-        model = gate_training.train_gate(
-            *cascades, config if seed is None else replace(config, seed=seed), progress=progress
-        )
+        model = gate_training.train_gate(cascades[0], cascades[1], config, progress=progress)
     write_atomically(output, [model.to_bytes()], force=force)
     return Denoiser(model)

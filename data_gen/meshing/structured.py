@@ -151,9 +151,9 @@ def subdivided_cage(mesh: Mesh, *, faces: int, rng: np.random.Generator) -> Mesh
     triangles = cage.faces
     for _ in range(levels):
         if smooth:
-            vertices, triangles = trimesh.remesh.subdivide_loop(vertices, triangles)
+            vertices, triangles = trimesh.remesh.subdivide_loop(vertices, triangles)  # type: ignore[no-untyped-call]
         else:
-            vertices, triangles = trimesh.remesh.subdivide(vertices, triangles)
+            vertices, triangles = trimesh.remesh.subdivide(vertices, triangles)  # type: ignore[no-untyped-call]
     fine = Mesh(np.asarray(vertices, np.float64), np.asarray(triangles, np.int32))
     fit(fine)
     return fine

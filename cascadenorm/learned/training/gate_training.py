@@ -82,13 +82,13 @@ class Compared(NamedTuple):
 def compared(vertex: Cascade, surface: Cascade, config: DatasetConfig, index: int) -> Compared:
     """Run both networks on a generated mesh."""
     made = pair(config, index)
-    known = made.normals.any(axis=1)
+    known = np.flatnonzero(made.normals.any(axis=1))
     left = [_angle(made.noisy, cascade, made.normals, known) for cascade in (vertex, surface)]
     figures = triangulation_figures(made.noisy, np.arange(len(made.noisy.faces)))
     return Compared(figures, left[0], left[1], made.family)
 
 
-def _angle(mesh: Mesh, cascade: Cascade, normals: Vectors, known: NDArray[np.bool_]) -> float:
+def _angle(mesh: Mesh, cascade: Cascade, normals: Vectors, known: NDArray[np.intp]) -> float:
     denoised = mesh.moved(without_drift(mesh, cascade.vertices(mesh)))
     return float(np.degrees(angles_between(denoised.face_normals[known], normals[known]).mean()))
 
@@ -111,7 +111,7 @@ def train_gate(vertex: Cascade, surface: Cascade, config: GateConfig, *, progres
         for row in each(partial(compared, vertex, surface, config.data), range(config.data.count)):
             rows.append(row)
             progress("meshes for the gate", len(rows), config.data.count)
-    figures = np.array([row.figures for row in rows]).astype(np.float32)
+    figures = np.array([row.figures for row in rows])
     angles = np.array([(row.vertex, row.surface) for row in rows])
     better = angles[:, 1] < angles[:, 0]
     weights = np.minimum(np.abs(angles[:, 0] - angles[:, 1]), MOST_WEIGHT) + LEAST_WEIGHT
@@ -150,14 +150,16 @@ def fitted_gate(config: GateConfig, figures: Floats, measured: NDArray[np.bool_]
     forest = ExtraTreesClassifier(
         config.trees, min_samples_leaf=config.least, max_features=0.2, random_state=config.seed
     )
-    forest.fit(figures, measured, sample_weight=weights)
-    roots, parts = [], []
+    forest.fit(figures.astype(np.float32), measured, sample_weight=weights)
+    roots: list[int] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
+    first = 0
     for tree in (estimator.tree_ for estimator in forest.estimators_):
-        first = sum(len(part[0]) for part in parts)
         leaf = tree.children_left < 0
         children = np.stack([tree.children_left, tree.children_right], axis=1) + first
         shares = tree.value[:, 0, :] / tree.value[:, 0, :].sum(axis=1, keepdims=True)
         roots.append(first)
+        first += len(leaf)
         parts.append(
             (
                 np.where(leaf, -1, tree.feature).astype(np.int32),
