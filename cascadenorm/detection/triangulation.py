@@ -7,7 +7,7 @@ that decimate, subdivide or tessellate.
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, Mesh, angles_between
+from cascadenorm.mesh import Floats, Mesh, angles_between, any_in_rows
 
 MOST_FACES = 20_000
 """Faces that are looked at; a component with more is sampled."""
@@ -95,12 +95,13 @@ def _shape_figures(lengths: Floats) -> Floats:
 
 
 def _bend_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
-    """Angles to the neighbours across sides that have exactly one; a surface without any counts as flat."""
+    """Measure the angles to the neighbours across sides that have exactly one; a surface without any counts as flat."""
     across = mesh.topology.faces_across[faces]
-    known = across >= 0
+    normals = mesh.face_normals
+    has_normal = any_in_rows(normals != 0)
+    known = (across >= 0) & has_normal[across] & has_normal[faces][:, None]
     if not known.any():
         return np.array([*np.ones(len(FLAT)), 1.0, *np.zeros(5)])
-    normals = mesh.face_normals
     rows, columns = np.nonzero(known)
     bends = np.zeros(across.shape)
     bends[known] = np.degrees(angles_between(normals[faces[rows]], normals[across[rows, columns]]))

@@ -43,6 +43,13 @@ def test_a_surface_without_neighbours_counts_as_flat():
     assert found["smallest angle at 50%"] == pytest.approx(60)
 
 
+def test_faces_without_area_do_not_count_for_bends():
+    flat = grid(6, 6)
+    vertices = flat.vertices.copy()
+    vertices[8] = vertices[9]
+    assert figures(flat.moved(vertices))["bend at 90%"] == 0
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_size_pose_and_order_do_not_matter(seed):
     rng, mesh = np.random.default_rng(seed), noisy(icosphere(3), 0.1)
