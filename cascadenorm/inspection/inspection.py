@@ -23,7 +23,15 @@ from cascadenorm.inspection.enclosed import enclosed
 from cascadenorm.inspection.faults import MOST_FACES_CROSSED
 from cascadenorm.inspection.source import Found, Given, taken
 from cascadenorm.learned.methods import Treated, auto, treated
-from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, in_frame, isolated, without_repeated_faces
+from cascadenorm.mesh import (
+    Mesh,
+    bad_faces,
+    bad_vertices,
+    in_frame,
+    isolated,
+    ordered_for_cache,
+    without_repeated_faces,
+)
 from cascadenorm.mesh.welding import nearly_coincident
 
 MOST_FACES_DENOISED = 300_000
@@ -66,7 +74,9 @@ class Inspection:
     lower, upper : corners of the bounding box of the faces
     mean_edge_length, area, volume : in the unit of the mesh; the volume of the closed parts, None without one
     resolution : step from one number to the next at the largest coordinate, in mean edge lengths
-    noise : estimated standard deviation along the normal, in mean edge lengths; None where that is not possible
+    noise : root mean square of what `auto` removes along the normals, in mean edge lengths; estimated from the mesh
+        alone
+        where `error` is None. None where edges away from the boundary are too few
     error : the kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces,
         and where all are at one point
     treated_as : what `auto` treats the mesh as; None where `error` is None
@@ -199,15 +209,18 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "area": _scaled(small.area, 2 * exponent),
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
-        "noise": noise_level(facing),
-        **_error(facing, exponent),
+        **_noise_and_error(facing, exponent),
     }
 
 
-def _error(mesh: Mesh, exponent: int) -> dict[str, Any]:
+def _noise_and_error(mesh: Mesh, exponent: int) -> dict[str, Any]:
+    """Return the noise, the kind of error and what `auto` treats the mesh as, told as `denoise` tells them."""
+    noise = noise_level(mesh)
     if len(mesh.faces) > MOST_FACES_DENOISED or not mesh.mean_edge_length > 0:
-        return {"error": None, "treated_as": None}
-    return {"error": error_kind(mesh, auto(mesh), exponent=exponent), "treated_as": treated(mesh)}
+        return {"noise": noise, "error": None, "treated_as": None}
+    mesh = ordered_for_cache(mesh).mesh
+    error = error_kind(mesh, auto(mesh), exponent=exponent)
+    return {"noise": None if noise is None else error.size, "error": error, "treated_as": treated(mesh)}
 
 
 NONE_FOUND = Found(0, ())

@@ -376,3 +376,12 @@ def test_local_noise_is_none_of_a_clean_plane_and_unknown_at_its_boundary():
     np.testing.assert_allclose(local[known], 0, atol=1e-12)
     assert known.reshape(7, 7)[3, 3] and not known.reshape(7, 7)[0, 6]
     assert np.isnan(local_noise(grid(1, 1))).all()
+
+
+def test_inspect_and_denoise_tell_the_same_noise_and_kind_of_error(tmp_path):
+    save_mesh(tmp_path / "rough.ply", noisy(icosphere(4), 0.1))
+    found = inspect(tmp_path / "rough.ply")
+    done = cn.denoise_file(tmp_path / "rough.ply")
+    assert found.error is not None and done.error is not None
+    assert found.noise == found.error.size == pytest.approx(done.error.size, rel=1e-3)
+    assert (found.error.kind, found.treated_as) == (done.error.kind, done.treated_as)
