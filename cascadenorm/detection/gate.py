@@ -6,15 +6,19 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.detection.triangulation import triangulation_figures
+from cascadenorm.detection.segmentation_steps import is_segmentation
+from cascadenorm.detection.triangulation import FIGURES, triangulation_figures
 from cascadenorm.mesh import Bools, Floats, Floats32, Ints32, Mesh
 
 Treatment = Literal["vertex-noise", "measured-surface"]
 """What a component is treated as. `vertex-noise`: a shape whose vertices may carry noise. `measured-surface`: what
 volumes, scanners, cameras and point clouds leave."""
 
-THRESHOLD = 0.7
+THRESHOLD = 0.55
 """Probability of a measured surface from which a component is treated as one."""
+REPEATED = 0.5
+"""Share of the 16 most frequent shapes of triangles from which a closed component may be the surface of a binary mask.
+Parts with sides along the lattice of the mask look tessellated to the trees."""
 SMALL = 0.005
 """Components with a smaller share of the faces of the mesh are judged together."""
 
@@ -72,7 +76,11 @@ class Judged(NamedTuple):
 
 
 def judged(gate: Gate, mesh: Mesh) -> Judged:
-    """Judge each connected component of a mesh; those with a share of the faces below SMALL together."""
+    """Judge each connected component of a mesh; those with a share of the faces below SMALL together.
+
+    Closed components whose triangles repeat few shapes are also measured surfaces if they have the steps of a mask (see
+    `is_segmentation`).
+    """
     components = mesh.topology.face_components
     counts = np.bincount(components, minlength=int(mesh.topology.components.max()) + 1)
     small = counts < SMALL * len(components)
@@ -81,6 +89,19 @@ def judged(gate: Gate, mesh: Mesh) -> Judged:
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))
     probabilities = np.full(len(counts) + 1, np.nan)
     for faces in np.split(order, starts[1:]):
-        probabilities[group[faces[0]]] = gate.probability(triangulation_figures(mesh, faces))
+        figures = triangulation_figures(mesh, faces)
+        probability = gate.probability(figures)
+        if probability < THRESHOLD and _is_mask(mesh, faces, figures):
+            probability = 1.0
+        probabilities[group[faces[0]]] = probability
     each = np.where(small & (counts > 0), probabilities[-1], probabilities[:-1])
     return Judged(each >= THRESHOLD, each)
+
+
+def _is_mask(mesh: Mesh, faces: NDArray[np.intp], figures: Floats) -> bool:
+    """Whether some faces of a mesh, with their figures, are the surface of a binary mask."""
+    found = dict(zip(FIGURES, figures, strict=True))
+    if found["open sides"] > 0 or found["most frequent 16 shapes"] < REPEATED:
+        return False
+    numbers, corners = np.unique(mesh.faces[faces], return_inverse=True)
+    return is_segmentation(Mesh(mesh.vertices[numbers], corners.reshape(-1, 3)))

@@ -75,8 +75,7 @@ class Inspection:
     mean_edge_length, area, volume : in the unit of the mesh; the volume of the closed parts, None without one
     resolution : step from one number to the next at the largest coordinate, in mean edge lengths
     noise : root mean square of what `auto` removes along the normals, in mean edge lengths; estimated from the mesh
-        alone
-        where `error` is None. None where edges away from the boundary are too few
+        alone where `error` is None. None where edges away from the boundary are too few
     error : the kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces,
         and where all are at one point
     treated_as : what `auto` treats the mesh as; None where `error` is None

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from shapes import grid, icosphere, noisy
+from shapes import ball_of_voxels, grid, icosphere, noisy
 from sklearn.ensemble import ExtraTreesClassifier
 
 import cascadenorm as cn
+from cascadenorm.data_gen.scanning.volumes import marching_cubes
 from cascadenorm.detection.gate import SMALL, Gate, judged
 from cascadenorm.detection.triangulation import FIGURES
 from cascadenorm.learned.cascade import Cascade
@@ -55,6 +56,12 @@ def test_components_that_are_small_beside_the_mesh_are_judged_together():
     mesh = side_by_side(icosphere(4), closed, *sheets)
     assert len(closed.faces) > SMALL * len(mesh.faces) > 2
     assert judged(OPEN, mesh).measured.tolist() == [False, False, True, True]
+
+
+@pytest.mark.parametrize("inside", [ball_of_voxels(9.0), np.ones((7, 8, 9), bool)])
+def test_a_closed_surface_of_a_mask_is_measured_whatever_the_trees_say_unless_it_has_no_steps(inside):
+    mesh = marching_cubes(np.pad(inside, 2).astype(float))
+    assert judged(OPEN, mesh).measured.tolist() == [inside.min() == 0]
 
 
 def test_vertices_without_faces_are_not_judged():
