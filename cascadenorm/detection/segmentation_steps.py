@@ -95,7 +95,7 @@ def _step_share(mesh: Mesh) -> float:
     signed = np.stack([np.copysign(bend, rise), bend], axis=1)
     at_vertices = scatter_add(ends.ravel(), np.repeat(signed, 2, axis=0), len(mesh.vertices))
     left, total = np.abs(averaged(at_vertices, topology.vertex_neighbors, 2)).T
-    return float(1 - left.sum() / max(total.sum(), np.finfo(float).tiny))
+    return float(1 - left.sum() / total.sum()) if total.any() else 0.0
 
 
 def _share_in_planes(mesh: Mesh) -> float:

@@ -24,7 +24,14 @@ from cascadenorm.mesh import Mesh, in_frame, scaled_alike
 from cascadenorm.models.training_pairs import training_pairs
 
 ROOT = Path(__file__).parents[2]
-HELD_OUT = DatasetConfig(seed=1_000_003, min_faces=3000, max_faces=5000, noise_kinds=("normal",), min_level=0.2)
+HELD_OUT = DatasetConfig(
+    seed=1_000_003,
+    families=("assembly", "bust", "statue", "wheel"),
+    min_faces=3000,
+    max_faces=5000,
+    noise_kinds=("normal",),
+    min_level=0.2,
+)
 TINY = """
 faces_per_mesh = 300
 clusters = 2

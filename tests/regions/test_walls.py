@@ -51,7 +51,7 @@ def test_auto_straightens_walls_and_junction_curves(name):
     (away, angle), (away_before, angle_before) = junctions(denoised, partition), junctions(found, partition)
     assert away < 0.6 * away_before and angle < 0.3 * angle_before
     off, off_before = (np.abs(volumes(each) / VOLUMES[name] - 1) for each in (denoised, found))
-    assert (off < off_before + (0.015 if name == "cube in cube" else 0.001)).all()  # nets cut corners off
+    assert (off < off_before + (0.015 if name == "cube in cube" else 0.003)).all()  # nets cut corners off
 
 
 @pytest.mark.parametrize("method", ["bilateral-normal", "guided-normal", "taubin"])
