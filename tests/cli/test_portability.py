@@ -122,7 +122,7 @@ def test_processes_are_spawned_not_forked():
                 if name in ("Process", "Pool", "ProcessPoolExecutor"):
                     call = ast.unparse(node)
                     assert call.startswith("context.") or "get_context('spawn')" in call, f"{path}:{node.lineno}"
-    assert started >= {"workers.py", "worker_processes.py"}
+    assert started >= {"process_map.py", "worker_processes.py"}
 
 
 @pytest.mark.parametrize("kind", [np.int32, np.uint32, np.int64])

@@ -287,7 +287,7 @@ def test_inspect_and_compare_print_the_same_with_a_report(place, capsys):
         assert run(arguments) == 0
         plain = capsys.readouterr().out
         assert run([*arguments, "--report", "r.html", "--force"]) == 0
-        assert capsys.readouterr().out == plain
+        assert capsys.readouterr().out == plain + "report: r.html\n"
         first = (place / "r.html").read_bytes()
         assert run([*arguments, "--report", "r.html", "--force"]) == 0
         assert (place / "r.html").read_bytes() == first
@@ -346,7 +346,7 @@ def test_a_file_without_a_usable_face_has_a_report_in_text(place, capsys, faces,
     assert run(["inspect", "points.obj"]) == 0
     plain = capsys.readouterr().out
     assert run(["inspect", "points.obj", "--report", "r.html"]) == 0
-    assert capsys.readouterr().out == plain
+    assert capsys.readouterr().out == plain + "report: r.html\n"
     text = text_of(place / "r.html")
     assert (
         f"There is nothing to show: {said}" in text
