@@ -194,7 +194,7 @@ def main() -> None:
     parser.add_argument("--clusters", type=int, nargs="+", default=[1, 4])
     parser.add_argument("--keep", type=Path, default=ROOT / "runs" / "ablation")
     options = parser.parse_args()
-    paper, auto = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "auto"))
+    paper, auto = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "surface"))
     auto = replace(auto, data=replace(auto.data, count=options.count, max_faces=options.max_faces))
     sets = measured_on(options.folder, auto.data, unseen=24)
     page = ROOT / "docs" / "ablation.md"

@@ -17,7 +17,7 @@ SPEC = importlib.util.spec_from_file_location("ablation", ROOT / "benchmarks" / 
 ablation = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(ablation)
 
-PAPER, AUTO = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "auto"))
+PAPER, AUTO = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "surface"))
 TINY = TrainConfig(
     faces_per_mesh=100,
     fit=Fit(hidden=(4,), epochs=1),
