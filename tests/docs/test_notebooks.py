@@ -1,7 +1,6 @@
 """The notebooks run from top to bottom, are kept without outputs, and need only the extras that they name."""
 
 import json
-import re
 from pathlib import Path
 
 import pytest
@@ -33,12 +32,7 @@ def test_it_runs(path, tmp_path, monkeypatch):
 
 
 def test_links_lead_to_files():
-    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    repository = re.search(r'Repository = "https://github\.com/(\S+)"', project)[1]
     for path in NOTEBOOKS:
         text = "".join("".join(cell["source"]) for cell in cells(path, "markdown"))
-        assert f"(https://colab.research.google.com/github/{repository}/blob/main/notebooks/{path.name})" in text
         for link in text.split("](")[1:]:
-            assert (
-                link.startswith("https://colab.research.google.com/") or (path.parent / link.partition(")")[0]).exists()
-            ), link
+            assert (path.parent / link.partition(")")[0]).exists(), link
