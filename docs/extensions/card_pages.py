@@ -31,14 +31,15 @@ accuracy, what decided on their settings, and their limits.
 
 def _gate(card: dict[str, Any]) -> str:
     """Return the section of the gate: the mean angles that it was trained on."""
-    rows = [(name, *(f"{angle:.2f}" for angle in angles.values())) for name, angles in card["mean_angles_deg"].items()]
+    columns = ("vertex", "surface", "chosen", "better")
+    rows = [(name, *(f"{angles[key]:.2f}" for key in columns)) for name, angles in card["mean_angles_deg"].items()]
     return "\n".join(
         [
             "## `auto`, gate\n",
             f"{card['model'].capitalize()}. A component is treated as a measured surface from a probability of "
             f"{card['threshold']}. Mean angles to the truth on the generated meshes of its training, in degrees: after "
             "either network, after the one that the gate chooses in cross-validation, and after the better one.\n",
-            table(("family", "vertex", "surface", "chosen", "better"), rows),
+            table(("family", *columns), rows),
         ]
     )
 
