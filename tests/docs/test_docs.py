@@ -175,7 +175,8 @@ def test_commands_and_scripts_exist_with_their_options(page):
         if "cascadenorm" in names:
             arguments = words[names.index("cascadenorm") + 1 :]
             options &= set(arguments)
-            text = help_of(arguments[0]) if not arguments[0].startswith("-") else help_of("--help")
+            command = arguments[0] if arguments and not arguments[0].startswith("-") else "--help"
+            text = help_of(command)
         elif len(words) > 1 and words[1].endswith(".py"):
             text = (ROOT / words[1]).read_text(encoding="utf-8")
         else:
@@ -210,8 +211,8 @@ def extras() -> set[str]:
         return set(tomllib.load(file)["project"]["optional-dependencies"])
 
 
-def test_the_readme_names_every_extra():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_page_of_the_installation_names_every_extra():
+    text = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)) >= extras() - {"dev"}
 
 

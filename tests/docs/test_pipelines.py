@@ -116,7 +116,7 @@ def test_the_script_of_the_action_denoises_what_matches(scans):
     assert set(re.findall(r"inputs\.(\w+)", text)) == set(re.findall(r"^  (\w+):$", inputs, re.MULTILINE))
 
 
-def test_the_citation_names_this_version_and_the_papers_of_the_readme():
-    text, readme = ((ROOT / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "README.md"))
+def test_the_citation_names_this_version_and_the_papers_of_the_page():
+    text, page = ((ROOT / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "docs/citing.md"))
     assert f"\nversion: {cn.__version__}\n" in text
-    assert set(re.findall(r"\n    doi: (\S+)", text)) == set(re.findall(r"\[doi:([^\]]+)\]", readme))
+    assert set(re.findall(r"\n    doi: (\S+)", text)) == set(re.findall(r"\[doi:([^\]]+)\]", page))
