@@ -25,8 +25,8 @@ INDEX = """\
 
 All methods share one interface: `cascadenorm denoise scan.ply --method NAME`, or `cn.denoise(mesh, method="NAME")`.
 Each page has the formula, the source, the limits and the parameters of one method, and shows what it does to three
-shapes at its default settings. [How to choose](../../choosing.md) compares them, and [the theory](../theory/index.rst)
-explains them in order.
+shapes at its default settings. [How to choose](../../how-to/index.md#choose-a-method)
+compares them, and [the theory](../theory/index.rst) explains them in order.
 """
 
 
