@@ -26,7 +26,7 @@ from cascadenorm.models.training_pairs import training_pairs
 ROOT = Path(__file__).parents[2]
 HELD_OUT = DatasetConfig(
     seed=1_000_003,
-    families=("assembly", "bust", "statue", "wheel"),
+    families=("assembly", "bust", "creature", "turned", "wheel"),
     min_faces=3000,
     max_faces=5000,
     noise_kinds=("normal",),
