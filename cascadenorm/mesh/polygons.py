@@ -160,7 +160,8 @@ def unit_normals(positions: NDArray[Any], triangles: NDArray[np.int64], largest:
     largest : what `largest_coordinate` says of these positions, or of more
     """
     out = np.empty(triangles.shape, np.float32)
-    parallel_for(len(out), _unit_normal_range, positions, triangles, largest, out)
+    with np.errstate(invalid="ignore"):  # a position may be no number where bad faces are isolated
+        parallel_for(len(out), _unit_normal_range, positions, triangles, largest, out)
     return out
 
 
