@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.detection.voxel_lattice import STEP, Lattice, lattice_of_mask
-from cascadenorm.mesh import Floats, Ints, Mesh, Vectors
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, part_of
 
 FEWEST_VERTICES = 200
 """Vertices of a component of which fewer do not tell how it was made."""
@@ -47,11 +47,7 @@ def enlarged_steps(mesh: Mesh) -> Floats:
     order = np.argsort(of_faces, kind="stable")
     starts = np.searchsorted(of_faces[order], [large, large + 1])
     for component, start, stop in zip(large, *starts, strict=True):
-        if len(sizes) == 1:
-            part = mesh
-        else:
-            used, faces = np.unique(mesh.faces[order[start:stop]], return_inverse=True)
-            part = Mesh(mesh.vertices[used], faces.reshape(-1, 3))
+        part = mesh if len(sizes) == 1 else part_of(mesh, order[start:stop])[0]
         widths[component] = WIDTHS * enlargement(part) * part.mean_edge_length
     return widths
 

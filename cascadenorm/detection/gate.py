@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.detection.segmentation_steps import is_segmentation
 from cascadenorm.detection.triangulation import FIGURES, triangulation_figures
-from cascadenorm.mesh import Bools, Floats, Floats32, Ints32, Mesh
+from cascadenorm.mesh import Bools, Floats, Floats32, Ints32, Mesh, part_of
 
 Treatment = Literal["vertex-noise", "measured-surface"]
 """What a component is treated as. `vertex-noise`: a shape whose vertices may carry noise. `measured-surface`: what
@@ -103,5 +103,4 @@ def _is_mask(mesh: Mesh, faces: NDArray[np.intp], figures: Floats) -> bool:
     found = dict(zip(FIGURES, figures, strict=True))
     if found["open sides"] > 0 or found["most frequent 16 shapes"] < REPEATED:
         return False
-    numbers, corners = np.unique(mesh.faces[faces], return_inverse=True)
-    return is_segmentation(Mesh(mesh.vertices[numbers], corners.reshape(-1, 3)))
+    return is_segmentation(part_of(mesh, faces)[0])

@@ -10,7 +10,7 @@ import numpy as np
 from cascadenorm.detection.gate import Gate, Judged, Treatment, judged
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.weights import Arrays, packed, unpacked
-from cascadenorm.mesh import Bools, Mesh, Vectors
+from cascadenorm.mesh import Bools, Mesh, Vectors, part_of
 from cascadenorm.registry import ParameterError
 
 FORMAT = "cascadenorm-gated/1"
@@ -96,8 +96,7 @@ class Chosen(NamedTuple):
             return (self.surface if measured.all() else self.vertex).vertices(mesh)
         vertices = mesh.vertices.copy()
         for cascade, faces in ((self.vertex, ~measured), (self.surface, measured)):
-            numbers, corners = np.unique(mesh.faces[faces], return_inverse=True)
-            part = Mesh(mesh.vertices[numbers], corners.reshape(-1, 3))
+            part, numbers = part_of(mesh, faces)
             vertices[numbers] = cascade.vertices(part)
         return vertices
 

@@ -43,6 +43,12 @@ def without_repeated_faces(mesh: Mesh) -> Mesh:
     return mesh if len(first) == len(mesh.faces) else Mesh(mesh.vertices, mesh.faces[np.sort(first)])
 
 
+def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, NDArray[np.int32]]:
+    """Return some faces of a mesh over the vertices that they use, and the numbers of these vertices, (k,)."""
+    numbers, corners = np.unique(mesh.faces[faces], return_inverse=True)
+    return Mesh(mesh.vertices[numbers], corners.reshape(-1, 3)), numbers
+
+
 def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
     """Return the mesh without its bad faces; bad vertices, which no face uses any more, are at the origin.
 
