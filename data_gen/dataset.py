@@ -28,9 +28,12 @@ CLEAN: dict[Part, float] = {
     "decimated": 0.75,
     "structured": 0.7,
     "subdivided": 0.7,
+    "isosurface": 0.4,
     "tessellation": 1.0,  # nobody measures such triangles
 }
 """Share of the meshes that have no noise: so they leave the program that made them."""
+MORE_RELIEF: dict[Part, float] = {"isosurface": 3.0}
+"""Times the usual share of meshes with relief, where little else shows that smooth relief is not error."""
 CLEAN_RELIEF = 0.6  # share of the meshes with relief that have no noise
 RELIEF_LEVELS = 0.02, 0.3  # of the white noise on the others
 ATTEMPTS = 60  # shapes drawn for one index before giving up
@@ -184,7 +187,11 @@ def pair(config: DatasetConfig, index: int) -> Pair:
         made = _drawn(config, index, level=level)
         return Pair(*made, name, "none" if family.measured else kind, level)
     clean = clean_mesh(config, index)
-    if not family.seen and family.part != "tessellation" and rng.random() < config.relief:
+    if (
+        not family.seen
+        and family.part != "tessellation"
+        and rng.random() < config.relief * MORE_RELIEF.get(family.part, 1.0)
+    ):
         clean = clean.moved(clean.vertices + relief(clean, rng=rng))
         kind, level = ("none", 0.0) if rng.random() < CLEAN_RELIEF else ("normal", log_uniform(RELIEF_LEVELS, rng=rng))
     return _disturbed(clean, name, kind, level, rng=rng)

@@ -13,6 +13,7 @@ from cascadenorm.data_gen.meshing.surface import cut_out, extent_of, polygonised
 from cascadenorm.data_gen.meshing.tessellation import tessellate
 from cascadenorm.data_gen.noise.relief import log_uniform
 from cascadenorm.data_gen.scanning.fusion import fused
+from cascadenorm.data_gen.scanning.isosurfaces import isosurface
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.points import reconstruction
 from cascadenorm.data_gen.scanning.tetrahedra import tetrahedral_surface
@@ -30,7 +31,7 @@ USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
 
 Part = Literal[
     "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram",
-    "tetrahedra", "points", "tessellation", "structured", "subdivided",
+    "tetrahedra", "isosurface", "points", "tessellation", "structured", "subdivided",
 ]  # fmt: skip
 
 
@@ -47,8 +48,9 @@ class Family:
     part : the whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces ("low-poly"), or
         one with detail far finer than the decimated mesh can hold ("decimated"); what a depth camera or a laser scanner
         sees from one side; what several cameras do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
-        level of a tomogram; a noisy distance field meshed by marching tetrahedra; the surface reconstructed from noisy
-        points; faces of a CAD model, each triangulated; a surface over a grid of parameters; or a subdivided cage
+        level of a tomogram; a noisy distance field meshed by marching tetrahedra; a level of an exact field; the
+        surface reconstructed from noisy points; faces of a CAD model, each triangulated; a surface over a grid of
+        parameters; or a subdivided cage
     """
 
     shape: Callable[[float, np.random.Generator], Field] | None
@@ -103,6 +105,8 @@ class Family:
             mesh = view(field, extent, faces=faces, rng=rng)
         elif self.part == "laser":
             mesh = view(field, extent, faces=faces, rng=rng, ratio=log_uniform((1.0, WIDEST_STEPS), rng=rng))
+        elif self.part == "isosurface":
+            mesh = isosurface(field, extent, faces=faces, rng=rng)
         elif self.part == "decimated":
             fine = polygonised(field, extent, faces=round(faces * finer), sharp=self.sharp, rng=rng)
             mesh = thinned(fine, faces=faces, evenness=float(10 ** rng.uniform(-7, -2)))
@@ -162,6 +166,7 @@ FAMILIES: dict[str, Family] = {
     "slices": Family(OBJECTS, 0.9, sharp=True, part="slices"),
     "tomogram": Family(OBJECTS, 0.9, sharp=True, part="tomogram"),
     "tetrahedra": Family(OBJECTS, 0.9, sharp=True, part="tetrahedra"),
+    "isosurface": Family(OBJECTS, 0.9, sharp=True, part="isosurface"),
     "points": Family(OBJECTS, 0.9, sharp=True, part="points"),
     "cad_tessellation": Family(None, 0.9, sharp=True, part="tessellation"),
 }

@@ -2,19 +2,22 @@
 
 import numpy as np
 
+from cascadenorm.data_gen.noise.relief import log_uniform
 from cascadenorm.data_gen.noise.sensor import blurred, neighbor_means
 from cascadenorm.mesh import Mesh, Vectors
 
 LEVELS = 0.04, 0.25  # standard deviation in mean edge lengths
 MOST_WHITE = 0.6  # share of the variance that differs from one vertex to the next
 STEEPEST = 0.2  # cosine between view and normal; steeper parts err as this one does
+RIM = 1.0, 5.0  # times the error at the boundary, against that within the sheet
+RIM_PASSES = 1, 5  # averages over neighbours by which the larger error of the boundary fades away
 
 
 def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
     """Displace the vertices of a sheet along the direction of view, which is its mean normal.
 
-    The errors of triangulating scanners grow where the surface is steep, and neighbouring samples share part of the
-    laser stripe (Curless, Levoy 1995).
+    The errors of triangulating scanners grow where the surface is steep and beside jumps in depth, where only part of
+    the laser stripe meets the surface. Neighbouring samples share part of the stripe (Curless, Levoy 1995).
 
     Parameters
     ----------
@@ -34,5 +37,9 @@ def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generato
     wide = blurred(rng.normal(size=len(white)), neighbor_means(mesh), int(rng.choice([1, 2], p=[2 / 3, 1 / 3])))
     error = np.sqrt(share) * white + np.sqrt(1 - share) * wide / wide.std()
     error *= np.maximum(mesh.vertex_normals @ toward, STEEPEST) ** -rng.uniform(0, 1)
+    near = blurred(
+        mesh.topology.boundary_vertices.astype(np.float64), neighbor_means(mesh), int(rng.integers(*RIM_PASSES))
+    )
+    error *= 1 + (log_uniform(RIM, rng=rng) - 1) * near / max(near.max(), np.finfo(float).tiny)
     error *= deviation / np.sqrt(np.mean(error**2))
     return np.asarray(error[:, None] * toward)

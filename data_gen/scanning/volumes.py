@@ -28,6 +28,7 @@ TILT = 0.5, 15.0  # degrees; so little makes long, low steps on planes
 VOXEL_FACES = 0.06  # share of the segmentations that are the faces of voxels
 SMOOTHED = 0.1  # share of the other segmentations that are smoothed a little, as before an export
 DECIMATED = 0.15  # share of the meshes that are decimated
+ENLARGED = 0.15  # share of the segmentations whose labels or distances are looked up at half the resolution
 
 
 def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator) -> Measured:
@@ -61,6 +62,8 @@ def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng:
 
 def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume:
     """Label voxels by signed distances, in voxels; a share with ragged boundaries, uneven slices or soft steps."""
+    if not slices and rng.random() < ENLARGED:
+        return _enlarged(distance, binary=bool(rng.random() < 0.6))
     if rng.random() < 0.3:  # the boundary is uncertain: a threshold of a noisy image, or a hand that draws
         grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(0.5, 1.5)))
         distance = distance + float(rng.uniform(0.1, 0.6)) * grain / grain.std()
@@ -70,6 +73,14 @@ def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume
     if rng.random() < 0.25:  # an antialiased or smoothed mask
         volume = gaussian_filter(volume, rng.uniform(0.3, 0.8, 3))
     return volume
+
+
+def _enlarged(distance: Volume, *, binary: bool) -> Volume:
+    """Give the eight nodes of a block one value: that of a volume of half the resolution, enlarged without blending."""
+    p, q, r = (length // 2 for length in distance.shape)
+    means = distance[: 2 * p, : 2 * q, : 2 * r].reshape(p, 2, q, 2, r, 2).mean(axis=(1, 3, 5))
+    values = (means < 0).astype(np.float64) if binary else 0.5 - means
+    return values.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
 
 
 def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
