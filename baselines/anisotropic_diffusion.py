@@ -77,9 +77,12 @@ def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> 
 
     Parameters
     ----------
-    mesh : n vertices; degenerate faces are mollified
-    normals : (n, 3) unit vertex normals
-    threshold : curvature at which diffusion is halved, in radians per mean edge length l_e
+    mesh
+        n vertices; degenerate faces are mollified.
+    normals
+        (n, 3) unit vertex normals.
+    threshold
+        Curvature at which diffusion is halved, in radians per mean edge length l_e.
     """
     lengths = intrinsic_lengths(mesh)
     weights, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))

@@ -66,13 +66,19 @@ def bilateral_normals(
 
     Parameters
     ----------
-    mesh : m faces; a face without area weighs nothing, at a boundary there are fewer neighbours
-    sigma_s : spatial spread, in mean edge lengths
-    sigma_r : spread of the chord between unit normals; 0.35 is about 20 degrees; inf leaves the spatial weight alone
-    iterations : passes; 0 returns the mesh's own normals
-    ring : neighbours are the faces within this many steps over shared vertices
-    center : "count" lets the face itself take part, with its area as weight; "skip", as in the authors' program, frees
-        it of its own noise; where all its neighbours weigh nothing it keeps its normal
+    mesh
+        m faces; a face without area weighs nothing, at a boundary there are fewer neighbours.
+    sigma_s
+        Spatial spread, in mean edge lengths.
+    sigma_r
+        Spread of the chord between unit normals; 0.35 is about 20 degrees; inf leaves the spatial weight alone.
+    iterations
+        Passes; 0 returns the mesh's own normals.
+    ring
+        Neighbours are the faces within this many steps over shared vertices.
+    center
+        "count" lets the face itself take part, with its area as weight; "skip", as in the authors' program, frees it of
+        its own noise; where all its neighbours weigh nothing it keeps its normal.
 
     Returns
     -------
@@ -92,8 +98,10 @@ def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float, areas: NDArray[Any] 
 
     Parameters
     ----------
-    sigma_s : in mean edge lengths
-    areas : (m,) in place of those of the faces; the weights have their type
+    sigma_s
+        In mean edge lengths.
+    areas
+        (m,) in place of those of the faces; the weights have their type.
     """
     areas = mesh.areas if areas is None else areas
     weights = np.empty(len(rings.indices), areas.dtype)

@@ -87,14 +87,20 @@ def diffuse(
 
     Parameters
     ----------
-    laplacian : of n vertices; it stays as it is during the flow
-    values : (n, c), the vertices or at most 3 other columns
-    time : t, length of one step, in the laplacian's own unit to the power `order`
-    iterations : steps
-    scheme : an explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`. A longer one is cut
-        into equal stable ones, which the log says at level INFO
-    region : (n,) the vertices that move; where they meet those that do not, the limit of the flow has order - 1
-        continuous derivatives. None moves all that have mass
+    laplacian
+        Of n vertices; it stays as it is during the flow.
+    values
+        (n, c), the vertices or at most 3 other columns.
+    time
+        t, length of one step, in the laplacian's own unit to the power `order`.
+    iterations
+        Steps.
+    scheme
+        An explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`. A longer one is cut into
+        equal stable ones, which the log says at level INFO.
+    region
+        (n,) the vertices that move; where they meet those that do not, the limit of the flow has order - 1 continuous
+        derivatives. None moves all that have mass.
 
     Returns
     -------
@@ -102,7 +108,8 @@ def diffuse(
 
     Raises
     ------
-    ParameterError : an explicit step that takes more than 10,000 stable ones
+    ParameterError
+        An explicit step that takes more than 10,000 stable ones.
     """
     free = laplacian.mass > 0 if region is None else region & (laplacian.mass > 0)
     if time == 0 or iterations == 0 or not free.any():

@@ -34,7 +34,8 @@ def fairing(
 
     Raises
     ------
-    ParameterError : no region is given, or a connected part of the mesh lies in it as a whole, so that nothing holds it
+    ParameterError
+        No region is given, or a connected part of the mesh lies in it as a whole, so that nothing holds it.
     """
     if region is None:
         raise ParameterError("fairing needs a region: pass only, mask or fixed to say which vertices it may replace")

@@ -129,7 +129,8 @@ def _of_patch(
 
     Raises
     ------
-    TooNarrow : a face depends on others beyond the halo
+    TooNarrow
+        A face depends on others beyond the halo.
     """
     neighbors = faces_within(patch.mesh.moved(start).with_facts(mean_edge_length=edge), radius)
     around = neighbors if chosen.guidance == "gaussian" else patch.mesh.topology.face_rings(1)

@@ -28,10 +28,14 @@ def iterated_bilateral_normals(
 
     Parameters
     ----------
-    mesh : m faces; σ_s is one mean edge length
-    sigma_r : range spreads, chords between unit normals; infinity leaves the range weight out
-    passes : p numbers of passes, ascending
-    out : (m, 1 + 4 p, 3), what is returned; None: a new array
+    mesh
+        m faces; σ_s is one mean edge length.
+    sigma_r
+        Range spreads, chords between unit normals; infinity leaves the range weight out.
+    passes
+        p numbers of passes, ascending.
+    out
+        (m, 1 + 4 p, 3), what is returned; None: a new array.
 
     Returns
     -------

@@ -88,10 +88,14 @@ class EdgeSystem(NamedTuple):
 
     Parameters
     ----------
-    pattern : n rows, columns ascending, the diagonal included
-    quads : (e, 4) vertices of each edge
-    slots : (e, 4, 4) entry of the pattern for each pair of these vertices
-    diagonal : (n,) entry of the pattern on the diagonal
+    pattern
+        n rows, columns ascending, the diagonal included.
+    quads
+        (e, 4) vertices of each edge.
+    slots
+        (e, 4, 4) entry of the pattern for each pair of these vertices.
+    diagonal
+        (n,) entry of the pattern on the diagonal.
     """
 
     pattern: Csr

@@ -27,13 +27,19 @@ def filtered_normals(
 
     Parameters
     ----------
-    mesh : m faces
-    guides : (s, m, 3), one field of unit normals for each σ_s, between which the range weight measures the chord
-    sigma_s : spatial spreads, in mean edge lengths
-    sigma_r : range spreads, chords between unit normals; infinity leaves the range weight out
-    cutoff : each filter sums over faces whose centroid is at most so many σ_s away and which such faces join to the
-        face, MOST_NEIGHBORS at most; a disk of 2.5 σ_s holds 96 % of the Gaussian
-    rings : without a cutoff, sum over so many rings of faces; two hold less than half of the Gaussian at σ_s = 2
+    mesh
+        m faces.
+    guides
+        (s, m, 3), one field of unit normals for each σ_s, between which the range weight measures the chord.
+    sigma_s
+        Spatial spreads, in mean edge lengths.
+    sigma_r
+        Range spreads, chords between unit normals; infinity leaves the range weight out.
+    cutoff
+        Each filter sums over faces whose centroid is at most so many σ_s away and which such faces join to the face,
+        MOST_NEIGHBORS at most; a disk of 2.5 σ_s holds 96 % of the Gaussian.
+    rings
+        Without a cutoff, sum over so many rings of faces; two hold less than half of the Gaussian at σ_s = 2.
 
     Returns
     -------

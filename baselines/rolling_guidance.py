@@ -67,7 +67,8 @@ def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -
 
     Parameters
     ----------
-    width : in the unit of the mesh, above 0
+    width
+        In the unit of the mesh, above 0.
 
     Returns
     -------

@@ -23,11 +23,16 @@ def smoothed_normals(
 
     Parameters
     ----------
-    mesh : n vertices, m faces
-    along : (m, 3) normals of the faces, smoother than its own; their sum around a vertex, by area, is its direction
-    passes : numbers of passes, ascending
-    sigma_r : spread of the weights of neighbours by the chord between directions; infinite: all weigh the same
-    out : (m, p, 3), what is returned; None: a new array
+    mesh
+        n vertices, m faces.
+    along
+        (m, 3) normals of the faces, smoother than its own; their sum around a vertex, by area, is its direction.
+    passes
+        Numbers of passes, ascending.
+    sigma_r
+        Spread of the weights of neighbours by the chord between directions; infinite: all weigh the same.
+    out
+        (m, p, 3), what is returned; None: a new array.
 
     Returns
     -------

@@ -77,10 +77,14 @@ def filtered(mesh: Mesh, harmonics: Harmonics, transfer: Transfer, *, rest: floa
 
     Parameters
     ----------
-    mesh : n vertices
-    harmonics : its k lowest eigenpairs
-    transfer : w, from the (k,) eigenvalues to their weights: 1 keeps, 0 drops, more than 1 strengthens
-    rest : weight of what is above the k harmonics
+    mesh
+        n vertices.
+    harmonics
+        Its k lowest eigenpairs.
+    transfer
+        w, from the (k,) eigenvalues to their weights: 1 keeps, 0 drops, more than 1 strengthens.
+    rest
+        Weight of what is above the k harmonics.
 
     Returns
     -------

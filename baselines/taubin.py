@@ -82,7 +82,8 @@ def opposite_step(step: float, pass_band: float) -> float:
 
     Raises
     ------
-    ParameterError : μ is not negative, or the highest frequency (k = 2) grows: |(1 - 2λ)(1 - 2μ)| > 1
+    ParameterError
+        μ is not negative, or the highest frequency (k = 2) grows: |(1 - 2λ)(1 - 2μ)| > 1.
     """
     if step * pass_band >= 1:
         raise ParameterError(

@@ -68,8 +68,10 @@ class Minimum(NamedTuple):
 
     Parameters
     ----------
-    values : (m, 3) of each face, not unit
-    duals : (e, 3) of each interior edge; at the minimum |y_e| ≤ w_e and 2αA (n - n*) + Dᵀ(l y) = 0
+    values
+        (m, 3) of each face, not unit.
+    duals
+        (e, 3) of each interior edge; at the minimum |y_e| ≤ w_e and 2αA (n - n*) + Dᵀ(l y) = 0.
     """
 
     values: Vectors
@@ -141,9 +143,12 @@ class Sides(NamedTuple):
 
     Parameters
     ----------
-    across : (m, 3) the other face, or the face itself
-    edges : (m, 3) the edge, as in the pairs of faces
-    lengths : (m, 3) its length, negative where the face is the second of its pair
+    across
+        (m, 3) the other face, or the face itself.
+    edges
+        (m, 3) the edge, as in the pairs of faces.
+    lengths
+        (m, 3) its length, negative where the face is the second of its pair.
     """
 
     across: NDArray[np.int32]

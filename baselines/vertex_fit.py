@@ -53,10 +53,14 @@ def least_squares_vertices(mesh: Mesh, normals: Vectors, *, weights: Floats, att
 
     Parameters
     ----------
-    mesh : n vertices x⁰, m faces
-    normals : (m, 3), unit; a face with a zero row does not pull
-    weights : (m,) w_f, positive
-    attachment : μ, positive
+    mesh
+        n vertices x⁰, m faces.
+    normals
+        (m, 3), unit; a face with a zero row does not pull.
+    weights
+        (m,) w_f, positive.
+    attachment
+        μ, positive.
 
     Returns
     -------

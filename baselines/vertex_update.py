@@ -35,15 +35,21 @@ def recover_vertices(
 
     Parameters
     ----------
-    mesh : n vertices, m faces
-    normals : (m, 3), unit; a face with a zero row does not pull
-    sweeps : Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of
-        the vertices
-    weighting : "heights", as published, minimises the distances of corners from the plane of their face, which are
-        small for a thin face even where its normal is far off; "angles" divides them by the height of the face, and
-        over-relaxes, so that 20 sweeps converge as far as 100
-    foldovers : "avoid", or "ignore", as published, where each step is the whole sum whatever faces it flips
-    movable : (n,) the vertices that move; None: all
+    mesh
+        n vertices, m faces.
+    normals
+        (m, 3), unit; a face with a zero row does not pull.
+    sweeps
+        Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of the
+        vertices.
+    weighting
+        "heights", as published, minimises the distances of corners from the plane of their face, which are small for a
+        thin face even where its normal is far off; "angles" divides them by the height of the face, and over-relaxes,
+        so that 20 sweeps converge as far as 100.
+    foldovers
+        "avoid", or "ignore", as published, where each step is the whole sum whatever faces it flips.
+    movable
+        (n,) the vertices that move; None: all.
 
     Returns
     -------

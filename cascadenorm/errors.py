@@ -25,13 +25,17 @@ class CascadenormError(Exception):
 
     Parameters
     ----------
-    problem : what is wrong, with the value and the place
-    hint : the way out
-    remedy : name and value of a setting that is another way out, such as ("force", True)
+    problem
+        What is wrong, with the value and the place.
+    hint
+        The way out.
+    remedy
+        Name and value of a setting that is another way out, such as ("force", True).
 
     Attributes
     ----------
-    place : name of the file or stream that the problem is in, empty if there is none
+    place
+        Name of the file or stream that the problem is in, empty if there is none.
     """
 
     def __init__(self, problem: str = "", *, hint: str = "", remedy: tuple[str, object] | None = None) -> None:
@@ -72,8 +76,10 @@ class ParameterError(CascadenormError, ValueError):
 
     Parameters
     ----------
-    problem, hint, remedy : as in `CascadenormError`; with `parameter` the problem is a predicate, "is -1; it must be …"
-    parameter : name of the parameter or control, which precedes the problem in the message; empty if there is none
+    problem, hint, remedy
+        As in `CascadenormError`; with `parameter` the problem is a predicate, "is -1; it must be …".
+    parameter
+        Name of the parameter or control, which precedes the problem in the message; empty if there is none.
     """
 
     def __init__(
@@ -95,8 +101,10 @@ class OutputError(CascadenormError, OSError):
 
     Parameters
     ----------
-    problem, hint, remedy : as in `CascadenormError`
-    existing : names of the files that are there already
+    problem, hint, remedy
+        As in `CascadenormError`.
+    existing
+        Names of the files that are there already.
     """
 
     def __init__(
@@ -124,13 +132,17 @@ class MissingDependencyError(CascadenormError, ImportError):
 
     Parameters
     ----------
-    feature : what needs it, such as "training"
-    package : what is missing, several names with spaces between
-    extra : the extra of cascadenorm that installs it, empty if none does
+    feature
+        What needs it, such as "training".
+    package
+        What is missing, several names with spaces between.
+    extra
+        The extra of cascadenorm that installs it, empty if none does.
 
     Attributes
     ----------
-    command : what installs it with pip
+    command
+        What installs it with pip.
     """
 
     def __init__(self, feature: str, *, package: str = "", extra: str = "") -> None:

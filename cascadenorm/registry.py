@@ -89,7 +89,8 @@ class Setting:
 
         Raises
         ------
-        ParameterError : a value of the wrong type, none of the choices, or a number out of range
+        ParameterError
+            A value of the wrong type, none of the choices, or a number out of range.
         """
         if self.optional and value is None:
             return None
@@ -200,7 +201,8 @@ class Method:
 
         Raises
         ------
-        ParameterError : an unknown name, a value of the wrong type or out of range
+        ParameterError
+            An unknown name, a value of the wrong type or out of range.
         """
         for name in parameters:
             if name not in self.settings:
@@ -221,8 +223,10 @@ class Method:
 
         Parameters
         ----------
-        parameters : those that are given
-        groups : number of groups in which the vertex update takes the vertices
+        parameters
+            Those that are given.
+        groups
+            Number of groups in which the vertex update takes the vertices.
         """
         return None if self.rings is None else self.rings(self.with_defaults(parameters), groups)
 
@@ -241,12 +245,17 @@ def method(
 
     Parameters
     ----------
-    name : as users type it, lower case with hyphens
-    source : authors and year of the paper that the rule comes from
-    family : a key of FAMILIES, under which users find it
-    converges : applied to its own result it changes little; a strength above 1 removes detail instead
-    rings : from all parameters, and the number of groups of the vertex update, to the edges that a vertex sees; None
-        for a method that sees all of the mesh, and its result where the parameters make it do so
+    name
+        As users type it, lower case with hyphens.
+    source
+        Authors and year of the paper that the rule comes from.
+    family
+        A key of FAMILIES, under which users find it.
+    converges
+        Applied to its own result it changes little; a strength above 1 removes detail instead.
+    rings
+        From all parameters, and the number of groups of the vertex update, to the edges that a vertex sees; None for a
+        method that sees all of the mesh, and its result where the parameters make it do so.
     """
 
     def register(function: "Callable[..., Vectors]") -> "Callable[..., Vectors]":
@@ -263,7 +272,8 @@ def find(name: str) -> Method:
 
     Raises
     ------
-    ParameterError : there is none
+    ParameterError
+        There is none.
     """
     if name not in _methods:
         raise ParameterError(f"there is no method {name!r}; there are: {', '.join(sorted(_methods))}")

@@ -62,16 +62,23 @@ class DatasetConfig:
 
     Parameters
     ----------
-    count : pairs in the data set
-    seed : of everything
-    families : names out of FAMILIES; those left out are held out
-    min_faces, max_faces : bounds for the wanted number of faces, drawn log-uniformly and met within a third or so
-    noise_kinds : drawn with equal chance; name one twice to double its chance. `sensor` is for the families that
-        cameras see: half of their meshes get it, and no other mesh, unless it is the only kind
-    relief : share of the meshes whose shape gets a smooth relief a few edges wide, most of them without noise; none of
-        what cameras and volumes measure, and no CAD tessellations
-    min_level, max_level : noise level in mean edge lengths, drawn log-uniformly; that of volumes and points in units
-        of their own, half of them drawn uniformly
+    count
+        Pairs in the data set.
+    seed
+        Of everything.
+    families
+        Names out of FAMILIES; those left out are held out.
+    min_faces, max_faces
+        Bounds for the wanted number of faces, drawn log-uniformly and met within a third or so.
+    noise_kinds
+        Drawn with equal chance; name one twice to double its chance. `sensor` is for the families that cameras see:
+        half of their meshes get it, and no other mesh, unless it is the only kind.
+    relief
+        Share of the meshes whose shape gets a smooth relief a few edges wide, most of them without noise; none of what
+        cameras and volumes measure, and no CAD tessellations.
+    min_level, max_level
+        Noise level in mean edge lengths, drawn log-uniformly; that of volumes and points in units of their own, half of
+        them drawn uniformly.
     """
 
     count: int = 2000
@@ -229,10 +236,14 @@ def write_dataset(
 
     Parameters
     ----------
-    folder : made if it is not there; files in it are overwritten
-    write : writes a mesh to a path
-    workers : processes
-    progress : called with (task, pairs done, pairs in all) after each pair
+    folder
+        Made if it is not there; files in it are overwritten.
+    write
+        Writes a mesh to a path.
+    workers
+        Processes.
+    progress
+        Called with (task, pairs done, pairs in all) after each pair.
     """
     folder.mkdir(parents=True, exist_ok=True)
     entries = []

@@ -41,16 +41,20 @@ class Family:
 
     Parameters
     ----------
-    shape : draws a field, given the edge length to expect: detail finer than that would be lost; None for meshes that
-        come from no field: parts as CAD kernels tessellate them, and structured surfaces
-    weight : how often the family is drawn, relative to the others
-    sharp : edges of the shape become edges of the mesh
-    part : the whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces ("low-poly"), or
+    shape
+        Draws a field, given the edge length to expect: detail finer than that would be lost; None for meshes that come
+        from no field: parts as CAD kernels tessellate them, and structured surfaces.
+    weight
+        How often the family is drawn, relative to the others.
+    sharp
+        Edges of the shape become edges of the mesh.
+    part
+        The whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces ("low-poly"), or
         one with detail far finer than the decimated mesh can hold ("decimated"); what a depth camera or a laser scanner
         sees from one side; what several cameras do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
         level of a tomogram; a noisy distance field meshed by marching tetrahedra; a level of an exact field; the
         surface reconstructed from noisy points; faces of a CAD model, each triangulated; a surface over a grid of
-        parameters; or a subdivided cage
+        parameters; or a subdivided cage.
     """
 
     shape: Callable[[float, np.random.Generator], Field] | None
@@ -78,9 +82,9 @@ class Family:
 
         Parameters
         ----------
-        level : of the error of the cameras behind a fused mesh, the grain of a tomogram, or the points of a
-            reconstruction; meshes of other families are without noise, whatever it is, and both of the pair are the
-            same
+        level
+            Of the error of the cameras behind a fused mesh, the grain of a tomogram, or the points of a reconstruction;
+            meshes of other families are without noise, whatever it is, and both of the pair are the same.
         """
         if self.shape is None:
             made = (

@@ -52,13 +52,16 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
 
     Parameters
     ----------
-    mesh : vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, vtk,
+    mesh
+        Vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, vtk,
         open3d or meshio, of which copies of a vertex at seams stay together; a file that `read` returned; or the path
-        of a file
-    faces : (m, 3) integers in 0 … n - 1
-    method : one of `methods()`
-    parameters : of the method, as `methods()` lists them, such as `iterations=5` or, for the learned methods,
-        `model=path`
+        of a file.
+    faces
+        (m, 3) integers in 0 … n - 1.
+    method
+        One of `methods()`.
+    parameters
+        Of the method, as `methods()` lists them, such as `iterations=5` or, for the learned methods, `model=path`.
 
     For a file, mask, fixed, only and creases may be given by names in it, as in `denoise_file`.
 
@@ -69,10 +72,14 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
 
     Raises
     ------
-    MeshError : no valid mesh; its subclass ReadError where a file cannot be read
-    ParameterError : an unknown method or parameter, a value out of range, a mask of the wrong shape
-    OutputError : the file to be written exists already, or cannot be written
-    MissingDependencyError : a package for the format is not installed
+    MeshError
+        No valid mesh; its subclass ReadError where a file cannot be read.
+    ParameterError
+        An unknown method or parameter, a value out of range, a mask of the wrong shape.
+    OutputError
+        The file to be written exists already, or cannot be written.
+    MissingDependencyError
+        A package for the format is not installed.
     """
     controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     chosen = find(method)
@@ -114,17 +121,25 @@ def denoise_file(
 
     Parameters
     ----------
-    source : path, or a binary stream
-    output : path, whose extension selects the format, or a binary stream; None is `<stem>_denoised<suffix>` beside the
-        source
-    method : one of `methods()`
-    format : that of a stream, such as "stl"; None is that of the source. The extension of a path decides for it
-    force : replace an existing file
-    weld : boundary vertices that are at most this far apart are joined, where a file has rounded the copies of a vertex
-        to different places; in the unit of the mesh or like "0.001 edges", below half the mean edge length
-    drop_components : leave out connected components with fewer faces than this number, such as 50, or than this share
-        of the largest component, such as "1%"; None keeps all. `left_out` of the result lists what is lost besides
-    parameters : of the method
+    source
+        Path, or a binary stream.
+    output
+        Path, whose extension selects the format, or a binary stream; None is `<stem>_denoised<suffix>` beside the
+        source.
+    method
+        One of `methods()`.
+    format
+        That of a stream, such as "stl"; None is that of the source. The extension of a path decides for it.
+    force
+        Replace an existing file.
+    weld
+        Boundary vertices that are at most this far apart are joined, where a file has rounded the copies of a vertex to
+        different places; in the unit of the mesh or like "0.001 edges", below half the mean edge length.
+    drop_components
+        Leave out connected components with fewer faces than this number, such as 50, or than this share of the largest
+        component, such as "1%"; None keeps all. `left_out` of the result lists what is lost besides.
+    parameters
+        Of the method.
     memory
         Memory for the process, as bytes or as text like "4GB". Where the whole mesh needs more, the method works in
         patches, and the result agrees to 1e-5 of an edge (docs/patches.md). None sets no limit.
@@ -141,7 +156,8 @@ def denoise_file(
 
     Raises
     ------
-    ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`; nothing is written then
+    ReadError, MeshError, ParameterError, OutputError, MissingDependencyError
+        As in `denoise`; nothing is written then.
     """
     return denoised_file(
         source,

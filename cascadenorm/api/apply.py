@@ -59,10 +59,13 @@ def controlled(
 
     Parameters
     ----------
-    controls : all of them, as `checked` returns them
-    dtype : floating type of the result
-    steps : what the applications of the method gave in an earlier call, which are not made again; others are added. The
-        calls have the same arguments but for a strength of the same `step_key`
+    controls
+        All of them, as `checked` returns them.
+    dtype
+        Floating type of the result.
+    steps
+        What the applications of the method gave in an earlier call, which are not made again; others are added. The
+        calls have the same arguments but for a strength of the same `step_key`.
 
     Returns
     -------
@@ -70,8 +73,10 @@ def controlled(
 
     Raises
     ------
-    ParameterError : a parameter, mask or limit that is out of range or does not fit the mesh
-    DenoiseError : the method returned vertices that are not finite
+    ParameterError
+        A parameter, mask or limit that is out of range or does not fit the mesh.
+    DenoiseError
+        The method returned vertices that are not finite.
     """
     checked = _checked_parameters(method, parameters)
     controls = {**controls, "strength": min(controls["strength"], MOST_STRENGTH)}
@@ -173,11 +178,16 @@ def _step(
 
     Parameters
     ----------
-    mesh : in the frame; every mesh that the step is given has its faces
-    order : how its vertices are numbered
-    parts : the shells of its regions, where these share walls
-    detail : width of the smallest feature to keep, in the unit of the frame
-    removed : detail to remove
+    mesh
+        In the frame; every mesh that the step is given has its faces.
+    order
+        How its vertices are numbered.
+    parts
+        The shells of its regions, where these share walls.
+    detail
+        Width of the smallest feature to keep, in the unit of the frame.
+    removed
+        Detail to remove.
     """
     creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
@@ -204,8 +214,10 @@ def _surface_step(
 
     Parameters
     ----------
-    numbers : (n,) its vertices as they were given, for messages
-    creases : (e,) whether each of its edges is one
+    numbers
+        (n,) its vertices as they were given, for messages.
+    creases
+        (e,) whether each of its edges is one.
     """
     # Along creases the method, and all that follows, sees copies of the vertices
     sides = None if creases is None else cut(mesh, creases)

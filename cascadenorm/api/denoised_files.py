@@ -43,20 +43,34 @@ class DenoisingSummary:
 
     Parameters
     ----------
-    source, output : names of the files, or of the streams
-    method, parameters : what was applied, and the parameters that were given
-    strength : as given
-    controls : the other controls that decide on the result, as given; arrays by their shape alone
-    vertices, faces : counts; vertices that the file splits at seams count once
-    isolated_vertices, isolated_faces : vertices that are not finite, and further faces, that were left as they are
-    nearly_coincident : boundary vertices within 0.001 median edge lengths of another one, but not joined with it
-    moved : vertices with another position
-    mean_displacement, largest_displacement : over all vertices, in mean edge lengths
-    seconds : of the method, without reading, writing, and compiling kernels in a first run
-    error : the kind of error that was found; None where the method is not `auto`, or nothing was to be taken away
-    treated_as : what `auto` treated the mesh as; None for other methods
-    left_out : what the source holds and the format of the output cannot, in words
-    dropped_components, dropped_faces : of the small components that were left out because that was asked for
+    source, output
+        Names of the files, or of the streams.
+    method, parameters
+        What was applied, and the parameters that were given.
+    strength
+        As given.
+    controls
+        The other controls that decide on the result, as given; arrays by their shape alone.
+    vertices, faces
+        Counts; vertices that the file splits at seams count once.
+    isolated_vertices, isolated_faces
+        Vertices that are not finite, and further faces, that were left as they are.
+    nearly_coincident
+        Boundary vertices within 0.001 median edge lengths of another one, but not joined with it.
+    moved
+        Vertices with another position.
+    mean_displacement, largest_displacement
+        Over all vertices, in mean edge lengths.
+    seconds
+        Of the method, without reading, writing, and compiling kernels in a first run.
+    error
+        The kind of error that was found; None where the method is not `auto`, or nothing was to be taken away.
+    treated_as
+        What `auto` treated the mesh as; None for other methods.
+    left_out
+        What the source holds and the format of the output cannot, in words.
+    dropped_components, dropped_faces
+        Of the small components that were left out because that was asked for.
     """
 
     source: str
@@ -94,10 +108,14 @@ class Opened(NamedTuple):
 
     Parameters
     ----------
-    format : of the output
-    mesh : n vertices
-    controls : over the mesh, where they were given by names in the file
-    dropped : what was left out of the file before; None where that was not asked for
+    format
+        Of the output.
+    mesh
+        n vertices.
+    controls
+        Over the mesh, where they were given by names in the file.
+    dropped
+        What was left out of the file before; None where that was not asked for.
     """
 
     source: str | PathLike[str] | BinaryIO

@@ -18,10 +18,14 @@ class Filling:
 
     Parameters
     ----------
-    faces, added : triangles that were there, and further ones
-    closed : holes
-    outer, long : edges of each boundary that was kept: of an open component, and of more edges than are closed
-    left_out : what the source holds and the output does not, in words
+    faces, added
+        Triangles that were there, and further ones.
+    closed
+        Holes.
+    outer, long
+        Edges of each boundary that was kept: of an open component, and of more edges than are closed.
+    left_out
+        What the source holds and the output does not, in words.
     """
 
     faces: int
@@ -47,7 +51,8 @@ def fill_holes_file(
 
     Raises
     ------
-    ReadError, MeshError, ParameterError, OutputError : nothing is written then
+    ReadError, MeshError, ParameterError, OutputError
+        Nothing is written then.
     """
     check_output(output, force=force)
     check_extension(source, output)

@@ -37,12 +37,18 @@ class Whole:
 
     Parameters
     ----------
-    frame : of the whole
-    mean_edge_length : in the frame
-    groups : number of groups in which the vertex update takes the vertices
-    group : (n,) that of each vertex, -1 without a face
-    around : (n,) number of faces around each vertex
-    flipped : (m,) faces that are seen from their other side, so that all are consistently oriented
+    frame
+        Of the whole.
+    mean_edge_length
+        In the frame.
+    groups
+        Number of groups in which the vertex update takes the vertices.
+    group
+        (n,) that of each vertex, -1 without a face.
+    around
+        (n,) number of faces around each vertex.
+    flipped
+        (m,) faces that are seen from their other side, so that all are consistently oriented.
     """
 
     frame: Frame
@@ -58,7 +64,8 @@ class Whole:
 
         Raises
         ------
-        MeshError : no valid mesh; faces that repeat a vertex; regions that share walls, which see one another
+        MeshError
+            No valid mesh; faces that repeat a vertex; regions that share walls, which see one another.
         """
         mesh = Mesh(vertices, faces)
         if without_lines(mesh) is not mesh:
@@ -85,7 +92,8 @@ class Whole:
 
         Raises
         ------
-        ParameterError : all of the mesh does
+        ParameterError
+            All of the mesh does.
         """
         return _rings(find(method), parameters, self.groups)
 
@@ -94,8 +102,10 @@ class Whole:
 
         Parameters
         ----------
-        faces : (m, 3) those of the whole
-        inside : (n,) bool or indices, the vertices of the patch
+        faces
+            (m, 3) those of the whole.
+        inside
+            (n,) bool or indices, the vertices of the patch.
         """
         every = np.asarray(faces)
         chosen = np.zeros(len(self.group), bool)
@@ -118,8 +128,10 @@ class Halo:
 
     Parameters
     ----------
-    vertices : (k,) bool
-    whole : what the patch needs to know of the whole, its rows those of the patch
+    vertices
+        (k,) bool.
+    whole
+        What the patch needs to know of the whole, its rows those of the patch.
     """
 
     vertices: NDArray[np.bool_]
@@ -132,9 +144,12 @@ class Patch:
 
     Parameters
     ----------
-    vertices : (k,) ascending, those of the whole
-    faces : (j, 3) by numbers in `vertices`
-    halo : to be given to `denoise`
+    vertices
+        (k,) ascending, those of the whole.
+    faces
+        (j, 3) by numbers in `vertices`.
+    halo
+        To be given to `denoise`.
     """
 
     vertices: NDArray[np.int64]
@@ -152,7 +167,8 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
 
     Raises
     ------
-    ParameterError : a method or a control that sees all of the mesh, a halo that is too narrow or of another mesh
+    ParameterError
+        A method or a control that sees all of the mesh, a halo that is too narrow or of another mesh.
     """
     halo = controls["halo"]
     if not isinstance(halo, Halo):

@@ -31,10 +31,14 @@ class Given(NamedTuple):
 
     Parameters
     ----------
-    given : what the caller holds
-    vertices : its (k, 3) vertices
-    welds : (k,) the vertex of `mesh` that each is
-    mesh : n vertices
+    given
+        What the caller holds.
+    vertices
+        Its (k, 3) vertices.
+    welds
+        (k,) the vertex of `mesh` that each is.
+    mesh
+        n vertices.
     """
 
     given: Any
@@ -80,10 +84,13 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
 
     Parameters
     ----------
-    meshes : each a pair of arrays, vertices (n, 3) and faces (m, 3); or a `cascadenorm.Mesh`, or a mesh of trimesh,
-        pyvista, vtk, open3d or meshio
-    method : one of `methods()`
-    parameters : of the method
+    meshes
+        Each a pair of arrays, vertices (n, 3) and faces (m, 3); or a `cascadenorm.Mesh`, or a mesh of trimesh, pyvista,
+        vtk, open3d or meshio.
+    method
+        One of `methods()`.
+    parameters
+        Of the method.
 
     Controls with a value for each vertex, each face or each edge are refused here; `denoise_region_files` takes names.
 
@@ -93,7 +100,8 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
 
     Raises
     ------
-    MeshError, ParameterError : as in `denoise`
+    MeshError, ParameterError
+        As in `denoise`.
     """
     controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     for name in ("mask", "fixed", "only", "creases"):
@@ -120,11 +128,16 @@ def denoise_region_files(
 
     Parameters
     ----------
-    sources : paths, or a single one
-    folder : where each file is written under its own name; None: `<stem>_denoised<suffix>` beside the source
-    method : one of `methods()`
-    force : replace existing files
-    parameters : of the method
+    sources
+        Paths, or a single one.
+    folder
+        Where each file is written under its own name; None: `<stem>_denoised<suffix>` beside the source.
+    method
+        One of `methods()`.
+    force
+        Replace existing files.
+    parameters
+        Of the method.
 
     Controls are given by names, which refer to each file.
 
@@ -134,7 +147,8 @@ def denoise_region_files(
 
     Raises
     ------
-    ReadError, MeshError, ParameterError, OutputError, MissingDependencyError : as in `denoise`
+    ReadError, MeshError, ParameterError, OutputError, MissingDependencyError
+        As in `denoise`.
     """
     every, chosen, given = checked(controls), find(method), parameters or {}
     chosen.checked(given)

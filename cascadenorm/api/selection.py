@@ -27,13 +27,16 @@ def selected(controls: Controls, file: MeshFile) -> Controls:
 
     Parameters
     ----------
-    controls : mask, fixed, only and creases as `Controls` declares them for files; arrays have an entry for each vertex
-        of the file or of its mesh, and `only` for each triangle of the file, those besides its mesh included
-    file : its attributes carry the names of PLY properties
+    controls
+        Mask, fixed, only and creases as `Controls` declares them for files; arrays have an entry for each vertex of the
+        file or of its mesh, and `only` for each triangle of the file, those besides its mesh included.
+    file
+        Its attributes carry the names of PLY properties.
 
     Raises
     ------
-    ParameterError : a name that the file does not have, a file that cannot be read, an index out of range
+    ParameterError
+        A name that the file does not have, a file that cannot be read, an index out of range.
     """
     mask, fixed, creases = (_as_text(controls[name]) for name in ("mask", "fixed", "creases"))
     found = controls.copy()
@@ -53,8 +56,10 @@ def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
 
     Parameters
     ----------
-    controls : as arrays; of the copies of a vertex the smallest weight counts, and it is fixed if one of them is
-    welds : (k,) the welded vertex of each
+    controls
+        As arrays; of the copies of a vertex the smallest weight counts, and it is fixed if one of them is.
+    welds
+        (k,) the welded vertex of each.
     """
 
     def renumbered(indices: ArrayLike) -> NDArray[Any]:
@@ -78,12 +83,15 @@ def faces_labelled(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
 
     Parameters
     ----------
-    names : each a name, such as that of a material, or kind=name, such as material=steel or, for numbers, segment=3
-    file : for its kinds of labels, see `MeshFile.face_labels`
+    names
+        Each a name, such as that of a material, or kind=name, such as material=steel or, for numbers, segment=3.
+    file
+        For its kinds of labels, see `MeshFile.face_labels`.
 
     Raises
     ------
-    ParameterError : no face carries a label of that name
+    ParameterError
+        No face carries a label of that name.
     """
     labels = file.face_labels()
     chosen = np.zeros(len(file.polygons), bool)

@@ -18,9 +18,12 @@ class Spectrum:
 
     Parameters
     ----------
-    scale : as in `shape_dna`
-    values : (k,) ascending, in 1 / length², or without a unit if they are multiplied by the area
-    other : (k,) of the second mesh; None if there is none
+    scale
+        As in `shape_dna`.
+    values
+        (k,) ascending, in 1 / length², or without a unit if they are multiplied by the area.
+    other
+        (k,) of the second mesh; None if there is none.
     """
 
     scale: Scale
@@ -38,14 +41,19 @@ def spectrum(mesh: Any, other: Any = None, *, count: int = DEFAULT_COUNT, scale:
 
     Parameters
     ----------
-    mesh, other : path of a file, stream, or mesh of any library
-    count : how many eigenvalues, at most the number of vertices that a face references
-    scale : "area" multiplies eigenvalues by the area, so that size does not matter; "keep" leaves them as they are
+    mesh, other
+        Path of a file, stream, or mesh of any library.
+    count
+        How many eigenvalues, at most the number of vertices that a face references.
+    scale
+        "area" multiplies eigenvalues by the area, so that size does not matter; "keep" leaves them as they are.
 
     Raises
     ------
-    MeshError : no valid mesh; its subclass ReadError where a file cannot be read
-    ParameterError : count is out of range
+    MeshError
+        No valid mesh; its subclass ReadError where a file cannot be read.
+    ParameterError
+        Count is out of range.
     """
     first = _values(mesh, count, scale)
     return Spectrum(scale=scale, values=first, other=None if other is None else _values(other, count, scale))

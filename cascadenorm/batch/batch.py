@@ -52,9 +52,12 @@ class Batch(NamedTuple):
 
     Parameters
     ----------
-    lines : of the manifest, for each file that was denoised now or failed, as they ended
-    kept : names of the files that were done already
-    failures : errors of those that failed
+    lines
+        Of the manifest, for each file that was denoised now or failed, as they ended.
+    kept
+        Names of the files that were done already.
+    failures
+        Errors of those that failed.
     """
 
     lines: list[Line]
@@ -85,27 +88,39 @@ def denoise_files(
 
     Parameters
     ----------
-    sources : files, folders or patterns such as "scans/**/*.ply", one or several; or URLs of such
-    output : folder of the results, which lie in it as the sources lie in the folder that they have in common, or its
-        URL in an object store
-    method, parameters : as in `denoise_file`
-    format : of the results, such as "stl"; None keeps that of each source
-    force : replace files in the output folder that no batch has written
-    workers : processes at most; None is one for each thread
-    memory : of all processes together, as bytes or as text like "4GB"; None is most of what is free. Files are
-        denoised side by side as far as their estimated needs fit
-    retries : further attempts, alone, for a file whose process ended early or was stopped, for which memory did not
-        suffice, or that changed while it was read
-    timeout : seconds after which the process that works on a file is stopped; None is no limit
-    watch : go on and look for further files until interrupted; a file is taken once it has not changed for so many
-        seconds
-    scheduler : address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster
-        on this machine; None starts processes. Workers of a cluster have limits of their own: `memory` and `threads`
-        are for this machine
-    manifest : file that records what became of each file: what is done, by the digests of file, settings and result,
-        is not done again. None is `manifest.jsonl` in the folder of the results; where that is a URL, name one
-    on_failure : called with each failure as it happens; with `watch` also where the sources cannot be listed, which
-        does not end it, and with files whose results would replace those of others
+    sources
+        Files, folders or patterns such as "scans/**/*.ply", one or several; or URLs of such.
+    output
+        Folder of the results, which lie in it as the sources lie in the folder that they have in common, or its URL in
+        an object store.
+    method, parameters
+        As in `denoise_file`.
+    format
+        Of the results, such as "stl"; None keeps that of each source.
+    force
+        Replace files in the output folder that no batch has written.
+    workers
+        Processes at most; None is one for each thread.
+    memory
+        Of all processes together, as bytes or as text like "4GB"; None is most of what is free. Files are denoised side
+        by side as far as their estimated needs fit.
+    retries
+        Further attempts, alone, for a file whose process ended early or was stopped, for which memory did not suffice,
+        or that changed while it was read.
+    timeout
+        Seconds after which the process that works on a file is stopped; None is no limit.
+    watch
+        Go on and look for further files until interrupted; a file is taken once it has not changed for so many seconds.
+    scheduler
+        Address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster on this
+        machine; None starts processes. Workers of a cluster have limits of their own: `memory` and `threads` are for
+        this machine.
+    manifest
+        File that records what became of each file: what is done, by the digests of file, settings and result, is not
+        done again. None is `manifest.jsonl` in the folder of the results; where that is a URL, name one.
+    on_failure
+        Called with each failure as it happens; with `watch` also where the sources cannot be listed, which does not end
+        it, and with files whose results would replace those of others.
 
     `threads` counts those of all processes.
 
@@ -115,11 +130,15 @@ def denoise_files(
 
     Raises
     ------
-    ReadError : there is no file
-    ParameterError : an unknown method, parameter or control, a value out of range
-    OutputError : the folder cannot be written, the disk is full, another batch is writing there, or two files have the
-        same output path
-    WorkerError : the scheduler or the workers of a cluster are gone, or cannot do the work
+    ReadError
+        There is no file.
+    ParameterError
+        An unknown method, parameter or control, a value out of range.
+    OutputError
+        The folder cannot be written, the disk is full, another batch is writing there, or two files have the same
+        output path.
+    WorkerError
+        The scheduler or the workers of a cluster are gone, or cannot do the work.
     """
     for name, value, least in (("retries", retries, 0), ("workers", workers, 1), ("watch", watch, 0)):
         if value is not None and not value >= least:

@@ -89,15 +89,21 @@ class ClusterProcesses:
 
     Parameters
     ----------
-    work : what they do
-    scheduler : address, or "local"
-    here : what a cluster on this machine shares out among its workers
-    count : workers at most; None is all
-    folder : where workers must run, because names of files are relative; None where that does not matter
+    work
+        What they do.
+    scheduler
+        Address, or "local".
+    here
+        What a cluster on this machine shares out among its workers.
+    count
+        Workers at most; None is all.
+    folder
+        Where workers must run, because names of files are relative; None where that does not matter.
 
     Raises
     ------
-    MissingDependencyError, ParameterError : as `connected` says
+    MissingDependencyError, ParameterError
+        As `connected` says.
     """
 
     def __init__(self, work: Work, scheduler: str, here: Place, *, count: int | None, folder: str | None) -> None:
@@ -132,7 +138,8 @@ class ClusterProcesses:
 
         Raises
         ------
-        WorkerError : the scheduler or all workers are gone
+        WorkerError
+            The scheduler or all workers are gone.
         """
         found: list[tuple[Job, Outcome | WorkerError]] = []
         wait = POLL if seconds is None else min(seconds, POLL)

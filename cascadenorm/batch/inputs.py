@@ -25,10 +25,12 @@ class Job(NamedTuple):
 
     Parameters
     ----------
-    source, output : paths or URLs
-    size : of the source, in bytes
-    changed : when the source was changed, in nanoseconds; at a URL a text that changes with it; None where it is not
-        there
+    source, output
+        Paths or URLs.
+    size
+        Of the source, in bytes.
+    changed
+        When the source was changed, in nanoseconds; at a URL a text that changes with it; None where it is not there.
     """
 
     source: str
@@ -56,14 +58,18 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
 
     Parameters
     ----------
-    sources : those that name one file are taken as they are; patterns and folders give files that can be meshes by
-        their extension
-    folder : of the results, a path or a URL
-    format : of the results; None keeps that of each source
+    sources
+        Those that name one file are taken as they are; patterns and folders give files that can be meshes by their
+        extension.
+    folder
+        Of the results, a path or a URL.
+    format
+        Of the results; None keeps that of each source.
 
     Raises
     ------
-    ReadError : some sources are URLs and others are not, or a server does not answer
+    ReadError
+        Some sources are URLs and others are not, or a server does not answer.
     """
     places = listed(sources)
     remote = list(map(is_url, places))
@@ -114,8 +120,10 @@ def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> 
 
     Raises
     ------
-    ReadError : there is no file
-    OutputError : two files have the same output path
+    ReadError
+        There is no file.
+    OutputError
+        Two files have the same output path.
     """
     if not jobs:
         named = ", ".join(listed(sources))

@@ -26,7 +26,8 @@ class Manifest:
 
     Attributes
     ----------
-    last : the last line of each output, by its name
+    last
+        The last line of each output, by its name.
     """
 
     def __init__(self, folder: Path, name: str = NAME) -> None:

@@ -38,8 +38,10 @@ class LocalProcesses:
 
     Parameters
     ----------
-    work : what they do
-    place : cores and memory that they share
+    work
+        What they do.
+    place
+        Cores and memory that they share.
     """
 
     def __init__(self, work: Work, place: Place) -> None:

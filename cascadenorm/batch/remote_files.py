@@ -29,8 +29,10 @@ class RemoteFile(NamedTuple):
 
     Parameters
     ----------
-    size : in bytes, 0 where the server does not tell
-    version : a text that changes with the content; None where there is no file
+    size
+        In bytes, 0 where the server does not tell.
+    version
+        A text that changes with the content; None where there is no file.
     """
 
     url: str
@@ -68,8 +70,10 @@ def files_at(url: str) -> list[RemoteFile]:
 
     Raises
     ------
-    ReadError : the server does not answer, or does not let us in
-    MissingDependencyError : fsspec, or what it needs for this kind of URL, is not installed
+    ReadError
+        The server does not answer, or does not let us in.
+    MissingDependencyError
+        Fsspec, or what it needs for this kind of URL, is not installed.
     """
     if not MAGIC.search(url) and "." in file_name(url):
         return [_file(url)]
@@ -93,8 +97,10 @@ def fetched(url: str, folder: Path) -> Path:
 
     Raises
     ------
-    ReadError : that fails
-    ChangedError : the file was replaced meanwhile; the copy may have parts of both, as large files come in pieces
+    ReadError
+        That fails.
+    ChangedError
+        The file was replaced meanwhile; the copy may have parts of both, as large files come in pieces.
     """
     target = folder / file_name(url)
     folder.mkdir(parents=True, exist_ok=True)
@@ -121,7 +127,8 @@ def put(folder: Path, url: str) -> None:
 
     Raises
     ------
-    OutputError : that fails
+    OutputError
+        That fails.
     """
     check_writable(url)
     with _explained(url, OutputError, "written"):

@@ -26,10 +26,14 @@ class Place:
 
     Parameters
     ----------
-    cores : threads of all processes together
-    memory : bytes of all processes together
-    processes : at most
-    running : the files that are being worked on, with their estimates
+    cores
+        Threads of all processes together.
+    memory
+        Bytes of all processes together.
+    processes
+        At most.
+    running
+        The files that are being worked on, with their estimates.
     """
 
     cores: int

@@ -30,7 +30,8 @@ def settings_of(
 
     Raises
     ------
-    ParameterError : an unknown name, a value out of range, weights that cannot be read
+    ParameterError
+        An unknown name, a value out of range, weights that cannot be read.
     """
     every = checked(controls)
     values = find(method).checked(parameters)

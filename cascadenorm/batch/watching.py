@@ -21,10 +21,13 @@ class Watched:
 
     Parameters
     ----------
-    find : lists the files that are there, and those that were named and are not
-    seconds : how long a file must have stayed the same
-    complain : called with what is wrong with a scan, once until a scan is in order again; and with each file whose
-        result would replace that of another
+    find
+        Lists the files that are there, and those that were named and are not.
+    seconds
+        How long a file must have stayed the same.
+    complain
+        Called with what is wrong with a scan, once until a scan is in order again; and with each file whose result
+        would replace that of another.
     """
 
     def __init__(self, find: Callable[[], list[Job]], seconds: float, complain: Callable[[Exception], object]) -> None:
@@ -75,8 +78,10 @@ class Settled:
 
     Parameters
     ----------
-    seconds : how long they must have
-    clock : seconds since an arbitrary time
+    seconds
+        How long they must have.
+    clock
+        Seconds since an arbitrary time.
     """
 
     def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:

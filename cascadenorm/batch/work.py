@@ -30,8 +30,10 @@ class Settings:
 
     Parameters
     ----------
-    method, parameters, controls, force : as in `denoise_file`
-    key : digest of all that a result depends on, but the file
+    method, parameters, controls, force
+        As in `denoise_file`.
+    key
+        Digest of all that a result depends on, but the file.
     """
 
     method: str
@@ -46,10 +48,14 @@ class Task(NamedTuple):
 
     Parameters
     ----------
-    line : its last line in the manifest before
-    checked : whether it has been checked, or there is nothing to check; then it is to be denoised
-    digest : of the file, where the check has read it
-    scratch : folder for temporary files; None is that of the system
+    line
+        Its last line in the manifest before.
+    checked
+        Whether it has been checked, or there is nothing to check; then it is to be denoised.
+    digest
+        Of the file, where the check has read it.
+    scratch
+        Folder for temporary files; None is that of the system.
     """
 
     job: Job
@@ -65,12 +71,18 @@ class Outcome:
 
     Parameters
     ----------
-    status : "new" after a check, "kept" where it is done already; "done" or "failed"
-    input_digest, output_digest : where they are known
-    summary : what was done
-    error : what it failed with
-    then : what to do after a failure; "stop" where the disk is full
-    seconds : all together, reading and writing included
+    status
+        "new" after a check, "kept" where it is done already; "done" or "failed".
+    input_digest, output_digest
+        Where they are known.
+    summary
+        What was done.
+    error
+        What it failed with.
+    then
+        What to do after a failure; "stop" where the disk is full.
+    seconds
+        All together, reading and writing included.
     """
 
     status: Literal["new", "kept", "done", "failed"]
@@ -109,7 +121,8 @@ def mesh_digest(path: Path) -> str:
 
     Raises
     ------
-    ReadError : one of them cannot be read
+    ReadError
+        One of them cannot be read.
     """
     try:
         if path.suffix.lower() != ".gltf":

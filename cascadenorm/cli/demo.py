@@ -59,10 +59,14 @@ def demo(
 
     Parameters
     ----------
-    folder : made if it is not there
-    methods : names, with their default parameters
-    force : replace the files of an earlier demonstration; others are left alone in any case
-    progress : called with (task, parts done, parts in all, what comes next)
+    folder
+        Made if it is not there.
+    methods
+        Names, with their default parameters.
+    force
+        Replace the files of an earlier demonstration; others are left alone in any case.
+    progress
+        Called with (task, parts done, parts in all, what comes next).
 
     Returns
     -------
@@ -70,8 +74,9 @@ def demo(
 
     Raises
     ------
-    OutputError : the folder is a file or cannot be written to, or it holds files of an earlier demonstration and force
-        is not given; nothing is written then
+    OutputError
+        The folder is a file or cannot be written to, or it holds files of an earlier demonstration and force is not
+        given; nothing is written then.
     """
     folder = Path(folder)
     task, total = "demonstration", len(EXAMPLES) + 1
@@ -98,8 +103,10 @@ def draw(examples: Sequence[Example], folder: Path) -> None:
 
     Raises
     ------
-    MissingDependencyError : Pillow is not installed
-    OutputError : the folder cannot be written to
+    MissingDependencyError
+        Pillow is not installed.
+    OutputError
+        The folder cannot be written to.
     """
     for name, drawn in ((BEFORE_AFTER, _before_after), (ERRORS, _errors)):
         figure = stacked([drawn(example) for example in examples], gap=0)

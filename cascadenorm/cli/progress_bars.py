@@ -24,7 +24,8 @@ def progress_tasks(*, log: bool = False) -> Iterator[Progress]:
 
     Parameters
     ----------
-    log : print a line for each task that is finished, on a terminal or not
+    log
+        Print a line for each task that is finished, on a terminal or not.
     """
     with _bars() as bar:
         started: dict[str, TaskID] = {}

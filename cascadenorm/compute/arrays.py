@@ -76,8 +76,10 @@ def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: i
 
     Parameters
     ----------
-    index : (k,), each in 0 … length - 1
-    values : (k, …) numbers
+    index
+        (k,), each in 0 … length - 1.
+    values
+        (k, …) numbers.
 
     Returns
     -------

@@ -31,8 +31,10 @@ def shipped_file(function: Callable[..., Any], signature: object, target: tuple[
 
     Parameters
     ----------
-    signature : types of the arguments, in numba's text
-    target : triple, processor and features of what numba compiles for
+    signature
+        Types of the arguments, in numba's text.
+    target
+        Triple, processor and features of what numba compiles for.
     """
     triple, processor, features = target
     shipped = shipped_processor(triple, processor, features)

@@ -122,7 +122,8 @@ def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[An
 
     Parameters
     ----------
-    count : at least 1
+    count
+        At least 1.
 
     Returns
     -------

@@ -22,9 +22,12 @@ class BoundaryEdges(NamedTuple):
 
     Parameters
     ----------
-    edges : (b, 2) vertices: tail, head
-    neighbors : (b, 2) the boundary edge that follows at either end; -1 where there is none, or more than one
-    signs : (b, 2) -1 where that edge runs against this one, else 1
+    edges
+        (b, 2) vertices: tail, head.
+    neighbors
+        (b, 2) the boundary edge that follows at either end; -1 where there is none, or more than one.
+    signs
+        (b, 2) -1 where that edge runs against this one, else 1.
     """
 
     edges: NDArray[np.int32]
@@ -47,7 +50,8 @@ def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> Bounda
 
     Parameters
     ----------
-    faces : the faces over copies of the vertices, if the edges are to be those of a mesh that was cut
+    faces
+        The faces over copies of the vertices, if the edges are to be those of a mesh that was cut.
     """
     single = mesh.topology.edge_faces.counts[mesh.topology.face_edges] == 1
     proper = mesh.faces != np.roll(mesh.faces, -1, axis=1)
@@ -79,9 +83,12 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
 
     Parameters
     ----------
-    mesh : n vertices before the method
-    boundary : its boundary edges
-    vertices : (n, 3) after the method
+    mesh
+        n vertices before the method.
+    boundary
+        Its boundary edges.
+    vertices
+        (n, 3) after the method.
 
     Returns
     -------
@@ -123,9 +130,12 @@ def smoothed_curve(
 
     Parameters
     ----------
-    spread : of the range weight, in median angles from edge to edge
-    passes : of the filter of the directions
-    vertex_passes : steps of the descent
+    spread
+        Of the range weight, in median angles from edge to edge.
+    passes
+        Of the filter of the directions.
+    vertex_passes
+        Steps of the descent.
     """
     directions = _filtered_directions(vertices, boundary, spread, passes)
     tail, head = boundary.edges.T

@@ -17,8 +17,10 @@ class Sides(NamedTuple):
 
     Parameters
     ----------
-    mesh : k vertices, of which the first n are those of the mesh that was cut; its faces in their order
-    owners : (k,) the vertex that each of them is a copy of; 0 … n - 1 come first
+    mesh
+        k vertices, of which the first n are those of the mesh that was cut; its faces in their order.
+    owners
+        (k,) the vertex that each of them is a copy of; 0 … n - 1 come first.
     """
 
     mesh: Mesh
@@ -36,8 +38,10 @@ class Sides(NamedTuple):
 
         Parameters
         ----------
-        mesh : n vertices before they moved
-        vertices : (k, 3) where each copy went
+        mesh
+            n vertices before they moved.
+        vertices
+            (k, 3) where each copy went.
 
         Returns
         -------
@@ -69,14 +73,18 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None =
 
     Parameters
     ----------
-    mesh : e edges; faces may have any orientation, and those without area have no angle
-    creases : an angle in degrees, and creases are the edges whose two face normals differ by more than that; or (k, 2)
-        vertex indices of edges
-    places : (n,) the vertex of the mesh that each of these indices means; None: the same
+    mesh
+        e edges; faces may have any orientation, and those without area have no angle.
+    creases
+        An angle in degrees, and creases are the edges whose two face normals differ by more than that; or (k, 2) vertex
+        indices of edges.
+    places
+        (n,) the vertex of the mesh that each of these indices means; None: the same.
 
     Raises
     ------
-    ParameterError : an angle out of 0 … 180, or pairs that are no edges
+    ParameterError
+        An angle out of 0 … 180, or pairs that are no edges.
     """
     if isinstance(creases, numbers.Real) and not isinstance(creases, bool):
         if not 0 <= creases <= 180:
@@ -135,8 +143,10 @@ def cut(mesh: Mesh, creases: NDArray[np.bool_]) -> Sides:
 
     Parameters
     ----------
-    mesh : n vertices; vertices that no crease touches stay whole
-    creases : (e,) for each edge; where they end within the surface, nothing is cut
+    mesh
+        n vertices; vertices that no crease touches stay whole.
+    creases
+        (e,) for each edge; where they end within the surface, nothing is cut.
     """
     # Half-edges at vertices that a crease touches, and the fan of connected faces that each is in
     count, faces = len(mesh.vertices), mesh.faces

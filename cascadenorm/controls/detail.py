@@ -33,8 +33,10 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
 
     Parameters
     ----------
-    width : in the unit of the mesh; 0 takes away everything, infinity the mean displacement of each component alone
-    mesh : n vertices, over which the displacement is smoothed; the boundary is free
+    width
+        In the unit of the mesh; 0 takes away everything, infinity the mean displacement of each component alone.
+    mesh
+        n vertices, over which the displacement is smoothed; the boundary is free.
 
     Returns
     -------

@@ -33,13 +33,17 @@ def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float,
 
     Parameters
     ----------
-    mesh : n vertices in their own coordinates; those with displacement 0 keep their bits
-    displacement : (n, 3) in units of 2**exponent
-    limit : in the same unit; no vertex moves farther in the type of the result either
+    mesh
+        n vertices in their own coordinates; those with displacement 0 keep their bits.
+    displacement
+        (n, 3) in units of 2**exponent.
+    limit
+        In the same unit; no vertex moves farther in the type of the result either.
 
     Raises
     ------
-    DenoiseError : a vertex would leave the range of the type
+    DenoiseError
+        A vertex would leave the range of the type.
     """
     limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that it also holds when measured in that type
     with np.errstate(over="ignore"):

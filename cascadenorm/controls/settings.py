@@ -41,13 +41,20 @@ class Control(Parameter):
 
     Parameters
     ----------
-    default : the value that changes nothing
-    arrays : what it takes in Python, where that is more than a number or a choice
-    words : what it takes for a mesh file, in Python and on the command line
-    example : a value for the documentation
-    metavar : what the help of the command line calls the value; empty for numbers and choices
-    flag : an option without a value that stands for the only choice, as --keep-volume does for volume="keep"
-    hidden : the command line has no option for it
+    default
+        The value that changes nothing.
+    arrays
+        What it takes in Python, where that is more than a number or a choice.
+    words
+        What it takes for a mesh file, in Python and on the command line.
+    example
+        A value for the documentation.
+    metavar
+        What the help of the command line calls the value; empty for numbers and choices.
+    flag
+        An option without a value that stands for the only choice, as --keep-volume does for volume="keep".
+    hidden
+        The command line has no option for it.
     """
 
     default: Any = None
@@ -229,7 +236,8 @@ def checked(given: Mapping[str, Any]) -> Controls:
 
     Raises
     ------
-    ParameterError : a control that does not exist, a value of the wrong type or out of range
+    ParameterError
+        A control that does not exist, a value of the wrong type or out of range.
     """
     if unknown := [name for name in given if name not in CONTROLS]:
         meant = get_close_matches(unknown[0], CONTROLS, n=1)
@@ -253,7 +261,8 @@ def parsed_length(name: str, length: Length | None) -> tuple[float, bool]:
 
     Raises
     ------
-    ParameterError : no length, or a negative one
+    ParameterError
+        No length, or a negative one.
     """
     if length is None:
         return math.inf, False
@@ -281,7 +290,7 @@ def takes_controls(function: Function) -> Function:
     first = [p for p in own if p.kind is not inspect.Parameter.VAR_KEYWORD]
     before, returns, after = (inspect.getdoc(function) or "").partition("\nReturns\n")
     listed = "\n".join(
-        fill(f"{name} : {setting.help(setting.about.arrays)}", 115, subsequent_indent="    ")
+        f"{name}\n" + fill(setting.help(setting.about.arrays), 115, initial_indent="    ", subsequent_indent="    ")
         for name, setting in CONTROLS.items()
     )
     function.__doc__ = f"{before}\nControls\n--------\n{listed}\n{returns}{after}"

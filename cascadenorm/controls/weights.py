@@ -23,12 +23,15 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
 
     Parameters
     ----------
-    mesh : n vertices
-    faces : those that `only` counts, which may be more than those of the mesh
+    mesh
+        n vertices.
+    faces
+        Those that `only` counts, which may be more than those of the mesh.
 
     Raises
     ------
-    ParameterError : mask, fixed or only of the wrong shape or type, or out of range
+    ParameterError
+        Mask, fixed or only of the wrong shape or type, or out of range.
     """
     count = len(mesh.vertices)
     weights = np.zeros(count)
@@ -49,7 +52,8 @@ def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:
 
     Raises
     ------
-    ParameterError : neither of both, or an index out of range
+    ParameterError
+        Neither of both, or an index out of range.
     """
     selected = np.zeros(count, bool)
     selected[_indices("only", np.asarray(only), count, "face", "faces")] = True

@@ -39,12 +39,17 @@ class ErrorKind:
 
     Parameters
     ----------
-    kind : see Kind
-    sure : whether the figures leave no other kind
-    size : root mean square of the displacement along the normals, in mean edge lengths of the denoised mesh
-    length : over which the error is alike, in mean edge lengths: where the autocorrelation falls to 1/e; None where
-        there is no error
-    voxel : edges of a voxel along the axes of its lattice, in the unit of the mesh; None where no lattice was found
+    kind
+        See Kind.
+    sure
+        Whether the figures leave no other kind.
+    size
+        Root mean square of the displacement along the normals, in mean edge lengths of the denoised mesh.
+    length
+        Over which the error is alike, in mean edge lengths: where the autocorrelation falls to 1/e; None where there is
+        no error.
+    voxel
+        Edges of a voxel along the axes of its lattice, in the unit of the mesh; None where no lattice was found.
     """
 
     kind: Kind
@@ -76,9 +81,12 @@ def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind
 
     Parameters
     ----------
-    mesh : n vertices
-    denoised : (n, 3), by the method that is trusted most
-    exponent : the mesh was scaled by 2**-exponent; voxels are told in its former unit
+    mesh
+        n vertices.
+    denoised
+        (n, 3), by the method that is trusted most.
+    exponent
+        The mesh was scaled by 2**-exponent; voxels are told in its former unit.
     """
     used, true = mesh.topology.used_vertices, mesh.moved(denoised)
     error = np.einsum("ij,ij->i", mesh.vertices - denoised, true.vertex_normals)[used]
@@ -114,8 +122,10 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
 
     Parameters
     ----------
-    points : (n, 3), in mean edge lengths
-    values : (n,), not all zero
+    points
+        (n, 3), in mean edge lengths.
+    values
+        (n,), not all zero.
     """
     # bins of each centre, in the order of the points along the axis of their largest extent
     axis = int(np.argmax(np.ptp(points, axis=0)))

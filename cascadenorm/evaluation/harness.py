@@ -34,8 +34,10 @@ class Evaluation(NamedTuple):
 
     Parameters
     ----------
-    pairs : the files of each pair
-    records : where the meshes are kept, if anywhere
+    pairs
+        The files of each pair.
+    records
+        Where the meshes are kept, if anywhere.
     """
 
     results: list[Result]
@@ -86,24 +88,37 @@ def evaluate(
 
     Parameters
     ----------
-    folders : one or several, each a pair, `noisy.*` and `clean.*`, or a folder of pairs; or pairs, as `public_pairs`
-        returns them
-    methods : one name or several; the noisy mesh itself always comes first
-    results : of other programs: the name of each and its folder, which holds a mesh `<pair>.*` for each pair
-    commands : other programs to be run: the name of each and its command line, where {in} and {out} stand for the
-        files, and {in.obj} and {out.obj} for files of that format; no shell reads it
-    timeout : seconds after which such a program is stopped
-    parameters : given to each of the methods
-    strength, threads : as in `denoise`
-    noise : standard deviation, in mean edge lengths, of Gaussian noise along the normals that is added to the clean
-        meshes, in the place of the noisy ones; None takes these
-    seeds : noisy meshes of each clean one; the tables then have the spread over seeds
-    keep : folder for the meshes and their measures; what is there from an earlier run of the same files, settings,
-        weights and version is not computed again
-    workers : processes, each of one thread if there are several; times then depend on what else runs
-    scheduler : address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster of
-        so many processes on this machine; None starts processes without Dask
-    progress : called with (task, parts done, parts in all, what comes next)
+    folders
+        One or several, each a pair, `noisy.*` and `clean.*`, or a folder of pairs; or pairs, as `public_pairs` returns
+        them.
+    methods
+        One name or several; the noisy mesh itself always comes first.
+    results
+        Of other programs: the name of each and its folder, which holds a mesh `<pair>.*` for each pair.
+    commands
+        Other programs to be run: the name of each and its command line, where {in} and {out} stand for the files, and
+        {in.obj} and {out.obj} for files of that format; no shell reads it.
+    timeout
+        Seconds after which such a program is stopped.
+    parameters
+        Given to each of the methods.
+    strength, threads
+        As in `denoise`.
+    noise
+        Standard deviation, in mean edge lengths, of Gaussian noise along the normals that is added to the clean meshes,
+        in the place of the noisy ones; None takes these.
+    seeds
+        Noisy meshes of each clean one; the tables then have the spread over seeds.
+    keep
+        Folder for the meshes and their measures; what is there from an earlier run of the same files, settings, weights
+        and version is not computed again.
+    workers
+        Processes, each of one thread if there are several; times then depend on what else runs.
+    scheduler
+        Address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster of so many
+        processes on this machine; None starts processes without Dask.
+    progress
+        Called with (task, parts done, parts in all, what comes next).
 
     Returns
     -------
@@ -112,10 +127,13 @@ def evaluate(
 
     Raises
     ------
-    ParameterError : a method, a program or a parameter that does not exist, a value out of range, another program that
-        is called like a method; no scheduler at the address
-    WorkerError : processes, or workers of a cluster, have ended before the work was done
-    ReadError : there are no pairs, or no folder of results; results, and several pairs of one name
+    ParameterError
+        A method, a program or a parameter that does not exist, a value out of range, another program that is called
+        like a method; no scheduler at the address.
+    WorkerError
+        Processes, or workers of a cluster, have ended before the work was done.
+    ReadError
+        There are no pairs, or no folder of results; results, and several pairs of one name.
     """
     checked({"strength": strength, "threads": threads})  # raises for values out of range
     settings = {"strength": strength, "threads": threads, **(parameters or {})}

@@ -18,9 +18,12 @@ def with_noise(
 
     Parameters
     ----------
-    folder : for the noisy meshes; it is made
-    level : standard deviation of the noise, in mean edge lengths of the clean mesh
-    seeds : noisy meshes of each clean one, from the seeds 0, 1, …; the same seeds give the same files
+    folder
+        For the noisy meshes; it is made.
+    level
+        Standard deviation of the noise, in mean edge lengths of the clean mesh.
+    seeds
+        Noisy meshes of each clean one, from the seeds 0, 1, …; the same seeds give the same files.
 
     Returns
     -------

@@ -51,7 +51,8 @@ def checked_command(name: str, command: str) -> list[str]:
 
     Raises
     ------
-    ParameterError : it has no {in} or no {out}, or there is no such program
+    ParameterError
+        It has no {in} or no {out}, or there is no such program.
     """
     try:
         words = command_words(command, windows=os.name == "nt")
@@ -79,14 +80,19 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
 
     Parameters
     ----------
-    words : of the command; {in} is the file as it is and {out} one of its format, {in.obj} and {out.obj} are OBJ
-    noisy : the input
-    timeout : seconds after which the program is stopped, with all that it has started
+    words
+        Of the command; {in} is the file as it is and {out} one of its format, {in.obj} and {out.obj} are OBJ.
+    noisy
+        The input.
+    timeout
+        Seconds after which the program is stopped, with all that it has started.
 
     Raises
     ------
-    DenoiseError : the program failed, took too long, or wrote no file
-    ReadError, MeshError : what it wrote is no mesh
+    DenoiseError
+        The program failed, took too long, or wrote no file.
+    ReadError, MeshError
+        What it wrote is no mesh.
     """
     with TemporaryDirectory() as folder:
         files: dict[str, Path] = {}

@@ -19,8 +19,10 @@ class Listed(NamedTuple):
 
     Parameters
     ----------
-    noisy, clean : paths in the copy
-    digests : of the two meshes, as `mesh_digest` gives them; empty where they are not known
+    noisy, clean
+        Paths in the copy.
+    digests
+        Of the two meshes, as `mesh_digest` gives them; empty where they are not known.
     """
 
     noisy: str
@@ -34,12 +36,17 @@ class PublicSet:
 
     Parameters
     ----------
-    about : a few words
-    source : the paper and its DOI
-    place : where it can be had
-    listed : its pairs by their names, all of them for tests
-    folder : for a set of many files: the folder that holds `train` and `test`, in each `original/NAME.obj` and
-        `noisy/NAME_n….obj`
+    about
+        A few words.
+    source
+        The paper and its DOI.
+    place
+        Where it can be had.
+    listed
+        Its pairs by their names, all of them for tests.
+    folder
+        For a set of many files: the folder that holds `train` and `test`, in each `original/NAME.obj` and
+        `noisy/NAME_n….obj`.
     """
 
     about: str
@@ -115,14 +122,19 @@ def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test")
 
     Parameters
     ----------
-    name : one of PUBLIC_SETS
-    copy : folder that holds the clone, or the unpacked archive
-    split : "test" or "train"; a set that lists its pairs has the former alone
+    name
+        One of PUBLIC_SETS.
+    copy
+        Folder that holds the clone, or the unpacked archive.
+    split
+        "test" or "train"; a set that lists its pairs has the former alone.
 
     Raises
     ------
-    ParameterError : no such set, or no such part of it
-    ReadError : files are missing, or are other meshes than those that were published
+    ParameterError
+        No such set, or no such part of it.
+    ReadError
+        Files are missing, or are other meshes than those that were published.
     """
     wanted, root = public_set(name), Path(copy)
     if split not in SPLITS:

@@ -30,9 +30,12 @@ class Result:
 
     Parameters
     ----------
-    seconds : of the method alone, compiled before; 0 for the noisy mesh itself and for results of other programs
-    memory_mb : that it needed at most, in megabytes; None where that is not known
-    same_faces : whether the faces are those of the clean mesh; else each is compared with the nearest of them
+    seconds
+        Of the method alone, compiled before; 0 for the noisy mesh itself and for results of other programs.
+    memory_mb
+        That it needed at most, in megabytes; None where that is not known.
+    same_faces
+        Whether the faces are those of the clean mesh; else each is compared with the nearest of them.
     """
 
     pair: str
@@ -65,12 +68,18 @@ class Run(NamedTuple):
 
     Parameters
     ----------
-    pair, name : the files, and what the row is called
-    settings : of a method; None where it is none
-    command : words of a program; empty where it is none
-    timeout : seconds after which that is stopped
-    results : folder of meshes that another program made; None where it is none
-    records : where the mesh and its measures are kept, if anywhere
+    pair, name
+        The files, and what the row is called.
+    settings
+        Of a method; None where it is none.
+    command
+        Words of a program; empty where it is none.
+    timeout
+        Seconds after which that is stopped.
+    results
+        Folder of meshes that another program made; None where it is none.
+    records
+        Where the mesh and its measures are kept, if anywhere.
     """
 
     pair: Pair

@@ -15,11 +15,16 @@ class Column(NamedTuple):
 
     Parameters
     ----------
-    title, unit : as it is written
-    digits : after the point
-    value : of a result, None where there is none
-    off : how far a value is from the best that there can be
-    none : what is written where a result has no value
+    title, unit
+        As it is written.
+    digits
+        After the point.
+    value
+        Of a result, None where there is none.
+    off
+        How far a value is from the best that there can be.
+    none
+        What is written where a result has no value.
     """
 
     title: str

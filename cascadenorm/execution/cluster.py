@@ -43,13 +43,17 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
 
     Parameters
     ----------
-    scheduler : its address, such as "tcp://10.0.0.1:8786", or "local" for a cluster on this machine
-    workers, threads, memory : of the cluster on this machine: processes, threads of each, bytes of each
+    scheduler
+        Its address, such as "tcp://10.0.0.1:8786", or "local" for a cluster on this machine.
+    workers, threads, memory
+        Of the cluster on this machine: processes, threads of each, bytes of each.
 
     Raises
     ------
-    MissingDependencyError : distributed is not installed
-    ParameterError : no scheduler answers at the address
+    MissingDependencyError
+        Distributed is not installed.
+    ParameterError
+        No scheduler answers at the address.
     """
     try:
         import dask
@@ -91,8 +95,10 @@ def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[obje
 
     Parameters
     ----------
-    places : files, folders, patterns
-    values : anything; those that are files count
+    places
+        Files, folders, patterns.
+    values
+        Anything; those that are files count.
     """
     files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
     absolute = all(os.path.isabs(name) for name in [*places, *files])

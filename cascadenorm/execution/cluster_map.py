@@ -60,14 +60,19 @@ def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[
 
     Parameters
     ----------
-    scheduler : address, or "local" for a cluster on this machine
-    workers : processes of the cluster on this machine
-    folder : where workers must run, because names of files are relative; None where that does not matter
+    scheduler
+        Address, or "local" for a cluster on this machine.
+    workers
+        Processes of the cluster on this machine.
+    folder
+        Where workers must run, because names of files are relative; None where that does not matter.
 
     Raises
     ------
-    MissingDependencyError, ParameterError : as `connected` says; several workers are asked for at an address
-    WorkerError : an item has ended several workers, the scheduler or all workers are gone, or a worker cannot be used
+    MissingDependencyError, ParameterError
+        As `connected` says; several workers are asked for at an address.
+    WorkerError
+        An item has ended several workers, the scheduler or all workers are gone, or a worker cannot be used.
     """
     if scheduler != LOCAL and workers > 1:
         raise ParameterError(

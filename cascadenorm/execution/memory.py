@@ -87,7 +87,8 @@ def memory_size(name: str, text: str | int) -> int:
 
     Raises
     ------
-    ParameterError : it is none, has no unit, or is not above 0; the message calls it by its name
+    ParameterError
+        It is none, has no unit, or is not above 0; the message calls it by its name.
     """
     given = f"{text}B" if isinstance(text, int | float) else str(text)
     match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(?:([kmgt]i?)b?|b)\s*", given, re.IGNORECASE)

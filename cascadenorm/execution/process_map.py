@@ -38,7 +38,8 @@ def side_by_side(count: int) -> Iterator[Map]:
 
     Raises
     ------
-    WorkerError : one of the processes ended before its work was done
+    WorkerError
+        One of the processes ended before its work was done.
     """
     if (other := _other.get()) is not None:
         yield other

@@ -31,7 +31,8 @@ class Worker(Generic[Job, Result]):
 
     Parameters
     ----------
-    work : what is done with a job in the process; both are pickled
+    work
+        What is done with a job in the process; both are pickled.
 
     It ignores Ctrl-C, which is for the parent to answer, and ends when the parent is gone.
     """
@@ -55,7 +56,8 @@ class Worker(Generic[Job, Result]):
 
         Raises
         ------
-        WorkerError : the process has ended before, or its result cannot be read
+        WorkerError
+            The process has ended before, or its result cannot be read.
         """
         try:
             found: Result = self.link.recv()

@@ -18,11 +18,13 @@ class Job(Generic[Result]):
 
     Parameters
     ----------
-    work : called with a listener of its progress, which ends it once the job is cancelled
+    work
+        Called with a listener of its progress, which ends it once the job is cancelled.
 
     Attributes
     ----------
-    fraction : that is done, from 0 to 1
+    fraction
+        That is done, from 0 to 1.
     """
 
     def __init__(self, work: Callable[[Listener], Result]) -> None:

@@ -16,11 +16,13 @@ def progress_bar(text: str = "Denoising") -> Iterator[Listener]:
 
     Parameters
     ----------
-    text : stands before the bar
+    text
+        Stands before the bar.
 
     Raises
     ------
-    MissingDependencyError : tqdm is not installed
+    MissingDependencyError
+        Tqdm is not installed.
     """
     try:
         from tqdm.auto import tqdm

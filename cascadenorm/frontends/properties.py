@@ -15,10 +15,14 @@ class Property(NamedTuple):
 
     Parameters
     ----------
-    name : such as KeepDetail for the control keep_detail, or TaubinIterations for iterations of the method taubin
-    setting : its type, default and range
-    method : whose parameter it is; empty for a control
-    help : a sentence or two
+    name
+        Such as KeepDetail for the control keep_detail, or TaubinIterations for iterations of the method taubin.
+    setting
+        Its type, default and range.
+    method
+        Whose parameter it is; empty for a control.
+    help
+        A sentence or two.
     """
 
     name: str

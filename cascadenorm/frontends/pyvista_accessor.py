@@ -32,9 +32,12 @@ class BlocksAccessor:
 
         Parameters
         ----------
-        method : one of `cascadenorm.methods()`
-        progress_bar : show the fraction done by tqdm, as filters of PyVista do
-        parameters : of the method
+        method
+            One of `cascadenorm.methods()`.
+        progress_bar
+            Show the fraction done by tqdm, as filters of PyVista do.
+        parameters
+            Of the method.
 
         Of one PolyData mask and fixed may be names of point arrays, only that of a cell array, or "array=value".
 
@@ -44,8 +47,10 @@ class BlocksAccessor:
 
         Raises
         ------
-        MeshError, ParameterError : as in `cascadenorm.denoise`
-        MissingDependencyError : tqdm is not installed, and a progress bar is asked for
+        MeshError, ParameterError
+            As in `cascadenorm.denoise`.
+        MissingDependencyError
+            Tqdm is not installed, and a progress bar is asked for.
         """
         with _bar(progress_bar, parameters.pop("progress", None)) as progress:
             settings = {**parameters, "method": method, "progress": progress}

@@ -19,14 +19,17 @@ def denoised(data: Any, settings: Mapping[str, Any]) -> Any:
 
     Parameters
     ----------
-    data : vtkPolyData of triangles; or a composite dataset of them, whose blocks are denoised together, so that walls
-        that they share stay shared
-    settings : as for `denoise`; for one vtkPolyData mask and fixed may be names of point arrays, only that of a cell
-        array, or array=value; creases an angle as text
+    data
+        vtkPolyData of triangles; or a composite dataset of them, whose blocks are denoised together, so that walls that
+        they share stay shared.
+    settings
+        As for `denoise`; for one vtkPolyData mask and fixed may be names of point arrays, only that of a cell array, or
+        array=value; creases an angle as text.
 
     Raises
     ------
-    MeshError, ParameterError : as in `denoise`
+    MeshError, ParameterError
+        As in `denoise`.
     """
     if isinstance(data, vtkPolyData):
         return denoise(data, **_with_arrays(settings, data))

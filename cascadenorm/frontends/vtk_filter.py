@@ -31,7 +31,8 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
 
     Attributes
     ----------
-    error : what ended the last execution, None where it went well
+    error
+        What ended the last execution, None where it went well.
     """
 
     def __init__(self) -> None:

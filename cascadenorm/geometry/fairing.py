@@ -18,11 +18,16 @@ def fair(mesh: Mesh, region: Region, *, order: Order = 2, weights: Weights = "co
 
     Parameters
     ----------
-    mesh : n vertices; where the region reaches a boundary of the mesh, the surface is free there
-    region : (n,) bool, the vertices to replace
-    order : 1 continues the surface around the region, 2 its tangents too, 3 its curvature too
-    weights : of the Laplacian
-    iterations : solutions, each with the Laplacian of the one before
+    mesh
+        n vertices; where the region reaches a boundary of the mesh, the surface is free there.
+    region
+        (n,) bool, the vertices to replace.
+    order
+        1 continues the surface around the region, 2 its tangents too, 3 its curvature too.
+    weights
+        Of the Laplacian.
+    iterations
+        Solutions, each with the Laplacian of the one before.
 
     Returns
     -------
@@ -30,7 +35,8 @@ def fair(mesh: Mesh, region: Region, *, order: Order = 2, weights: Weights = "co
 
     Raises
     ------
-    ParameterError : a connected part of the mesh lies in the region as a whole, so that nothing holds it
+    ParameterError
+        A connected part of the mesh lies in the region as a whole, so that nothing holds it.
     """
     free = region & (mesh.topology.vertex_faces.counts > 0)
     _refuse_what_nothing_holds(mesh, free)
@@ -50,10 +56,14 @@ def blend(mesh: Mesh, seam: Region, *, width: int = 3, order: Order = 2, iterati
 
     Parameters
     ----------
-    mesh : n vertices
-    seam : (n,) the vertices where the parts meet
-    width : rings of vertices on either side that are replaced as well
-    order, iterations : as in `fair`
+    mesh
+        n vertices.
+    seam
+        (n,) the vertices where the parts meet.
+    width
+        Rings of vertices on either side that are replaced as well.
+    order, iterations
+        As in `fair`.
 
     Returns
     -------

@@ -23,10 +23,14 @@ class Quantity(NamedTuple):
 
     Parameters
     ----------
-    label, unit : as it is written; of the values
-    at : faces or vertices
-    signed : whether 0 is the middle of the colours
-    against : the other mesh that it needs
+    label, unit
+        As it is written; of the values.
+    at
+        Faces or vertices.
+    signed
+        Whether 0 is the middle of the colours.
+    against
+        The other mesh that it needs.
     """
 
     label: str
@@ -53,9 +57,12 @@ class Field(NamedTuple):
 
     Parameters
     ----------
-    name : one of QUANTITIES, or that of `own`
-    values : by the name of the mesh (m,) or (n,); NaN where there is none
-    own : what the values are, where that is none of QUANTITIES
+    name
+        One of QUANTITIES, or that of `own`.
+    values
+        By the name of the mesh (m,) or (n,); NaN where there is none.
+    own
+        What the values are, where that is none of QUANTITIES.
     """
 
     name: str
@@ -83,9 +90,12 @@ def fields(
 
     Parameters
     ----------
-    meshes : "before", "after", "truth" or "mesh", scaled alike to about unit size
-    unit : length of 1 in the unit of the files
-    known : noise and curvature of some of them, by the names of the quantity and the mesh, which are not computed again
+    meshes
+        "before", "after", "truth" or "mesh", scaled alike to about unit size.
+    unit
+        Length of 1 in the unit of the files.
+    known
+        Noise and curvature of some of them, by the names of the quantity and the mesh, which are not computed again.
     """
     noise, curvature = known.get("noise", {}), known.get("curvature", {})
     judged = {key: mesh for key, mesh in meshes.items() if key != "truth"}
@@ -108,14 +118,19 @@ def field(name: str, meshes: Mapping[str, Mesh], other: Mesh, unit: float) -> Fi
 
     Parameters
     ----------
-    name : one of QUANTITIES
-    meshes : scaled alike to about unit size
-    other : the input or the truth, scaled as well
-    unit : length of 1 in the unit of the files
+    name
+        One of QUANTITIES.
+    meshes
+        Scaled alike to about unit size.
+    other
+        The input or the truth, scaled as well.
+    unit
+        Length of 1 in the unit of the files.
 
     Raises
     ------
-    MeshError : the faces are not those of the input
+    MeshError
+        The faces are not those of the input.
     """
     return Field(name, {key: _values(name, key, mesh, other, unit) for key, mesh in meshes.items()})
 

@@ -24,9 +24,12 @@ def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] 
 
     Parameters
     ----------
-    mesh : the input, n vertices
-    vertices : (n, 3), where a method wants them
-    may_flip : (m,) faces that may; None: the foldovers of the mesh
+    mesh
+        The input, n vertices.
+    vertices
+        (n, 3), where a method wants them.
+    may_flip
+        (m,) faces that may; None: the foldovers of the mesh.
 
     Returns
     -------
@@ -46,8 +49,10 @@ def halved_where_flipped(
 
     Parameters
     ----------
-    held : (m,) faces that may not flip
-    halvings : (n,) of the displacement of each vertex so far
+    held
+        (m,) faces that may not flip.
+    halvings
+        (n,) of the displacement of each vertex so far.
     """
     moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
     flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)

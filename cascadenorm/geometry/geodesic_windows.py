@@ -25,13 +25,20 @@ class UnfoldedFaces(NamedTuple):
 
     Parameters
     ----------
-    faces : (m, 3)
-    lengths : (3m,) of the sides
-    apexes : (3m, 2) the third corner of the face, from the first corner of the side along it, and off it
-    side_edges : (3m,) edge of each side
-    edge_sides : the sides at each edge
-    vertex_faces : the faces around each vertex
-    turning : (n,) whether a shortest path may turn at a vertex
+    faces
+        (m, 3).
+    lengths
+        (3m,) of the sides.
+    apexes
+        (3m, 2) the third corner of the face, from the first corner of the side along it, and off it.
+    side_edges
+        (3m,) edge of each side.
+    edge_sides
+        The sides at each edge.
+    vertex_faces
+        The faces around each vertex.
+    turning
+        (n,) whether a shortest path may turn at a vertex.
     """
 
     faces: Ints32
@@ -55,11 +62,13 @@ class ExactDistances:
 
     Parameters
     ----------
-    mesh : n vertices; no face repeats a vertex. An edge may have any number of faces, of any orientation
+    mesh
+        n vertices; no face repeats a vertex. An edge may have any number of faces, of any orientation.
 
     Attributes
     ----------
-    values : (n,) in the unit of the mesh; inf where no source is connected
+    values
+        (n,) in the unit of the mesh; inf where no source is connected.
     """
 
     def __init__(self, mesh: Mesh) -> None:

@@ -37,13 +37,17 @@ def geodesic_distances(
 
     Parameters
     ----------
-    vertices : (n, 3)
-    faces : (m, 3) integers in 0 … n - 1; an edge may have any number of faces, of any orientation
-    sources : number of a vertex, or (s,) of several
-    method : "heat" (Crane, Weischedel, Wardetzky 2013) takes two sparse solves; from one source it is off by 1 to 3 %
-        on average, from several by more, most if they are few edges apart. "exact" propagates windows (Chen & Han 1990;
+    vertices
+        (n, 3).
+    faces
+        (m, 3) integers in 0 … n - 1; an edge may have any number of faces, of any orientation.
+    sources
+        Number of a vertex, or (s,) of several.
+    method
+        "heat" (Crane, Weischedel, Wardetzky 2013) takes two sparse solves; from one source it is off by 1 to 3 % on
+        average, from several by more, most if they are few edges apart. "exact" propagates windows (Chen & Han 1990;
         Xin & Wang 2009): up to rounding the length of the shortest path on the mesh. For 160,000 vertices that takes
-        seconds where the surface is noisy and up to a minute where it is smooth, since many paths are nearly as short
+        seconds where the surface is noisy and up to a minute where it is smooth, since many paths are nearly as short.
 
     Returns
     -------
@@ -51,8 +55,10 @@ def geodesic_distances(
 
     Raises
     ------
-    MeshError : no valid mesh, or, for "heat", one whose faces all lie in one place
-    ParameterError : there is no source, or one that does not exist; an unknown method
+    MeshError
+        No valid mesh, or, for "heat", one whose faces all lie in one place.
+    ParameterError
+        There is no source, or one that does not exist; an unknown method.
     """
     if method not in ("heat", "exact"):
         raise ParameterError(f"is {method!r}; it must be heat or exact", parameter="method")
@@ -75,7 +81,8 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
 
     Parameters
     ----------
-    sources : (s,) different vertices, at least one
+    sources
+        (s,) different vertices, at least one.
     """
     components = mesh.topology.components
     distances = np.where(np.isin(np.arange(len(mesh.vertices)), sources), 0.0, np.inf)

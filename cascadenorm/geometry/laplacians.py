@@ -30,9 +30,12 @@ class Laplacian:
 
     Parameters
     ----------
-    stiffness : S, (n, n) sparse, symmetric, positive semidefinite, rows sum to zero
-    mass : M, (n,); zero for a vertex without a face, which then keeps its value
-    positions : (n, 3) of the vertices: by them solvers order the unknowns
+    stiffness
+        S, (n, n) sparse, symmetric, positive semidefinite, rows sum to zero.
+    mass
+        M, (n,); zero for a vertex without a face, which then keeps its value.
+    positions
+        (n, 3) of the vertices: by them solvers order the unknowns.
     """
 
     stiffness: Any  # scipy.sparse.csr_array, which has no types
@@ -81,9 +84,11 @@ def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> 
 
     Parameters
     ----------
-    mesh : n vertices; triangles may be obtuse or degenerate
-    mollification : each edge length grows by one and the same ε, the least that lets every triangle satisfy the
-        triangle inequality by this many mean edge lengths; ε is 0 for a mesh that does (Sharp & Crane 2020)
+    mesh
+        n vertices; triangles may be obtuse or degenerate.
+    mollification
+        Each edge length grows by one and the same ε, the least that lets every triangle satisfy the triangle inequality
+        by this many mean edge lengths; ε is 0 for a mesh that does (Sharp & Crane 2020).
     """
     return cotangent_laplacian_of(mesh, *face_cotangents(mesh, mollification=mollification))
 

@@ -20,16 +20,25 @@ class Measures:
 
     Parameters
     ----------
-    normal_error_deg : E_a, mean angle between the face normals, in degrees
-    normal_error_rms_deg : root of the mean square of that angle
-    normal_error_p95_deg : 95 % of the faces are at most that far off
-    normal_error_area_deg : mean angle, faces weighted by their true area; by their own where the faces differ
-    flipped_percent : share of the faces that are off by more than 90°
-    vertex_error_edges : E_v, mean distance of the vertices to the true surface, in mean edge lengths of the true mesh
-    vertex_rms_edges : root of the mean square of that distance
-    hausdorff_diagonal : largest distance of a vertex of either mesh to the other surface, over the diagonal of the
-        true mesh's bounding box
-    volume_ratio : enclosed volume over the true one; None unless both meshes are closed
+    normal_error_deg
+        E_a, mean angle between the face normals, in degrees.
+    normal_error_rms_deg
+        Root of the mean square of that angle.
+    normal_error_p95_deg
+        95 % of the faces are at most that far off.
+    normal_error_area_deg
+        Mean angle, faces weighted by their true area; by their own where the faces differ.
+    flipped_percent
+        Share of the faces that are off by more than 90°.
+    vertex_error_edges
+        E_v, mean distance of the vertices to the true surface, in mean edge lengths of the true mesh.
+    vertex_rms_edges
+        Root of the mean square of that distance.
+    hausdorff_diagonal
+        Largest distance of a vertex of either mesh to the other surface, over the diagonal of the true mesh's bounding
+        box.
+    volume_ratio
+        Enclosed volume over the true one; None unless both meshes are closed.
     """
 
     normal_error_deg: float
@@ -62,13 +71,16 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
 
     Parameters
     ----------
-    mesh : the one to judge; vertices that no face uses do not count
-    reference : the true one. If its faces are the same, they are compared one by one; otherwise each face is compared
-        with the true face nearest to its centroid. Faces without area, in either mesh, have no angle
+    mesh
+        The one to judge; vertices that no face uses do not count.
+    reference
+        The true one. If its faces are the same, they are compared one by one; otherwise each face is compared with the
+        true face nearest to its centroid. Faces without area, in either mesh, have no angle.
 
     Raises
     ------
-    MeshError : no face has a normal on both sides, the true mesh has no extent, or they differ in size beyond measure
+    MeshError
+        No face has a normal on both sides, the true mesh has no extent, or they differ in size beyond measure.
     """
     mesh, reference = scaled_alike(mesh, reference)  # which changes no measure
     sizes = sorted([mesh.diagonal, reference.diagonal])
@@ -102,8 +114,10 @@ class Errors(NamedTuple):
 
     Parameters
     ----------
-    angles : (m,) between the normal of each face and the true one, in degrees; NaN where one of them has no area
-    distances : (n,) of each vertex to the true surface; NaN for a vertex without a face
+    angles
+        (m,) between the normal of each face and the true one, in degrees; NaN where one of them has no area.
+    distances
+        (n,) of each vertex to the true surface; NaN for a vertex without a face.
     """
 
     angles: NDArray[np.float64]

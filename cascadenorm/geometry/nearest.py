@@ -24,14 +24,18 @@ class Surface:
 
     Parameters
     ----------
-    mesh : m faces; one without area counts as the segment or point that it is
+    mesh
+        m faces; one without area counts as the segment or point that it is.
 
     Attributes
     ----------
-    order : (m,) the faces along the curve
-    corners : (m, 3, 3) their corners, in that order
-    boxes : (b, 2, 3) lower and upper corner of the boxes; node i lies over 2i + 1 and 2i + 2, and the lowest level, the
-        last (b + 1) / 2, holds LEAF faces each
+    order
+        (m,) the faces along the curve.
+    corners
+        (m, 3, 3) their corners, in that order.
+    boxes
+        (b, 2, 3) lower and upper corner of the boxes; node i lies over 2i + 1 and 2i + 2, and the lowest level, the
+        last (b + 1) / 2, holds LEAF faces each.
     """
 
     def __init__(self, mesh: Mesh) -> None:

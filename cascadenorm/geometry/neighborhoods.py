@@ -16,11 +16,16 @@ def within(
 
     Parameters
     ----------
-    centers, radii : (k, 3), (k,)
-    points : (p, 3)
-    graph : p rows, neighbours of each point
-    seeds : k rows, where the walk of each centre starts; a seed that is too far is left out as any other point
-    most : points to find of each centre, the first on the walk
+    centers, radii
+        (k, 3), (k,).
+    points
+        (p, 3).
+    graph
+        p rows, neighbours of each point.
+    seeds
+        k rows, where the walk of each centre starts; a seed that is too far is left out as any other point.
+    most
+        Points to find of each centre, the first on the walk.
 
     Returns
     -------

@@ -14,10 +14,14 @@ class Patches(NamedTuple):
 
     Parameters
     ----------
-    patch : (m,) the first face of the patch of each
-    flipped : (m,) whether its orientation is opposite to that of this one
-    at_boundary : (m,) whether one of its edges bounds the patch
-    single_sided : whether some patch cannot be oriented, as a Möbius strip
+    patch
+        (m,) the first face of the patch of each.
+    flipped
+        (m,) whether its orientation is opposite to that of this one.
+    at_boundary
+        (m,) whether one of its edges bounds the patch.
+    single_sided
+        Whether some patch cannot be oriented, as a Möbius strip.
     """
 
     patch: NDArray[np.int32]

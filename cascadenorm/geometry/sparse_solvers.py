@@ -29,12 +29,15 @@ class Factorisation:
 
     Parameters
     ----------
-    matrix : (n, n) scipy sparse; only the symmetric part of its pattern is relied on
-    positions : (n, 3) where in space the unknowns are
+    matrix
+        (n, n) scipy sparse; only the symmetric part of its pattern is relied on.
+    positions
+        (n, 3) where in space the unknowns are.
 
     Raises
     ------
-    MeshError : the matrix is singular
+    MeshError
+        The matrix is singular.
     """
 
     def __init__(self, matrix: Any, positions: Vector) -> None:

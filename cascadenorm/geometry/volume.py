@@ -16,8 +16,10 @@ class Parts(NamedTuple):
 
     Parameters
     ----------
-    number : (n,) part of each vertex, -1 where its component is open or not consistently oriented
-    total : number of parts
+    number
+        (n,) part of each vertex, -1 where its component is open or not consistently oriented.
+    total
+        Number of parts.
     """
 
     number: NDArray[np.int64]
@@ -46,9 +48,12 @@ def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.flo
 
     Parameters
     ----------
-    original : the mesh whose volumes are wanted
-    vertices : (n, 3) where its vertices are now
-    weights : (n,) share of the scaling that each vertex takes part in; those with 0 stay where they are
+    original
+        The mesh whose volumes are wanted.
+    vertices
+        (n, 3) where its vertices are now.
+    weights
+        (n,) share of the scaling that each vertex takes part in; those with 0 stay where they are.
 
     Returns
     -------

@@ -19,8 +19,10 @@ def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
 
     Parameters
     ----------
-    mesh : m faces
-    places : (n,) equal for vertices in the same place: faces that meet there touch, whether they share a vertex or not
+    mesh
+        m faces.
+    places
+        (n,) equal for vertices in the same place: faces that meet there touch, whether they share a vertex or not.
 
     Returns
     -------

@@ -14,10 +14,14 @@ class Enclosed(NamedTuple):
 
     Parameters
     ----------
-    faces : (c,) the first face of each part
-    volumes : (c,) negative where a part is inside out
-    characteristics : (c,) Euler characteristic V - E + F; 2 - 2 · handles where the part is a manifold
-    manifold : (c,) whether every vertex of the part has a single fan of faces
+    faces
+        (c,) the first face of each part.
+    volumes
+        (c,) negative where a part is inside out.
+    characteristics
+        (c,) Euler characteristic V - E + F; 2 - 2 · handles where the part is a manifold.
+    manifold
+        (c,) whether every vertex of the part has a single fan of faces.
     """
 
     faces: NDArray[np.int64]
@@ -31,7 +35,8 @@ def enclosed(mesh: Mesh, pinched: NDArray[np.bool_]) -> Enclosed:
 
     Parameters
     ----------
-    pinched : (n,) which vertices have several fans of faces
+    pinched
+        (n,) which vertices have several fans of faces.
     """
     closed = closed_parts(mesh)
     number, total = closed

@@ -47,38 +47,68 @@ class Inspection:
 
     Parameters
     ----------
-    source : name of the file, or of the kind of mesh
-    number_type : of the coordinates, float32 or float64
-    counts_from : number of the first vertex and face in the places named
-    vertices, file_vertices, faces : their numbers; the file's vertices include copies at seams
-    bad_indices : faces that reference a vertex that does not exist
-    not_finite : vertices with a coordinate that is not finite
-    repeated_corners : faces that repeat a vertex
-    parts : connected components that have a face
-    closed : whether every edge has two faces or more
-    boundary_loops, boundary_edges : chains of edges with a single face, and those edges
-    non_manifold_edges : with more than two faces
-    non_manifold_vertices : where faces meet that do not are connected there
-    flipped_edges : whose two faces run along them the same way, so that one of them is flipped
-    inside_out : closed parts with a negative volume, by a face of each; cavities are such parts as well
-    zero_area, slivers : faces without height, and those with one below 1 % of their longest side
-    duplicate_faces : faces on the same three vertices as an earlier one
-    unreferenced : vertices that no face names
-    duplicate_vertices : vertices at the place of an earlier one, but not joined with it
-    nearly_coincident : boundary vertices within 0.001 median edge lengths of an earlier one, but not joined with it
-    crossing_faces : faces that pass through others; None where that was not looked for
-    spikes : vertices whose faces' angles add up to less than 150°
-    small_components : with fewer than 1 % of the faces of the largest one, by a face of each
-    euler_characteristic : vertices less edges plus faces
-    genus : handles of all closed parts that are manifolds; None where there is none
-    lower, upper : corners of the bounding box of the faces
-    mean_edge_length, area, volume : in the unit of the mesh; the volume of the closed parts, None without one
-    resolution : step from one number to the next at the largest coordinate, in mean edge lengths
-    noise : root mean square of what `auto` removes along the normals, in mean edge lengths; estimated from the mesh
-        alone where `error` is None. None where edges away from the boundary are too few
-    error : the kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces,
-        and where all are at one point
-    treated_as : what `auto` treats the mesh as; None where `error` is None
+    source
+        Name of the file, or of the kind of mesh.
+    number_type
+        Of the coordinates, float32 or float64.
+    counts_from
+        Number of the first vertex and face in the places named.
+    vertices, file_vertices, faces
+        Their numbers; the file's vertices include copies at seams.
+    bad_indices
+        Faces that reference a vertex that does not exist.
+    not_finite
+        Vertices with a coordinate that is not finite.
+    repeated_corners
+        Faces that repeat a vertex.
+    parts
+        Connected components that have a face.
+    closed
+        Whether every edge has two faces or more.
+    boundary_loops, boundary_edges
+        Chains of edges with a single face, and those edges.
+    non_manifold_edges
+        With more than two faces.
+    non_manifold_vertices
+        Where faces meet that do not are connected there.
+    flipped_edges
+        Whose two faces run along them the same way, so that one of them is flipped.
+    inside_out
+        Closed parts with a negative volume, by a face of each; cavities are such parts as well.
+    zero_area, slivers
+        Faces without height, and those with one below 1 % of their longest side.
+    duplicate_faces
+        Faces on the same three vertices as an earlier one.
+    unreferenced
+        Vertices that no face names.
+    duplicate_vertices
+        Vertices at the place of an earlier one, but not joined with it.
+    nearly_coincident
+        Boundary vertices within 0.001 median edge lengths of an earlier one, but not joined with it.
+    crossing_faces
+        Faces that pass through others; None where that was not looked for.
+    spikes
+        Vertices whose faces' angles add up to less than 150°.
+    small_components
+        With fewer than 1 % of the faces of the largest one, by a face of each.
+    euler_characteristic
+        Vertices less edges plus faces.
+    genus
+        Handles of all closed parts that are manifolds; None where there is none.
+    lower, upper
+        Corners of the bounding box of the faces.
+    mean_edge_length, area, volume
+        In the unit of the mesh; the volume of the closed parts, None without one.
+    resolution
+        Step from one number to the next at the largest coordinate, in mean edge lengths.
+    noise
+        Root mean square of what `auto` removes along the normals, in mean edge lengths; estimated from the mesh alone
+        where `error` is None. None where edges away from the boundary are too few.
+    error
+        The kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces, and
+        where all are at one point.
+    treated_as
+        What `auto` treats the mesh as; None where `error` is None.
     """
 
     source: str
@@ -131,15 +161,20 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
 
     Parameters
     ----------
-    mesh : vertices as an (n, 3) array, with `faces`; or alone a path, a stream of bytes, a file that was read, a
-        `cascadenorm.Mesh`, or a mesh of trimesh, pyvista, vtk, open3d or meshio
-    faces : (m, 3) integers
-    self_intersections : whether to look for faces that cross each other; None: up to MOST_FACES_CROSSED faces
+    mesh
+        Vertices as an (n, 3) array, with `faces`; or alone a path, a stream of bytes, a file that was read, a
+        `cascadenorm.Mesh`, or a mesh of trimesh, pyvista, vtk, open3d or meshio.
+    faces
+        (m, 3) integers.
+    self_intersections
+        Whether to look for faces that cross each other; None: up to MOST_FACES_CROSSED faces.
 
     Raises
     ------
-    ReadError : a file that cannot be read
-    MeshError : arrays of the wrong shape or type
+    ReadError
+        A file that cannot be read.
+    MeshError
+        Arrays of the wrong shape or type.
     """
     given = taken(mesh, faces)
     corners, count = given.faces, len(given.vertices)

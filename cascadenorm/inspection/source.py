@@ -23,8 +23,10 @@ class Found:
 
     Parameters
     ----------
-    count : of faces, vertices or edges
-    first : up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as the file counts
+    count
+        Of faces, vertices or edges.
+    first
+        Up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as the file counts.
     """
 
     count: int
@@ -36,10 +38,14 @@ class Given(NamedTuple):
 
     Parameters
     ----------
-    source, number_type, counts_from : as in Inspection
-    vertices : (n, 3), of any value; faces : (m, 3), of any value
-    vertex_numbers, face_numbers : (n,) and (m,) where they are in the source, counted from 0
-    file_vertices : number of the positions in the source
+    source, number_type, counts_from
+        As in Inspection.
+    vertices
+        (n, 3), of any value; faces : (m, 3), of any value.
+    vertex_numbers, face_numbers
+        (n,) and (m,) where they are in the source, counted from 0.
+    file_vertices
+        Number of the positions in the source.
     """
 
     source: str

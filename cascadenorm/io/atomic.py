@@ -60,12 +60,15 @@ def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False
 
     Parameters
     ----------
-    path : a link is followed; what is no ordinary file (a pipe, a device) is written to directly
-    force : replace an existing file, keeping its permissions
+    path
+        A link is followed; what is no ordinary file (a pipe, a device) is written to directly.
+    force
+        Replace an existing file, keeping its permissions.
 
     Raises
     ------
-    OutputError : the file exists and force is not given, or it cannot be written
+    OutputError
+        The file exists and force is not given, or it cannot be written.
     """
     write_together([(path, pieces)], force=force)
 
@@ -75,13 +78,16 @@ def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool
 
     Parameters
     ----------
-    files : they get their names in this order, the last is the one that the others belong to; with `force` a path may
-        come twice, as what it is meanwhile and at last
-    force : replace existing files
+    files
+        They get their names in this order, the last is the one that the others belong to; with `force` a path may come
+        twice, as what it is meanwhile and at last.
+    force
+        Replace existing files.
 
     Raises
     ------
-    OutputError : one exists and force is not given, or cannot be written; none of them is new then
+    OutputError
+        One exists and force is not given, or cannot be written; none of them is new then.
     """
     for path, _ in files:
         check_output(path, force=force)

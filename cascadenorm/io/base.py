@@ -28,17 +28,28 @@ class MeshFile(ABC):
 
     Attributes
     ----------
-    format : name of the format, which is also its extension
-    positions : (k, 3) float32 or float64, as the file holds them, copies at seams included
-    polygons : the faces of the file, corners counted from 0 in `positions`
-    data : the file as it was read; empty if there was none
-    folder : where other files lie that it names; None if it came from a stream
-    parts : (k,) the frame that each position is given in, where the file has several; None for one
-    triangles : (m, 3) the polygons cut into triangles
-    welds : (k,) for each position the vertex of `mesh` that it is a copy of
-    mesh : n vertices and m triangles; n < k where the file splits vertices at seams or for each face
-    left_out : (m,) the triangles that `mesh` is without; none but for files made by `isolating`
-    bad_vertices : (n,) the vertices that are not finite; `mesh` has them at the origin, or is refused
+    format
+        Name of the format, which is also its extension.
+    positions
+        (k, 3) float32 or float64, as the file holds them, copies at seams included.
+    polygons
+        The faces of the file, corners counted from 0 in `positions`.
+    data
+        The file as it was read; empty if there was none.
+    folder
+        Where other files lie that it names; None if it came from a stream.
+    parts
+        (k,) the frame that each position is given in, where the file has several; None for one.
+    triangles
+        (m, 3) the polygons cut into triangles.
+    welds
+        (k,) for each position the vertex of `mesh` that it is a copy of.
+    mesh
+        n vertices and m triangles; n < k where the file splits vertices at seams or for each face.
+    left_out
+        (m,) the triangles that `mesh` is without; none but for files made by `isolating`.
+    bad_vertices
+        (n,) the vertices that are not finite; `mesh` has them at the origin, or is refused.
     """
 
     format: ClassVar[str]
@@ -223,8 +234,10 @@ class MeshFile(ABC):
 
         Parameters
         ----------
-        vertices : (n, 3) finite, in the order of mesh.vertices; rounded to the type that the file holds
-        limit : where whole numbers hold the positions, rounding takes none farther than this, in the unit of the file
+        vertices
+            (n, 3) finite, in the order of mesh.vertices; rounded to the type that the file holds.
+        limit
+            Where whole numbers hold the positions, rounding takes none farther than this, in the unit of the file.
 
         Returns
         -------
@@ -232,7 +245,8 @@ class MeshFile(ABC):
 
         Raises
         ------
-        MeshError : wrong shape, or numbers that are not finite in the type of the file
+        MeshError
+            Wrong shape, or numbers that are not finite in the type of the file.
         """
         mesh = self.mesh
         wanted = np.asarray(vertices, np.float64)

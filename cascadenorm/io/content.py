@@ -21,11 +21,16 @@ class Content:
 
     Parameters
     ----------
-    positions : (k, 3) float32 or float64
-    polygons : corners are rows of positions
-    vertex_values : name -> (k,); colours are red, green, blue, alpha as uint8, texture coordinates s, t
-    face_values : name -> one for each polygon
-    left_out : what the source holds that has no place here, in words
+    positions
+        (k, 3) float32 or float64.
+    polygons
+        Corners are rows of positions.
+    vertex_values
+        Name -> (k,); colours are red, green, blue, alpha as uint8, texture coordinates s, t.
+    face_values
+        Name -> one for each polygon.
+    left_out
+        What the source holds that has no place here, in words.
     """
 
     positions: Positions
@@ -68,9 +73,12 @@ class Labels(NamedTuple):
 
     Parameters
     ----------
-    kind : "material", "group", "object", "mesh", or the name of a property of faces
-    values : (c,) names, or numbers, each once or more
-    of_faces : (p,) for each polygon the row of its value, -1 where it has none
+    kind
+        "material", "group", "object", "mesh", or the name of a property of faces.
+    values
+        (c,) names, or numbers, each once or more.
+    of_faces
+        (p,) for each polygon the row of its value, -1 where it has none.
     """
 
     kind: str

@@ -59,9 +59,11 @@ def read(source: Source, format: str | None = None) -> MeshFile:
 
     Parameters
     ----------
-    source : path, or a stream of bytes
-    format : 'ply', 'obj', 'stl', 'off', 'glb', or what trimesh knows; by default what the content looks like,
-        then the extension
+    source
+        Path, or a stream of bytes.
+    format
+        'ply', 'obj', 'stl', 'off', 'glb', or what trimesh knows; by default what the content looks like, then the
+        extension.
 
     Returns
     -------
@@ -70,7 +72,8 @@ def read(source: Source, format: str | None = None) -> MeshFile:
 
     Raises
     ------
-    ReadError : missing, unreadable, empty, truncated or damaged, or not a mesh; the message names the file
+    ReadError
+        Missing, unreadable, empty, truncated or damaged, or not a mesh; the message names the file.
     """
     name, folder, data = _bytes_of(source)
     try:
@@ -104,10 +107,14 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
 
     Parameters
     ----------
-    file : from `read` or `from_arrays`
-    target : path, or a stream of bytes
-    format : by default that of the extension, and for a stream that of the file
-    force : replace an existing file
+    file
+        From `read` or `from_arrays`.
+    target
+        Path, or a stream of bytes.
+    format
+        By default that of the extension, and for a stream that of the file.
+    force
+        Replace an existing file.
 
     Returns
     -------
@@ -115,7 +122,8 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
 
     Raises
     ------
-    OutputError : the target exists and force is not given, or it cannot be written
+    OutputError
+        The target exists and force is not given, or it cannot be written.
     """
     if not isinstance(file, MeshFile):
         raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
@@ -186,12 +194,15 @@ def output_format(target: Source, otherwise: str = "") -> str:
 
     Parameters
     ----------
-    target : path, or a stream of bytes
-    otherwise : the format of a stream, and of a path without an extension
+    target
+        Path, or a stream of bytes.
+    otherwise
+        The format of a stream, and of a path without an extension.
 
     Raises
     ------
-    OutputError : meshes are not written in that format, or there is nothing that names one
+    OutputError
+        Meshes are not written in that format, or there is nothing that names one.
     """
     extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
     chosen = _format_of(extension or otherwise)
@@ -264,12 +275,15 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
 
     Parameters
     ----------
-    vertices : (n, 3) numbers; float32 stays float32, all else becomes float64
-    faces : (m, 3) integers in 0 … n - 1
+    vertices
+        (n, 3) numbers; float32 stays float32, all else becomes float64.
+    faces
+        (m, 3) integers in 0 … n - 1.
 
     Raises
     ------
-    MeshError : the arrays are no valid mesh
+    MeshError
+        The arrays are no valid mesh.
     """
     mesh = Mesh(vertices, faces)
     kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64

@@ -16,15 +16,20 @@ class Patches:
 
     Parameters
     ----------
-    file : k positions, p polygons
-    filled : the mesh of the file with further vertices and faces after its own
+    file
+        k positions, p polygons.
+    filled
+        The mesh of the file with further vertices and faces after its own.
 
     Attributes
     ----------
-    positions : (a, 3) of the further vertices, in the type of the file
-    triangles : (b, 3) rows of the positions of the file, or of the further ones, which are counted after them; of a
-        vertex that the file splits the first copy
-    polygons : (b,) the polygon of the file that each triangle takes values from: the nearest, counted in edges
+    positions
+        (a, 3) of the further vertices, in the type of the file.
+    triangles
+        (b, 3) rows of the positions of the file, or of the further ones, which are counted after them; of a vertex that
+        the file splits the first copy.
+    polygons
+        (b,) the polygon of the file that each triangle takes values from: the nearest, counted in edges.
     """
 
     def __init__(self, file: MeshFile, filled: Mesh) -> None:

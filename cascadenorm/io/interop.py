@@ -31,7 +31,8 @@ def adapter(mesh: object) -> Adapter:
 
     Raises
     ------
-    MeshError : a kind of object that is not known
+    MeshError
+        A kind of object that is not known.
     """
     hint = (
         "pass vertices and faces as arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or "

@@ -16,7 +16,8 @@ class Pair(NamedTuple):
 
     Parameters
     ----------
-    seed : of the noise that was added to the clean mesh; None where the noisy one was given
+    seed
+        Of the noise that was added to the clean mesh; None where the noisy one was given.
     """
 
     name: str
@@ -30,7 +31,8 @@ def find_pairs(folders: Places) -> list[Pair]:
 
     Raises
     ------
-    ReadError : a folder that does not exist or holds no pair, half a pair, two files of one name
+    ReadError
+        A folder that does not exist or holds no pair, half a pair, two files of one name.
     """
     known: dict[Path, Pair] = {}
     for folder in paths_of(folders):

@@ -16,9 +16,12 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
 
     Parameters
     ----------
-    file : names other files relative to its own folder
-    target : path of the output
-    force : other content may be replaced
+    file
+        Names other files relative to its own folder.
+    target
+        Path of the output.
+    force
+        Other content may be replaced.
 
     Returns
     -------
@@ -26,8 +29,9 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
 
     Raises
     ------
-    OutputError : a file that is needed is missing, or its name leads out of the folder, or other content lies in the
-        way and force is not given
+    OutputError
+        A file that is needed is missing, or its name leads out of the folder, or other content lies in the way and
+        force is not given.
     """
     there = target.resolve().parent
     if file.folder is not None and file.folder.resolve() == there:

@@ -14,7 +14,8 @@ def write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
 
     Raises
     ------
-    OutputError : not all bytes can be written
+    OutputError
+        Not all bytes can be written.
     """
     try:
         for piece in pieces:

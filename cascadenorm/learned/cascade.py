@@ -53,8 +53,10 @@ class Cascade:
 
     Parameters
     ----------
-    stages : the regressions, in order
-    card : how it was made and what it reaches: configuration, seed, results; anything that JSON can hold
+    stages
+        The regressions, in order.
+    card
+        How it was made and what it reaches: configuration, seed, results; anything that JSON can hold.
     """
 
     stages: tuple[Regression, ...]
@@ -97,7 +99,8 @@ class Cascade:
 
         Raises
         ------
-        ParameterError : the file is missing, or is not a cascade of this format, for the filters of this version
+        ParameterError
+            The file is missing, or is not a cascade of this format, for the filters of this version.
         """
         header, tensors = unpacked(path)
         if header.get("format") != FORMAT:

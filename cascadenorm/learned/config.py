@@ -26,12 +26,18 @@ class Fit:
 
     Parameters
     ----------
-    hidden : widths of the hidden layers
-    activation : of the hidden layers, "tanh" or "silu"
-    epochs : passes over the training part at most
-    patience : passes without a better validation loss before it stops
-    batch : faces to a step
-    learning_rate, weight_decay, clip : of AdamW, with a cosine schedule and gradients clipped to this norm
+    hidden
+        Widths of the hidden layers.
+    activation
+        Of the hidden layers, "tanh" or "silu".
+    epochs
+        Passes over the training part at most.
+    patience
+        Passes without a better validation loss before it stops.
+    batch
+        Faces to a step.
+    learning_rate, weight_decay, clip
+        Of AdamW, with a cosine schedule and gradients clipped to this norm.
     """
 
     hidden: tuple[int, ...] = (160,)
@@ -79,18 +85,28 @@ class TrainConfig:
 
     Parameters
     ----------
-    seed : of the drawn faces, the clusters and the networks; that of the shapes and noise is data.seed
-    faces_per_mesh : drawn from each mesh, without repetition
-    clusters : networks in each stage
-    descriptors : what each stage reads, names in DESCRIPTORS; as many stages as entries
-    neighborhood : which faces the filters B and G add, "rings" or "distance" as published
-    context : principal directions of the features that are averaged around a face; 0 leaves context features out
-    last_weighting : of the vertex update after the last stage, "angles" or "heights" as published, which the other
-        stages have
-    foldovers : in the vertex update, "avoid" or "ignore" as published
-    sweeps : of the vertex update after each stage but the last, which has 20
-    fit : settings of each network
-    data : the noisy/clean pairs
+    seed
+        Of the drawn faces, the clusters and the networks; that of the shapes and noise is data.seed.
+    faces_per_mesh
+        Drawn from each mesh, without repetition.
+    clusters
+        Networks in each stage.
+    descriptors
+        What each stage reads, names in DESCRIPTORS; as many stages as entries.
+    neighborhood
+        Which faces the filters B and G add, "rings" or "distance" as published.
+    context
+        Principal directions of the features that are averaged around a face; 0 leaves context features out.
+    last_weighting
+        Of the vertex update after the last stage, "angles" or "heights" as published, which the other stages have.
+    foldovers
+        In the vertex update, "avoid" or "ignore" as published.
+    sweeps
+        Of the vertex update after each stage but the last, which has 20.
+    fit
+        Settings of each network.
+    data
+        The noisy/clean pairs.
     """
 
     seed: int = 0
@@ -142,7 +158,8 @@ def read_config(path: str | PathLike[str]) -> TrainConfig:
 
     Raises
     ------
-    ConfigError : the file is missing or no TOML, has a key that does not exist, or a value of the wrong type
+    ConfigError
+        The file is missing or no TOML, has a key that does not exist, or a value of the wrong type.
     """
     try:
         with open(path, "rb") as file:
@@ -162,7 +179,8 @@ def settings_from(base: Settings, table: Mapping[str, Any], *, prefix: str = "")
 
     Raises
     ------
-    ConfigError : an unknown key, or a value of the wrong type
+    ConfigError
+        An unknown key, or a value of the wrong type.
     """
     hints = get_type_hints(type(base))
     known = [f.name for f in fields(base)]  # type: ignore[arg-type]  # always a dataclass

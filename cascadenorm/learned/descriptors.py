@@ -74,10 +74,14 @@ class Descriptor(NamedTuple):
 
     Parameters
     ----------
-    size : k, the number of filtered normals of each face
-    fill : writes them to a stack, (m, k, 3)
-    rings : edges around the vertices of a face on which they depend, where filters B and G add rings of faces
-    filters : how many of these follow on each other
+    size
+        k, the number of filtered normals of each face.
+    fill
+        Writes them to a stack, (m, k, 3).
+    rings
+        Edges around the vertices of a face on which they depend, where filters B and G add rings of faces.
+    filters
+        How many of these follow on each other.
     """
 
     size: int

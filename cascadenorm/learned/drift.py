@@ -17,8 +17,10 @@ def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = PASSES) -> Vec
 
     Parameters
     ----------
-    mesh : the input, n vertices
-    vertices : (n, 3), where they have been moved
+    mesh
+        The input, n vertices.
+    vertices
+        (n, 3), where they have been moved.
 
     Returns
     -------

@@ -29,10 +29,13 @@ class FeatureScaler:
 
     Parameters
     ----------
-    mean, scale : (d,) of the pairwise features x of the face itself: (x - mean) * scale
-    projection : (d, p) principal directions of these features; their means around the face, and how open the mesh is,
-        are its context features; there are none where p is 0
-    context_mean, context_scale : (5 p + 1,) of the context features
+    mean, scale
+        (d,) of the pairwise features x of the face itself: (x - mean) * scale.
+    projection
+        (d, p) principal directions of these features; their means around the face, and how open the mesh is, are its
+        context features; there are none where p is 0.
+    context_mean, context_scale
+        (5 p + 1,) of the context features.
     """
 
     mean: Array
@@ -46,8 +49,10 @@ class FeatureScaler:
 
         Parameters
         ----------
-        stack : (m, k, 3) filtered normals of all faces of the mesh
-        sums : those of the larger mesh of which it is a part; None: its own
+        stack
+            (m, k, 3) filtered normals of all faces of the mesh.
+        sums
+            Those of the larger mesh of which it is a part; None: its own.
         """
         if not self.projection.size:
             return Context(mesh.faces, (), np.zeros(len(stack), np.int32), np.empty((1, 0), np.float32))
@@ -70,7 +75,8 @@ class FeatureScaler:
 
         Parameters
         ----------
-        stack, context : (m, k, 3) and (m, c) of any faces
+        stack, context
+            (m, k, 3) and (m, c) of any faces.
 
         Returns
         -------
@@ -99,7 +105,8 @@ def pairwise_features(stack: Stack) -> NDArray[np.float32]:
 
     Parameters
     ----------
-    stack : (m, k, 3)
+    stack
+        (m, k, 3).
 
     Returns
     -------
@@ -121,9 +128,12 @@ class ComponentSums(NamedTuple):
 
     Parameters
     ----------
-    faces : (c,) how many there are
-    values : (c, p) of features
-    area_vectors, areas : (c, 3), (c,)
+    faces
+        (c,) how many there are.
+    values
+        (c, p) of features.
+    area_vectors, areas
+        (c, 3), (c,).
     """
 
     faces: Ints
@@ -150,10 +160,14 @@ class Context(NamedTuple):
 
     Parameters
     ----------
-    faces : (m, 3) of the mesh
-    averages : (n, p) at its vertices, one for each scale
-    components : (m,) the connected component of each face
-    whole : (c, q) of the components
+    faces
+        (m, 3) of the mesh.
+    averages
+        (n, p) at its vertices, one for each scale.
+    components
+        (m,) the connected component of each face.
+    whole
+        (c, q) of the components.
     """
 
     faces: Ints32
@@ -187,8 +201,10 @@ def context_features(means: Array, mesh: Mesh, sums: ComponentSums) -> Context:
 
     Parameters
     ----------
-    means : (n, p) at each vertex, over its faces
-    sums : over its components, or those of the larger mesh of which it is a part
+    means
+        (n, p) at each vertex, over its faces.
+    sums
+        Over its components, or those of the larger mesh of which it is a part.
 
     Returns
     -------

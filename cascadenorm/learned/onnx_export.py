@@ -32,7 +32,8 @@ def stage_model(stage: Regression) -> bytes:
 
     Raises
     ------
-    MissingDependencyError : onnx is not installed
+    MissingDependencyError
+        Onnx is not installed.
     """
     graph = _Graph()
     features = _features(graph, stage)

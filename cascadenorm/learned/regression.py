@@ -20,11 +20,15 @@ class Regression:
 
     Parameters
     ----------
-    settings : what it reads, and how the vertices follow
-    scaler : normalises the features that centres and networks take
-    centers : (c, d) cluster centres
-    layers : weights (c, i, o) and biases (c, o) of each layer; the first takes d features, the last gives the
-        coefficients of the k normals
+    settings
+        What it reads, and how the vertices follow.
+    scaler
+        Normalises the features that centres and networks take.
+    centers
+        (c, d) cluster centres.
+    layers
+        Weights (c, i, o) and biases (c, o) of each layer; the first takes d features, the last gives the coefficients
+        of the k normals.
     """
 
     settings: StageSettings
@@ -58,9 +62,12 @@ class Regression:
 
         Parameters
         ----------
-        mesh : m faces, as the stage before left them
-        stack : (m, k, 3) what `stage_stack` makes of them
-        sums : over connected components of the larger mesh of which it is a part, as `FeatureScaler.sums` gives them
+        mesh
+            m faces, as the stage before left them.
+        stack
+            (m, k, 3) what `stage_stack` makes of them.
+        sums
+            Over connected components of the larger mesh of which it is a part, as `FeatureScaler.sums` gives them.
 
         Returns
         -------

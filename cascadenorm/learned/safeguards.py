@@ -29,8 +29,10 @@ def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
 
     Parameters
     ----------
-    mesh : the input, n vertices
-    vertices : (n, 3), where a model wants them
+    mesh
+        The input, n vertices.
+    vertices
+        (n, 3), where a model wants them.
 
     Returns
     -------

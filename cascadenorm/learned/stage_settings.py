@@ -45,10 +45,14 @@ class StageSettings:
 
     Parameters
     ----------
-    descriptor : which filtered normals it reads, a name in DESCRIPTORS
-    neighborhood : which faces the filters B and G add, "distance" or "rings"; the others add one ring
-    activation : between the layers of its networks, a name in ACTIVATIONS
-    weighting, foldovers, sweeps : of the vertex update, as `recover_vertices` takes them
+    descriptor
+        Which filtered normals it reads, a name in DESCRIPTORS.
+    neighborhood
+        Which faces the filters B and G add, "distance" or "rings"; the others add one ring.
+    activation
+        Between the layers of its networks, a name in ACTIVATIONS.
+    weighting, foldovers, sweeps
+        Of the vertex update, as `recover_vertices` takes them.
     """
 
     descriptor: str

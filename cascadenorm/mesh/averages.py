@@ -14,10 +14,14 @@ def averaged(values: Values, neighbors: Csr, passes: int, *, spare: Values | Non
 
     Parameters
     ----------
-    values : (n,) or (n, p)
-    neighbors : n rows
-    passes : at least 1
-    spare : as the values, overwritten, for what lies between passes; None: a new one
+    values
+        (n,) or (n, p).
+    neighbors
+        n rows.
+    passes
+        At least 1.
+    spare
+        As the values, overwritten, for what lies between passes; None: a new one.
 
     Returns
     -------
@@ -38,8 +42,10 @@ def averaged_around(values: Values, around: Csr) -> Values:
 
     Parameters
     ----------
-    values : (m, p)
-    around : n rows of indices below m
+    values
+        (m, p).
+    around
+        n rows of indices below m.
 
     Returns
     -------

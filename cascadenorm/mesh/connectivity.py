@@ -14,7 +14,8 @@ def connected_components(links: NDArray[Any], count: int) -> Ints32:
 
     Parameters
     ----------
-    links : (k, 2) nodes that are joined, each below `count`
+    links
+        (k, 2) nodes that are joined, each below `count`.
     """
     labels = np.empty(count, np.int32)
     _label(np.ascontiguousarray(links, np.int32), labels)

@@ -14,8 +14,10 @@ class Frame(NamedTuple):
 
     Parameters
     ----------
-    center : (3,) what becomes the origin
-    exponent : 2**exponent becomes the unit
+    center
+        (3,) what becomes the origin.
+    exponent
+        2**exponent becomes the unit.
     """
 
     center: Vectors

@@ -54,8 +54,10 @@ def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
 
     Parameters
     ----------
-    vertices : (n, 3) numbers
-    faces : (m, 3) integers
+    vertices
+        (n, 3) numbers.
+    faces
+        (m, 3) integers.
 
     Returns
     -------
@@ -63,7 +65,8 @@ def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
 
     Raises
     ------
-    MeshError : wrong shape or type, or no face is left
+    MeshError
+        Wrong shape or type, or no face is left.
     """
     positions, corners = vertex_array(vertices), face_array(faces)
     left = corners[~bad_faces(positions, corners)]

@@ -22,12 +22,15 @@ class Mesh:
 
     Parameters
     ----------
-    vertices : (n, 3) finite numbers, kept as contiguous float64
-    faces : (m, 3) integers in 0 … n - 1, m at least 1, kept as contiguous int32
+    vertices
+        (n, 3) finite numbers, kept as contiguous float64.
+    faces
+        (m, 3) integers in 0 … n - 1, m at least 1, kept as contiguous int32.
 
     Raises
     ------
-    MeshError : wrong shape or type, a vertex that is not finite, a face that references a vertex that does not exist
+    MeshError
+        Wrong shape or type, a vertex that is not finite, a face that references a vertex that does not exist.
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
@@ -56,8 +59,10 @@ class Mesh:
 
         Parameters
         ----------
-        groups : (n,) the colour of each vertex in the larger mesh, as in `vertex_colors`, -1 for none
-        facts : as in `with_facts`
+        groups
+            (n,) the colour of each vertex in the larger mesh, as in `vertex_colors`, -1 for none.
+        facts
+            As in `with_facts`.
         """
         mesh = Mesh(self.vertices, self.faces)
         mesh.topology.__dict__["vertex_colors"] = grouped(groups)
@@ -68,7 +73,8 @@ class Mesh:
 
         Parameters
         ----------
-        facts : any of `mean_edge_length`, `median_edge_length`, `median_area` and `diagonal`
+        facts
+            Any of `mean_edge_length`, `median_edge_length`, `median_area` and `diagonal`.
         """
         mesh = self.moved(self.vertices)
         mesh.__dict__.update(facts)

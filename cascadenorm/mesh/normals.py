@@ -22,8 +22,10 @@ class Normals(NamedTuple):
 
     Parameters
     ----------
-    values : (j, 3) as read; not a number where the file has none
-    corners : (m, 3) the normal that each corner of each triangle uses, or -1
+    values
+        (j, 3) as read; not a number where the file has none.
+    corners
+        (m, 3) the normal that each corner of each triangle uses, or -1.
     """
 
     values: NDArray[Any]
@@ -44,10 +46,14 @@ def renewed_normals(
 
     Parameters
     ----------
-    normals : as read
-    triangles : (m, 3) rows of positions
-    welds : (k,) welded vertex of each position
-    before, after : (k, 3) positions
+    normals
+        As read.
+    triangles
+        (m, 3) rows of positions.
+    welds
+        (k,) welded vertex of each position.
+    before, after
+        (k, 3) positions.
 
     Returns
     -------

@@ -43,9 +43,12 @@ class Renumbered(NamedTuple):
 
     Parameters
     ----------
-    mesh : n vertices
-    numbers : (n,) the vertex of the given mesh that each of them is
-    places : (n,) where each vertex of the given mesh is
+    mesh
+        n vertices.
+    numbers
+        (n,) the vertex of the given mesh that each of them is.
+    places
+        (n,) where each vertex of the given mesh is.
     """
 
     mesh: Mesh

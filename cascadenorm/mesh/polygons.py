@@ -67,8 +67,10 @@ def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np
 
     Parameters
     ----------
-    positions : (k, 3)
-    polygons : corners in 0 … k - 1; those with fewer than three corners have no triangle
+    positions
+        (k, 3).
+    polygons
+        Corners in 0 … k - 1; those with fewer than three corners have no triangle.
 
     Returns
     -------
@@ -155,9 +157,12 @@ def unit_normals(positions: NDArray[Any], triangles: NDArray[np.int64], largest:
 
     Parameters
     ----------
-    positions : (k, 3)
-    triangles : (m, 3) rows of positions
-    largest : what `largest_coordinate` says of these positions, or of more
+    positions
+        (k, 3).
+    triangles
+        (m, 3) rows of positions.
+    largest
+        What `largest_coordinate` says of these positions, or of more.
     """
     out = np.empty(triangles.shape, np.float32)
     with np.errstate(invalid="ignore"):  # a position may be no number where bad faces are isolated

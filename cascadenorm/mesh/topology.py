@@ -31,8 +31,10 @@ class Topology:
 
     Parameters
     ----------
-    faces : (m, 3) int32, every entry in 0 … n - 1
-    vertex_count : n
+    faces
+        (m, 3) int32, every entry in 0 … n - 1.
+    vertex_count
+        n.
     """
 
     def __init__(self, faces: NDArray[np.int32], vertex_count: int) -> None:
@@ -115,7 +117,8 @@ class Topology:
 
         Parameters
         ----------
-        across : (e,) the edges across which faces are connected; None: all
+        across
+            (e,) the edges across which faces are connected; None: all.
         """
         order = np.argsort(self.face_edges, axis=None, kind="stable")
         of_edge = self.face_edges.ravel()[order]

@@ -28,10 +28,14 @@ def weld(
 
     Parameters
     ----------
-    positions : (k, 3)
-    triangles : (m, 3) rows of positions
-    parts : (k,) only positions of the same part are joined
-    distance : boundary vertices that are at most this far apart are joined as well, until none that are left are
+    positions
+        (k, 3).
+    triangles
+        (m, 3) rows of positions.
+    parts
+        (k,) only positions of the same part are joined.
+    distance
+        Boundary vertices that are at most this far apart are joined as well, until none that are left are.
 
     Returns
     -------
@@ -53,10 +57,14 @@ def near_on_boundary(
 
     Parameters
     ----------
-    points : (n, 3)
-    on_boundary : (n,)
-    distance : between two that are joined at most, in the unit of the points
-    parts : (n,) only vertices of the same part are joined
+    points
+        (n, 3).
+    on_boundary
+        (n,).
+    distance
+        Between two that are joined at most, in the unit of the points.
+    parts
+        (n,) only vertices of the same part are joined.
     """
     joined = np.arange(len(points))
     left = np.flatnonzero(on_boundary & np.isfinite(points).all(axis=1))

@@ -66,7 +66,8 @@ def hub_card(model: str) -> str:
 
     Raises
     ------
-    ParameterError : the file is missing, or holds no model
+    ParameterError
+        The file is missing, or holds no model.
     """
     networks = named(model).model.networks
     card = next(iter(networks.values())).card

@@ -30,8 +30,10 @@ class Denoiser:
 
     Parameters
     ----------
-    model : the networks; `load` reads them from a file, `shipped` gives those that come with the package
-    method : what denoises with them, "auto" or "cascade"
+    model
+        The networks; `load` reads them from a file, `shipped` gives those that come with the package.
+    method
+        What denoises with them, "auto" or "cascade".
     """
 
     def __init__(self, model: Learned, *, method: str = "auto") -> None:
@@ -43,7 +45,8 @@ class Denoiser:
 
         Raises
         ------
-        ParameterError : the file is missing, or holds no model
+        ParameterError
+            The file is missing, or holds no model.
         """
         return cls(read_model(path))
 
@@ -82,9 +85,12 @@ def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = F
 
     Parameters
     ----------
-    model : `Denoiser.shipped` or `Denoiser.load`
-    folder : it is made
-    force : replace existing files
+    model
+        `Denoiser.shipped` or `Denoiser.load`.
+    folder
+        It is made.
+    force
+        Replace existing files.
 
     Returns
     -------
@@ -92,8 +98,10 @@ def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = F
 
     Raises
     ------
-    OutputError : a file exists and force is not given, or it cannot be written
-    MissingDependencyError : onnx is not installed
+    OutputError
+        A file exists and force is not given, or it cannot be written.
+    MissingDependencyError
+        Onnx is not installed.
     """
     from cascadenorm.learned.onnx_export import stage_model
 
@@ -130,16 +138,25 @@ def train(
 
     Parameters
     ----------
-    config : what to train; `read_config` reads one from TOML
-    output : the `.safetensors` file; beside it, in `<output>.training`, lies what is finished while it runs
-    shapes : clean meshes of one's own, files or folders of them, that get simulated noise as the generated shapes do
-    noisy : folders of one's own pairs, `noisy.*` and `clean.*` of equal faces
-    force : replace an existing file
-    threads : at most this many; the result is the same
-    log : `.csv` or `.jsonl` file that gets a line after each pass of a network: losses, and the validation error in
-        degrees; `cascadenorm models --curves` shows it. An interrupted training goes on with it
-    tensorboard : folder of the same for TensorBoard
-    progress : called with (task, parts done, parts in all, note); of several clusters from several threads
+    config
+        What to train; `read_config` reads one from TOML.
+    output
+        The `.safetensors` file; beside it, in `<output>.training`, lies what is finished while it runs.
+    shapes
+        Clean meshes of one's own, files or folders of them, that get simulated noise as the generated shapes do.
+    noisy
+        Folders of one's own pairs, `noisy.*` and `clean.*` of equal faces.
+    force
+        Replace an existing file.
+    threads
+        At most this many; the result is the same.
+    log
+        `.csv` or `.jsonl` file that gets a line after each pass of a network: losses, and the validation error in
+        degrees; `cascadenorm models --curves` shows it. An interrupted training goes on with it.
+    tensorboard
+        Folder of the same for TensorBoard.
+    progress
+        Called with (task, parts done, parts in all, note); of several clusters from several threads.
 
     Returns
     -------
@@ -147,11 +164,16 @@ def train(
 
     Raises
     ------
-    OutputError : the file exists and force is not given, or it cannot be written
-    ReadError, MeshError : one of the meshes that are handed in cannot be read or worked on
-    ConfigError : an interrupted training of other settings lies beside the output
-    MissingDependencyError : torch, scikit-learn or scikit-image are not installed, or tensorboard, if it is asked for
-    WorkerError : one of the processes that share the work ended early
+    OutputError
+        The file exists and force is not given, or it cannot be written.
+    ReadError, MeshError
+        One of the meshes that are handed in cannot be read or worked on.
+    ConfigError
+        An interrupted training of other settings lies beside the output.
+    MissingDependencyError
+        Torch, scikit-learn or scikit-image are not installed, or tensorboard, if it is asked for.
+    WorkerError
+        One of the processes that share the work ended early.
     """
     output = Path(output)
     try:

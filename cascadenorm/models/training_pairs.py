@@ -24,14 +24,18 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
 
     Parameters
     ----------
-    shapes : clean meshes, or folders of them; they get noise as `config` says, each again and again until they are
-        about a quarter of what is generated, or for the twentieth time
-    noisy : folders of pairs, as `find_pairs` takes them, of equal faces
-    config : of the generated pairs
+    shapes
+        Clean meshes, or folders of them; they get noise as `config` says, each again and again until they are about a
+        quarter of what is generated, or for the twentieth time.
+    noisy
+        Folders of pairs, as `find_pairs` takes them, of equal faces.
+    config
+        Of the generated pairs.
 
     Raises
     ------
-    ReadError, MeshError : a file that is missing or no mesh, a folder without one, a pair of different faces
+    ReadError, MeshError
+        A file that is missing or no mesh, a folder without one, a pair of different faces.
     """
     own = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
     rounds = max(1, min(20, config.count // (4 * len(own)))) if own else 0
@@ -84,19 +88,28 @@ def write_pairs(
 
     Parameters
     ----------
-    folder : made if it is not there
-    count, seed : how many, and of what; the same numbers give the same files
-    workers : processes
-    scheduler : address of the scheduler of a Dask cluster, whose workers make the pairs; "local" makes a cluster of so
-        many processes on this machine; None starts processes without Dask. Files are written here
-    force : write into a folder that is not empty
-    progress : called with (task, pairs done, pairs in all) after each pair
+    folder
+        Made if it is not there.
+    count, seed
+        How many, and of what; the same numbers give the same files.
+    workers
+        Processes.
+    scheduler
+        Address of the scheduler of a Dask cluster, whose workers make the pairs; "local" makes a cluster of so many
+        processes on this machine; None starts processes without Dask. Files are written here.
+    force
+        Write into a folder that is not empty.
+    progress
+        Called with (task, pairs done, pairs in all) after each pair.
 
     Raises
     ------
-    OutputError : the folder is not empty and force is not given, or it is a file or cannot be made
-    MissingDependencyError : scikit-image is not installed, or distributed for a scheduler
-    ParameterError, WorkerError : as `on_cluster` says
+    OutputError
+        The folder is not empty and force is not given, or it is a file or cannot be made.
+    MissingDependencyError
+        scikit-image is not installed, or distributed for a scheduler.
+    ParameterError, WorkerError
+        As `on_cluster` says.
     """
     if find_spec("skimage") is None:
         raise MissingDependencyError("generating data", package="skimage", extra="train")

@@ -57,8 +57,10 @@ def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[N
 
     Raises
     ------
-    ParameterError : the memory is too small for the mesh
-    MissingDependencyError, WorkerError : of the cluster
+    ParameterError
+        The memory is too small for the mesh.
+    MissingDependencyError, WorkerError
+        Of the cluster.
     """
     whole = WHOLE * faces if scheduler is None else 0
     left = memory - PROCESS - whole

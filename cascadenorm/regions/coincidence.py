@@ -18,8 +18,10 @@ class Joined(NamedTuple):
 
     Parameters
     ----------
-    mesh : the vertices of all, those that coincide once, at the place of the first; and the faces of all, in order
-    vertices : (k,) the vertex of `mesh` that each vertex of each mesh is, one mesh after the other
+    mesh
+        The vertices of all, those that coincide once, at the place of the first; and the faces of all, in order.
+    vertices
+        (k,) the vertex of `mesh` that each vertex of each mesh is, one mesh after the other.
     """
 
     mesh: Mesh
@@ -57,7 +59,8 @@ def joined(meshes: Sequence[Mesh], first: Ints) -> Joined:
 
     Parameters
     ----------
-    first : (k,) for each vertex of these meshes the first that it coincides with, as `coincident` returns it
+    first
+        (k,) for each vertex of these meshes the first that it coincides with, as `coincident` returns it.
     """
     kept = first == np.arange(len(first))
     vertices = (np.cumsum(kept) - 1)[first]

@@ -19,10 +19,14 @@ def with_region_volumes(shells: Shells, mesh: Mesh, vertices: Vectors, *, weight
 
     Parameters
     ----------
-    shells : of the walls
-    mesh : the walls as they were, n vertices
-    vertices : (n, 3) where their vertices are now
-    weights : (n,) share of the offset that each vertex takes part in; those with 0 stay where they are
+    shells
+        Of the walls.
+    mesh
+        The walls as they were, n vertices.
+    vertices
+        (n, 3) where their vertices are now.
+    weights
+        (n,) share of the offset that each vertex takes part in; those with 0 stay where they are.
 
     Returns
     -------

@@ -23,11 +23,16 @@ class Shells(NamedTuple):
 
     Parameters
     ----------
-    mesh : k vertices and q faces, each shell oriented outward of its region
-    owners : (k,) the vertex of the walls that each is a copy of
-    faces : (q,) the face of the walls that each is a copy of
-    flipped : (q,) whether it is oriented against that face
-    junctions : (j, 2) vertices of the edges of the walls where three or more meet
+    mesh
+        k vertices and q faces, each shell oriented outward of its region.
+    owners
+        (k,) the vertex of the walls that each is a copy of.
+    faces
+        (q,) the face of the walls that each is a copy of.
+    flipped
+        (q,) whether it is oriented against that face.
+    junctions
+        (j, 2) vertices of the edges of the walls where three or more meet.
     """
 
     mesh: Mesh
@@ -76,7 +81,8 @@ def shells(mesh: Mesh) -> Shells | None:
 
     Parameters
     ----------
-    mesh : m faces, consistently oriented on each wall, as `oriented` leaves them
+    mesh
+        m faces, consistently oriented on each wall, as `oriented` leaves them.
 
     Returns
     -------

@@ -22,9 +22,12 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
 
     Parameters
     ----------
-    shells : k copies of vertices
-    mesh : the walls before the method, n vertices
-    vertices : (k, 3) where the method moved the copies
+    shells
+        k copies of vertices.
+    mesh
+        The walls before the method, n vertices.
+    vertices
+        (k, 3) where the method moved the copies.
 
     Returns
     -------

@@ -34,11 +34,16 @@ class Camera:
 
     Parameters
     ----------
-    axes : (3, 3) unit rows: to the right, upward, toward the viewer
-    center : (3,) the point in the middle of the picture
-    reach : half of the width and of the height to be seen, in the units of the mesh
-    perspective : one over the distance of the viewer in mesh units; 0 is a parallel projection
-    offset : the middle of the picture, to the right and upward of the center on the screen
+    axes
+        (3, 3) unit rows: to the right, upward, toward the viewer.
+    center
+        (3,) the point in the middle of the picture.
+    reach
+        Half of the width and of the height to be seen, in the units of the mesh.
+    perspective
+        One over the distance of the viewer in mesh units; 0 is a parallel projection.
+    offset
+        The middle of the picture, to the right and upward of the center on the screen.
     """
 
     axes: NDArray[np.float64]
@@ -60,11 +65,14 @@ class Camera:
 
         Parameters
         ----------
-        mesh : what is to be seen
-        direction : from the mesh toward the viewer; None is the front of a surface that is open, else a three-quarter
-            view
-        perspective : half the diagonal of the bounding box over the distance of the viewer; 0 is a parallel projection
-        up : axis of the mesh that is upward in the picture; where one looks along it, the next one is
+        mesh
+            What is to be seen.
+        direction
+            From the mesh toward the viewer; None is the front of a surface that is open, else a three-quarter view.
+        perspective
+            Half the diagonal of the bounding box over the distance of the viewer; 0 is a parallel projection.
+        up
+            Axis of the mesh that is upward in the picture; where one looks along it, the next one is.
         """
         if not 0 <= perspective < 1:
             raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")
@@ -89,10 +97,14 @@ class Camera:
 
         Parameters
         ----------
-        direction : from the point toward the viewer
-        target : (3,) the point
-        distance : in the unit of the mesh
-        up : axis of the mesh that is upward in the picture
+        direction
+            From the point toward the viewer.
+        target
+            (3,) the point.
+        distance
+            In the unit of the mesh.
+        up
+            Axis of the mesh that is upward in the picture.
         """
         if not 0 < distance < np.inf:
             raise ValueError(f"distance is {distance}; it must be positive and finite")
@@ -110,9 +122,12 @@ class Camera:
 
         Parameters
         ----------
-        x, y : middle of the part, as shares of the width and height from the upper left
-        width : of the part, as a share of the width of the picture
-        size : of the picture in pixels
+        x, y
+            Middle of the part, as shares of the width and height from the upper left.
+        width
+            Of the part, as a share of the width of the picture.
+        size
+            Of the picture in pixels.
         """
         half_width, half_height = self.half_size(size)
         left, upward = self.offset

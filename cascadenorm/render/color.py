@@ -23,10 +23,14 @@ class HeatMap(NamedTuple):
 
     Parameters
     ----------
-    values : (m,) or (n,), one a face or one a vertex; NaN where there is none
-    at : which of the two
-    limits : values at the two ends of the colours; those beyond have the colour of the end
-    signed : two hues on both sides of the middle, in place of one scale from dark to light
+    values
+        (m,) or (n,), one a face or one a vertex; NaN where there is none.
+    at
+        Which of the two.
+    limits
+        Values at the two ends of the colours; those beyond have the colour of the end.
+    signed
+        Two hues on both sides of the middle, in place of one scale from dark to light.
     """
 
     values: NDArray[np.float64]

@@ -37,15 +37,24 @@ def render(
 
     Parameters
     ----------
-    mesh : what is drawn; its faces are seen from both sides, from the inside in another colour
-    view : a camera, or the direction from the mesh toward the viewer, y upward; None chooses one
-    size : width and height in pixels
-    colors : (m, 3) sRGB from 0 to 1, one a face, instead of clay
-    values : seen as colours instead of clay, from both sides
-    smooth : normals of the vertices decide on the shade, in place of one shade a face
-    wireframe : draw the edges
-    transparent : leave out the white background
-    samples : each pixel is the mean of samples × samples points
+    mesh
+        What is drawn; its faces are seen from both sides, from the inside in another colour.
+    view
+        A camera, or the direction from the mesh toward the viewer, y upward; None chooses one.
+    size
+        Width and height in pixels.
+    colors
+        (m, 3) sRGB from 0 to 1, one a face, instead of clay.
+    values
+        Seen as colours instead of clay, from both sides.
+    smooth
+        Normals of the vertices decide on the shade, in place of one shade a face.
+    wireframe
+        Draw the edges.
+    transparent
+        Leave out the white background.
+    samples
+        Each pixel is the mean of samples × samples points.
 
     Returns
     -------

@@ -28,12 +28,18 @@ class Text(NamedTuple):
 
     Parameters
     ----------
-    text : ASCII and °; the font has boxes for other characters
-    x, y : where its middle lies, or its beginning; y in the middle of the capital letters
-    size : height of a capital letter
-    room : length that there is for it; what does not fit is cut
-    begins : whether x is the beginning of the line
-    upward : whether the line runs from bottom to top
+    text
+        ASCII and °; the font has boxes for other characters.
+    x, y
+        Where its middle lies, or its beginning; y in the middle of the capital letters.
+    size
+        Height of a capital letter.
+    room
+        Length that there is for it; what does not fit is cut.
+    begins
+        Whether x is the beginning of the line.
+    upward
+        Whether the line runs from bottom to top.
     """
 
     text: str

@@ -35,19 +35,29 @@ def draw(
 
     Parameters
     ----------
-    meshes : paths, or meshes of any kind that `denoise` takes
-    output : PNG, WebP, SVG or PDF file; in the last two text and frames are no pixels
-    style : camera, colours, enlarged parts
-    names : written below; None takes those of the files
-    turntable : write a WebP or MP4 file in which the meshes turn about the upward axis; MP4 by the program ffmpeg
-    force : replace an existing file
+    meshes
+        Paths, or meshes of any kind that `denoise` takes.
+    output
+        PNG, WebP, SVG or PDF file; in the last two text and frames are no pixels.
+    style
+        Camera, colours, enlarged parts.
+    names
+        Written below; None takes those of the files.
+    turntable
+        Write a WebP or MP4 file in which the meshes turn about the upward axis; MP4 by the program ffmpeg.
+    force
+        Replace an existing file.
 
     Raises
     ------
-    ReadError, MeshError : a mesh that cannot be read or drawn, or none
-    ParameterError : values that do not exist or need another mesh, a part outside the picture
-    OutputError : the file exists and force is not given, it cannot be written, or ffmpeg is missing for an MP4 file
-    MissingDependencyError : Pillow is not installed
+    ReadError, MeshError
+        A mesh that cannot be read or drawn, or none.
+    ParameterError
+        Values that do not exist or need another mesh, a part outside the picture.
+    OutputError
+        The file exists and force is not given, it cannot be written, or ffmpeg is missing for an MP4 file.
+    MissingDependencyError
+        Pillow is not installed.
     """
     require_pillow()
     output, style = Path(output), style or Style()

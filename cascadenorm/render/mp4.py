@@ -22,7 +22,8 @@ def require_ffmpeg() -> str:
 
     Raises
     ------
-    OutputError : it is not on the PATH
+    OutputError
+        It is not on the PATH.
     """
     found = shutil.which("ffmpeg")
     if found is None:
@@ -38,12 +39,15 @@ def mp4(images: Iterable[Image], *, milliseconds: int) -> bytes:
 
     Parameters
     ----------
-    images : (height, width, 3) uint8 each, all of one size
-    milliseconds : how long each is seen
+    images
+        (height, width, 3) uint8 each, all of one size.
+    milliseconds
+        How long each is seen.
 
     Raises
     ------
-    OutputError : ffmpeg is not installed, or fails
+    OutputError
+        Ffmpeg is not installed, or fails.
     """
     program = require_ffmpeg()
     with TemporaryDirectory() as folder, TemporaryFile() as said:

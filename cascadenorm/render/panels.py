@@ -48,9 +48,12 @@ def side_by_side(panels: Sequence[Image | Figure], captions: Sequence[str] = (),
 
     Parameters
     ----------
-    panels : pictures and figures, not necessarily of one size
-    captions : as many lines of text, or none; an empty line leaves its place free
-    gap : pixels between two panels
+    panels
+        Pictures and figures, not necessarily of one size.
+    captions
+        As many lines of text, or none; an empty line leaves its place free.
+    gap
+        Pixels between two panels.
     """
     figures = [one if isinstance(one, Figure) else panel(one) for one in panels]
     if not figures or (captions and len(captions) != len(figures)):
@@ -81,11 +84,16 @@ def color_bar(
 
     Parameters
     ----------
-    limits : values at the lower and the upper end
-    signed : of the heat map
-    unit : of the values, such as °
-    label : what they are, written along the bar
-    height, letter : of the bar, and of a capital letter, in pixels
+    limits
+        Values at the lower and the upper end.
+    signed
+        Of the heat map.
+    unit
+        Of the values, such as °.
+    label
+        What they are, written along the bar.
+    height, letter
+        Of the bar, and of a capital letter, in pixels.
     """
     size = letter
     top, bottom, wide = 2 * size, height - 2 * size, 2 * size

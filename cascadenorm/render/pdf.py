@@ -16,7 +16,8 @@ def pdf(figure: Figure) -> bytes:
 
     Raises
     ------
-    MissingDependencyError : Pillow is not installed
+    MissingDependencyError
+        Pillow is not installed.
     """
     pictures = [item.image for item in figure.items if isinstance(item, Picture)]
     scale = 72 / DPI

@@ -19,7 +19,8 @@ def require_pillow() -> Any:
 
     Raises
     ------
-    MissingDependencyError : Pillow is not installed
+    MissingDependencyError
+        Pillow is not installed.
     """
     try:
         import PIL.Image
@@ -35,7 +36,8 @@ def webp(image: Image) -> bytes:
 
     Raises
     ------
-    MissingDependencyError : Pillow is not installed
+    MissingDependencyError
+        Pillow is not installed.
     """
     file = io.BytesIO()
     require_pillow().Image.fromarray(image).save(file, "WEBP", quality=85)
@@ -47,7 +49,8 @@ def animated_webp(images: Iterable[Image], *, milliseconds: int) -> bytes:
 
     Raises
     ------
-    MissingDependencyError : Pillow is not installed
+    MissingDependencyError
+        Pillow is not installed.
     """
     pillow = require_pillow()
     first, *others = [pillow.Image.fromarray(image) for image in images]
@@ -61,11 +64,13 @@ def png(image: Image, *, dpi: int | None = None) -> bytes:
 
     Parameters
     ----------
-    dpi : pixels an inch that the file states
+    dpi
+        Pixels an inch that the file states.
 
     Raises
     ------
-    MissingDependencyError : Pillow is not installed
+    MissingDependencyError
+        Pillow is not installed.
     """
     file = io.BytesIO()
     settings = {} if dpi is None else {"dpi": (dpi, dpi)}
@@ -83,9 +88,12 @@ def text_coverage(text: str, *, size: float, room: int) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    text : ASCII and °; the font has boxes for other characters
-    size : height of a capital letter, in pixels
-    room : pixels that there are for it; the line is cut there
+    text
+        ASCII and °; the font has boxes for other characters.
+    size
+        Height of a capital letter, in pixels.
+    room
+        Pixels that there are for it; the line is cut there.
 
     Returns
     -------

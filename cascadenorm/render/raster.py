@@ -18,13 +18,19 @@ class Painted(NamedTuple):
 
     Parameters
     ----------
-    screen : (m, 3, 3) corners: x to the right and y downward in pixels from the upper left, z toward the viewer; z
-        has to be linear on the screen
-    palette : (k, 3) linear colours
-    places : (m, 3) row of the palette at each corner; between the corners values are interpolated, then rounded
-    light : (m, 3) what the colour at each corner is multiplied by; interpolated as well
-    perspective : one over the distance of the viewer, in the unit of z
-    line : width of the edges of the triangles in pixels; 0 draws none
+    screen
+        (m, 3, 3) corners: x to the right and y downward in pixels from the upper left, z toward the viewer; z has to be
+        linear on the screen.
+    palette
+        (k, 3) linear colours.
+    places
+        (m, 3) row of the palette at each corner; between the corners values are interpolated, then rounded.
+    light
+        (m, 3) what the colour at each corner is multiplied by; interpolated as well.
+    perspective
+        One over the distance of the viewer, in the unit of z.
+    line
+        Width of the edges of the triangles in pixels; 0 draws none.
     """
 
     screen: NDArray[np.float64]
@@ -40,7 +46,8 @@ def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDA
 
     Parameters
     ----------
-    samples : each pixel is the mean of samples × samples points
+    samples
+        Each pixel is the mean of samples × samples points.
 
     Returns
     -------

@@ -28,16 +28,26 @@ class Style:
 
     Parameters
     ----------
-    size : width and height of each picture in pixels
-    direction : from the meshes toward the viewer, as in `Camera.looking_at`
-    up : axis of the meshes that is upward in the picture
-    target : (3,) the point in the middle of the picture; None is the middle of the mesh
-    distance : of the viewer from it, in the unit of the files; None shows the whole mesh
-    values : one of QUANTITIES, to be seen as colours
-    reference : the mesh that they are measured against; None is the first mesh, which is then drawn without colours
-    limits : values at the ends of the colours; None derives them from all meshes
-    crops : parts that are enlarged below each picture
-    smooth, wireframe, transparent : as in `render`
+    size
+        Width and height of each picture in pixels.
+    direction
+        From the meshes toward the viewer, as in `Camera.looking_at`.
+    up
+        Axis of the meshes that is upward in the picture.
+    target
+        (3,) the point in the middle of the picture; None is the middle of the mesh.
+    distance
+        Of the viewer from it, in the unit of the files; None shows the whole mesh.
+    values
+        One of QUANTITIES, to be seen as colours.
+    reference
+        The mesh that they are measured against; None is the first mesh, which is then drawn without colours.
+    limits
+        Values at the ends of the colours; None derives them from all meshes.
+    crops
+        Parts that are enlarged below each picture.
+    smooth, wireframe, transparent
+        As in `render`.
     """
 
     size: int = 600

@@ -17,7 +17,8 @@ def svg(figure: Figure, *, transparent: bool = False) -> bytes:
 
     Raises
     ------
-    MissingDependencyError : Pillow is not installed
+    MissingDependencyError
+        Pillow is not installed.
     """
     width, height = (f"{72 * length / DPI:g}pt" for length in (figure.width, figure.height))
     lines = [

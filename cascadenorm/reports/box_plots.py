@@ -19,8 +19,10 @@ def box_plot(rows: Sequence[tuple[str, NDArray[np.float64]]], *, unit: str) -> s
 
     Parameters
     ----------
-    rows : names and their values, at least one each
-    unit : of the values, written after the numbers of the axis
+    rows
+        Names and their values, at least one each.
+    unit
+        Of the values, written after the numbers of the axis.
     """
     spread = [np.quantile(values, QUANTILES) for _, values in rows]
     end = max(float(quantiles[-1]) for quantiles in spread) or 1.0

@@ -16,8 +16,10 @@ class Display(NamedTuple):
 
     Parameters
     ----------
-    faces : (f, 3) corners among the vertices that are kept
-    kept_vertices, kept_faces : (v,) and (f,) the vertices and faces of the mesh that these stand for
+    faces
+        (f, 3) corners among the vertices that are kept.
+    kept_vertices, kept_faces
+        (v,) and (f,) the vertices and faces of the mesh that these stand for.
     """
 
     faces: NDArray[np.int32]

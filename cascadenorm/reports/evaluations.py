@@ -60,16 +60,23 @@ def report_evaluation(
 
     Parameters
     ----------
-    output : HTML file; the folder has its name with `_files` in the place of the extension
-    done : by `evaluate` with `keep`, since the meshes are shown
-    force : replace an existing file
-    progress : called with (task, pairs done, pairs in all, the next one)
+    output
+        HTML file; the folder has its name with `_files` in the place of the extension.
+    done
+        By `evaluate` with `keep`, since the meshes are shown.
+    force
+        Replace an existing file.
+    progress
+        Called with (task, pairs done, pairs in all, the next one).
 
     Raises
     ------
-    ParameterError : the evaluation kept no meshes
-    OutputError : the file exists and force is not given, or it cannot be written
-    MissingDependencyError : Pillow is not installed
+    ParameterError
+        The evaluation kept no meshes.
+    OutputError
+        The file exists and force is not given, or it cannot be written.
+    MissingDependencyError
+        Pillow is not installed.
     """
     folder = check_evaluation(output, force=force)
     if done.records is None:

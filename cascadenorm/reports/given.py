@@ -18,10 +18,14 @@ class Given(NamedTuple):
 
     Parameters
     ----------
-    key : one of LABELS, or the name of a method
-    name : of the file, or of the kind of mesh
-    file : as it was read, or moved
-    from_file : whether `file` holds the bytes of a file, which have a checksum
+    key
+        One of LABELS, or the name of a method.
+    name
+        Of the file, or of the kind of mesh.
+    file
+        As it was read, or moved.
+    from_file
+        Whether `file` holds the bytes of a file, which have a checksum.
     """
 
     key: str

@@ -35,9 +35,12 @@ class Shown(NamedTuple):
 
     Parameters
     ----------
-    meshes : with their names
-    color : the quantity that is seen first; "" for none
-    own : values that the caller gives, by the name of the mesh that they lie on
+    meshes
+        With their names.
+    color
+        The quantity that is seen first; "" for none.
+    own
+        Values that the caller gives, by the name of the mesh that they lie on.
     """
 
     meshes: list[Given]
@@ -55,12 +58,14 @@ def view(
 
     Parameters
     ----------
-    mesh, other, truth : of any kind that `denoise` takes: before, after, and the true one; all but the first may be
-        left out
-    values : what is seen as colours at first: "angle", "displacement", "normal-displacement" (with `other`),
-        "normal-error", "distance" (with `truth`), "noise" or "curvature"; or an array of numbers of your own, one for
-        each vertex or each face, NaN where there is none. It lies on each of the meshes that has as many
-    height : of the cell, in pixels
+    mesh, other, truth
+        Of any kind that `denoise` takes: before, after, and the true one; all but the first may be left out.
+    values
+        What is seen as colours at first: "angle", "displacement", "normal-displacement" (with `other`), "normal-error",
+        "distance" (with `truth`), "noise" or "curvature"; or an array of numbers of your own, one for each vertex or
+        each face, NaN where there is none. It lies on each of the meshes that has as many.
+    height
+        Of the cell, in pixels.
 
     Returns
     -------
@@ -68,9 +73,12 @@ def view(
 
     Raises
     ------
-    ReadError, MeshError : a mesh that cannot be read, or no mesh
-    ParameterError : values that do not exist or need another mesh, or are as many as neither vertices nor faces
-    MissingDependencyError : anywidget or Pillow is not installed
+    ReadError, MeshError
+        A mesh that cannot be read, or no mesh.
+    ParameterError
+        Values that do not exist or need another mesh, or are as many as neither vertices nor faces.
+    MissingDependencyError
+        Anywidget or Pillow is not installed.
     """
     widget = _widget()
     require_pillow()
@@ -149,7 +157,8 @@ def _widget() -> "type[AnyWidget]":
 
     Raises
     ------
-    MissingDependencyError : anywidget is not installed
+    MissingDependencyError
+        Anywidget is not installed.
     """
     try:
         import anywidget

@@ -43,12 +43,14 @@ def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str,
 
     Parameters
     ----------
-    differences : each value but the first of a column is kept as its difference from the one before; smaller where
-        neighbours are alike
+    differences
+        Each value but the first of a column is kept as its difference from the one before; smaller where neighbours are
+        alike.
 
     Returns
     -------
-    shape, differences, bytes : number of bytes of each value; data : base64 of the deflated bytes, first the lowest
+    shape, differences, bytes
+        Number of bytes of each value; data : base64 of the deflated bytes, first the lowest.
     byte of every value, then the next one
     """
     columns = values.reshape(len(values), -1).T

@@ -27,10 +27,14 @@ def page(
 
     Parameters
     ----------
-    title, summary : text; sentences, a paragraph each
-    sections : titles and their HTML
-    picture, caption : a WebP file, and what it shows
-    scene : of the viewer
+    title, summary
+        Text; sentences, a paragraph each.
+    sections
+        Titles and their HTML.
+    picture, caption
+        A WebP file, and what it shows.
+    scene
+        Of the viewer.
     """
     viewer = f'<div id="viewer">{image(picture, caption)}</div>'
     return _html(title, summary, sections, before=viewer, after=_scripts(scene))
@@ -46,9 +50,12 @@ def frame_page(scene: Mapping[str, Any], picture: bytes, caption: str, *, color:
 
     Parameters
     ----------
-    scene : of the viewer
-    picture, caption : a WebP file, and what it shows
-    color : the quantity that is seen first; "" for none
+    scene
+        Of the viewer.
+    picture, caption
+        A WebP file, and what it shows.
+    color
+        The quantity that is seen first; "" for none.
     """
     first = "history.replaceState = () => {};"  # a frame has no address of its own
     if color:
@@ -126,9 +133,12 @@ def table(
 
     Parameters
     ----------
-    bold : row and column of cells in bold
-    numbers : whether all but the first column is numbers
-    prose : whether the last column is sentences, with code in backticks; a phone shows them below the other cells
+    bold
+        Row and column of cells in bold.
+    numbers
+        Whether all but the first column is numbers.
+    prose
+        Whether the last column is sentences, with code in backticks; a phone shows them below the other cells.
     """
     lines = []
     for number, row in enumerate(rows):

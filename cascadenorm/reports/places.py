@@ -26,9 +26,12 @@ class Place(NamedTuple):
 
     Parameters
     ----------
-    mesh, finding, label : the mesh and the finding, and what it is called, such as "face 17"
-    at : in the unit of the mesh
-    radius : of what lies there
+    mesh, finding, label
+        The mesh and the finding, and what it is called, such as "face 17".
+    at
+        In the unit of the mesh.
+    radius
+        Of what lies there.
     """
 
     mesh: str

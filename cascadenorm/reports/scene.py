@@ -32,9 +32,12 @@ class _Frame(NamedTuple):
 
     Parameters
     ----------
-    lower, extent : (3,) of the scaled meshes
-    levels : whole numbers along each side
-    unit : length of 1 of the scaled meshes in the unit of the files
+    lower, extent
+        (3,) of the scaled meshes.
+    levels
+        Whole numbers along each side.
+    unit
+        Length of 1 of the scaled meshes in the unit of the files.
     """
 
     lower: NDArray[np.float64]
@@ -103,7 +106,8 @@ class Comparison:
 
     Parameters
     ----------
-    before : the mesh
+    before
+        The mesh.
     """
 
     def __init__(self, before: Given) -> None:
@@ -120,7 +124,8 @@ class Comparison:
 
         Parameters
         ----------
-        vertices : (n, 3) of `after`, as the mesh before has them
+        vertices
+            (n, 3) of `after`, as the mesh before has them.
         """
         before, mesh = scaled_alike(self._mesh, self._mesh.moved(vertices))
         unit = scale_between(self._mesh, before)

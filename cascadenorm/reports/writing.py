@@ -33,8 +33,10 @@ class Contents(NamedTuple):
 
     Parameters
     ----------
-    inspections : what each mesh is and what is wrong with it
-    measures : how far each is from the truth; empty without one
+    inspections
+        What each mesh is and what is wrong with it.
+    measures
+        How far each is from the truth; empty without one.
     """
 
     inspections: dict[str, Inspection]
@@ -65,14 +67,21 @@ def report(
 
     Parameters
     ----------
-    output : HTML file
-    mesh : of any kind that `denoise` takes; where it is alone, bad vertices and faces are left out of the view, and
-        one without a usable face has a report in text
-    result : the denoised mesh
-    truth : the true mesh
-    summary : what `denoise_file` returned for `result`
-    self_intersections : whether to look for faces that cross each other, as in `inspect`
-    force : replace an existing file
+    output
+        HTML file.
+    mesh
+        Of any kind that `denoise` takes; where it is alone, bad vertices and faces are left out of the view, and one
+        without a usable face has a report in text.
+    result
+        The denoised mesh.
+    truth
+        The true mesh.
+    summary
+        What `denoise_file` returned for `result`.
+    self_intersections
+        Whether to look for faces that cross each other, as in `inspect`.
+    force
+        Replace an existing file.
 
     Returns
     -------
@@ -80,9 +89,12 @@ def report(
 
     Raises
     ------
-    ReadError, MeshError : a mesh that cannot be read or drawn, or no mesh
-    OutputError : the file exists and force is not given, or it cannot be written
-    MissingDependencyError : Pillow is not installed
+    ReadError, MeshError
+        A mesh that cannot be read or drawn, or no mesh.
+    OutputError
+        The file exists and force is not given, or it cannot be written.
+    MissingDependencyError
+        Pillow is not installed.
     """
     output = check_report(output, force=force)
     judged = [given("mesh" if result is None else "before", mesh)]

@@ -50,8 +50,10 @@ class Application:
 
     Parameters
     ----------
-    session : what the pages share
-    uploads : where dropped files go
+    session
+        What the pages share.
+    uploads
+        Where dropped files go.
     """
 
     def __init__(self, session: Session, uploads: Uploads) -> None:

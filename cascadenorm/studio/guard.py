@@ -31,9 +31,12 @@ class Guard:
 
     Parameters
     ----------
-    app : what is guarded
-    port : on which it is served
-    token : the secret
+    app
+        What is guarded.
+    port
+        On which it is served.
+    token
+        The secret.
     """
 
     def __init__(self, app: ASGIApp, *, port: int, token: str) -> None:

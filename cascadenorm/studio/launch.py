@@ -15,16 +15,23 @@ def studio(
 
     Parameters
     ----------
-    file : mesh file to open; None lets the user drop one
-    port : on the loopback interface; 0 takes one that is free
-    browser : open the page in the user's browser; its address is printed in any case
-    max_size : of a file, in megabytes
+    file
+        Mesh file to open; None lets the user drop one.
+    port
+        On the loopback interface; 0 takes one that is free.
+    browser
+        Open the page in the user's browser; its address is printed in any case.
+    max_size
+        Of a file, in megabytes.
 
     Raises
     ------
-    ReadError : the file does not exist or is too large; what is wrong within it is told on the page
-    OutputError : the port is taken
-    MissingDependencyError : starlette or uvicorn is not installed
+    ReadError
+        The file does not exist or is too large; what is wrong within it is told on the page.
+    OutputError
+        The port is taken.
+    MissingDependencyError
+        Starlette or uvicorn is not installed.
     """
     try:
         from cascadenorm.studio import server

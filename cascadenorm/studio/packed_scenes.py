@@ -10,7 +10,8 @@ def packed_scene(scene: Mapping[str, Any], *, faces: int | None = None) -> bytes
 
     Parameters
     ----------
-    faces : of the mesh that coarse ones approximate; the viewer then shows this number
+    faces
+        Of the mesh that coarse ones approximate; the viewer then shows this number.
     """
     meshes = [mesh if faces is None else {**mesh, "faces": faces} for mesh in scene["meshes"]]
     return json.dumps({**scene, "meshes": meshes}, separators=(",", ":"), allow_nan=False).encode()

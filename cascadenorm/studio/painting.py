@@ -18,7 +18,8 @@ def over_painted(codes: bytes, mesh: Mesh, shown: Display) -> NDArray[np.uint8]:
 
     Raises
     ------
-    ParameterError : not one code for each vertex that is shown, or a code without meaning
+    ParameterError
+        Not one code for each vertex that is shown, or a code without meaning.
     """
     given = np.frombuffer(codes, np.uint8)
     if len(given) != len(shown.kept_vertices):
@@ -48,7 +49,8 @@ def with_paint(controls: Controls, paint: NDArray[np.uint8]) -> Controls:
 
     Parameters
     ----------
-    controls : mask and fixed as arrays, or None; weights are multiplied, and vertices of both stay
+    controls
+        Mask and fixed as arrays, or None; weights are multiplied, and vertices of both stay.
     """
     found = controls.copy()
     pinned = paint == PINNED

@@ -29,10 +29,13 @@ class Requests:
 
         Parameters
         ----------
-        kind : "form"; "which" of several file names is a mesh, by its number; "open" a mesh; of the open one "paint",
-            "denoise", "save", "download", "recipe"
-        given : the arguments
-        listener, preview : called with the fraction that is done, and with the scene of a coarse mesh
+        kind
+            "form"; "which" of several file names is a mesh, by its number; "open" a mesh; of the open one "paint",
+            "denoise", "save", "download", "recipe".
+        given
+            The arguments.
+        listener, preview
+            Called with the fraction that is done, and with the scene of a coarse mesh.
         """
         match kind:
             case "form":

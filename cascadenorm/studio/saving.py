@@ -41,11 +41,13 @@ def save(
 
     Returns
     -------
-    file : the path; left_out : what its format cannot hold, in words; command, python : what makes it again
+    file
+        The path; left_out : what its format cannot hold, in words; command, python : what makes it again.
 
     Raises
     ------
-    OutputError : a file exists and force is not given, it cannot be written, or its name has no extension
+    OutputError
+        A file exists and force is not given, it cannot be written, or its name has no extension.
     """
     asked, result = bench.asked(settings), bench.result(settings, listener)
     painted = _painted(bench, asked, target)
@@ -92,11 +94,13 @@ def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str
 
     Returns
     -------
-    command, python : text; painted : names of the files beside the result that these read, which `save` writes
+    command, python
+        Text; painted : names of the files beside the result that these read, which `save` writes.
 
     Raises
     ------
-    OutputError : the name has no extension of a format that is written
+    OutputError
+        The name has no extension of a format that is written.
     """
     io.output_format(target.name)
     asked = bench.asked(settings)

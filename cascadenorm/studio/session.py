@@ -60,8 +60,10 @@ class Session:
 
         Parameters
         ----------
-        name : in messages and commands
-        saves : whether results are saved beside it
+        name
+            In messages and commands.
+        saves
+            Whether results are saved beside it.
         """
         self.cancel()
         about = await self._ask("open", path=str(path), name=name)

@@ -52,11 +52,13 @@ def chosen(given: Mapping[str, Any]) -> Chosen:
 
     Parameters
     ----------
-    given : method, a name; parameters and controls by name, as numbers or text
+    given
+        Method, a name; parameters and controls by name, as numbers or text.
 
     Raises
     ------
-    ParameterError : an unknown name, a value out of range, or one that names a file
+    ParameterError
+        An unknown name, a value out of range, or one that names a file.
     """
     method = find(str(given.get("method", DEFAULT_METHOD)))
     parameters, controls = (_plain(given.get(kind, {})) for kind in ("parameters", "controls"))

@@ -17,8 +17,10 @@ class Uploads:
 
     Parameters
     ----------
-    folder : in which there is one for each drop
-    most : bytes of all drops together, beside the one that is open
+    folder
+        In which there is one for each drop.
+    most
+        Bytes of all drops together, beside the one that is open.
     """
 
     def __init__(self, folder: Path, *, most: int) -> None:
@@ -34,8 +36,10 @@ class Uploads:
 
         Raises
         ------
-        TooLarge : what was dropped and is not open has too many bytes; nothing is kept of the file
-        OutputError : the name is a path, or there is no room for the file
+        TooLarge
+            What was dropped and is not open has too many bytes; nothing is kept of the file.
+        OutputError
+            The name is a path, or there is no room for the file.
         """
         path = self.path(drop, name)
         path.parent.mkdir(exist_ok=True)

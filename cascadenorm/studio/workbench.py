@@ -60,12 +60,15 @@ class Workbench:
 
     Parameters
     ----------
-    path : of the file
-    name : what it is called in messages and commands: the path as the user gave it, or the name of a dropped file
+    path
+        Of the file.
+    name
+        What it is called in messages and commands: the path as the user gave it, or the name of a dropped file.
 
     Raises
     ------
-    ReadError, MeshError : no mesh; vertices that are not finite and faces without vertices are isolated
+    ReadError, MeshError
+        No mesh; vertices that are not finite and faces without vertices are isolated.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -117,8 +120,10 @@ class Workbench:
 
         Parameters
         ----------
-        listener : called with the fraction done, of the coarse mesh and then of the whole one; what it raises ends it
-        preview : called with a scene of the coarse mesh
+        listener
+            Called with the fraction done, of the coarse mesh and then of the whole one; what it raises ends it.
+        preview
+            Called with a scene of the coarse mesh.
         """
         asked = self.asked(settings)
         if self.coarse is not None and self._key(settings) not in self._results and not self._steps_of(asked).whole:

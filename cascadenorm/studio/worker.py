@@ -45,8 +45,10 @@ class Worker:
 
     Parameters
     ----------
-    heard : called with each reply, in a thread
-    ended : called when the process has ended by itself, with its exit code, in a thread
+    heard
+        Called with each reply, in a thread.
+    ended
+        Called when the process has ended by itself, with its exit code, in a thread.
     """
 
     def __init__(self, heard: Callable[[Reply], None], ended: Callable[[int | None], None]) -> None:

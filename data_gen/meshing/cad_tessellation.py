@@ -32,11 +32,13 @@ def cad_part(*, faces: int | None, rng: np.random.Generator) -> Mesh:
 
     Parameters
     ----------
-    faces : about how many there should be; None takes any usual tolerance
+    faces
+        About how many there should be; None takes any usual tolerance.
 
     Raises
     ------
-    UnfitShapeError : loops cross, or the number of faces cannot be reached
+    UnfitShapeError
+        Loops cross, or the number of faces cannot be reached.
     """
     make = MAKERS[rng.integers(len(MAKERS))]
     seed = int(rng.integers(2**31))

@@ -27,12 +27,18 @@ def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, 
 
     Parameters
     ----------
-    lower, upper : corners of the box that has to be covered; with an open boundary the lattice is that box, turned
-    spacing : mean length of the lattice's edges
-    jitter : nodes are moved by up to this share of the spacing, at random
-    stretch : relative edge lengths along the lattice's axes
-    turn : rotation of the lattice's axes about the middle of the box
-    open_boundary : let the surface end at the border of the lattice, instead of closing it there
+    lower, upper
+        Corners of the box that has to be covered; with an open boundary the lattice is that box, turned.
+    spacing
+        Mean length of the lattice's edges.
+    jitter
+        Nodes are moved by up to this share of the spacing, at random.
+    stretch
+        Relative edge lengths along the lattice's axes.
+    turn
+        Rotation of the lattice's axes about the middle of the box.
+    open_boundary
+        Let the surface end at the border of the lattice, instead of closing it there.
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
     steps = np.asarray(stretch, np.float64)

@@ -17,8 +17,10 @@ class Partition(NamedTuple):
 
     Parameters
     ----------
-    body : (k, 3) points to (k,), negative inside, near its surface the distance
-    regions : (k, 3) points to (k, l), one function a region; a point belongs to that of the least
+    body
+        (k, 3) points to (k,), negative inside, near its surface the distance.
+    regions
+        (k, 3) points to (k, l), one function a region; a point belongs to that of the least.
     """
 
     body: Callable[[Vectors], Floats]
@@ -33,7 +35,8 @@ class Partition(NamedTuple):
 
         Parameters
         ----------
-        sets : (k, l + 1) which regions, the outside first
+        sets
+            (k, l + 1) which regions, the outside first.
         """
         values, inside = self.regions(points), sets[:, 1:]
         first = values[np.arange(len(points)), inside.argmax(axis=1)]
@@ -68,8 +71,10 @@ class LabelledMesh(NamedTuple):
 
     Parameters
     ----------
-    mesh : m faces
-    labels : (m, 2) the region behind each face, and the one that its normal points to
+    mesh
+        m faces.
+    labels
+        (m, 2) the region behind each face, and the one that its normal points to.
     """
 
     mesh: Mesh
@@ -99,8 +104,10 @@ def segmented(partition: Partition, *, voxel: float, half: float = 1.0, turn: Ve
 
     Parameters
     ----------
-    half : half the side of the cube, which the body should not reach
-    turn : (3, 3) rotation of the lattice
+    half
+        Half the side of the cube, which the body should not reach.
+    turn
+        (3, 3) rotation of the lattice.
     """
     axis = np.arange(-half, half + 0.5 * voxel, voxel)
     nodes = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -115,7 +122,8 @@ def label_nets(volume: Ints) -> LabelledMesh:
 
     Parameters
     ----------
-    volume : (p, q, r); walls that reach its border end there
+    volume
+        (p, q, r); walls that reach its border end there.
 
     Returns
     -------

@@ -24,12 +24,16 @@ def triangulated(
 
     Parameters
     ----------
-    points : (n, 2)
-    loops : indices of the vertices along each loop; the first is the outline, counterclockwise, the others are holes,
-        clockwise
-    inner : indices of the vertices inside
-    delaunay : flip edges until the triangulation is Delaunay where the loops allow it; else triangles stay as ears are
-        cut, in the order of the loops, with the fans and slivers that come with it
+    points
+        (n, 2).
+    loops
+        Indices of the vertices along each loop; the first is the outline, counterclockwise, the others are holes,
+        clockwise.
+    inner
+        Indices of the vertices inside.
+    delaunay
+        Flip edges until the triangulation is Delaunay where the loops allow it; else triangles stay as ears are cut, in
+        the order of the loops, with the fans and slivers that come with it.
 
     Returns
     -------
@@ -37,7 +41,8 @@ def triangulated(
 
     Raises
     ------
-    PolygonError : loops cross or touch, or a vertex is not inside
+    PolygonError
+        Loops cross or touch, or a vertex is not inside.
     """
     order = list(loops[0])
     holes = sorted(loops[1:], key=lambda hole: -points[hole, 0].max())

@@ -48,8 +48,10 @@ def projected(field: Field, points: Vectors, *, size: float, reach: float = 1.0,
 
     Parameters
     ----------
-    size : a length that is small against the shape, and far larger than what differences are taken over
-    reach : of each step at most, in sizes
+    size
+        A length that is small against the shape, and far larger than what differences are taken over.
+    reach
+        Of each step at most, in sizes.
     """
     for _ in range(steps):
         slope = gradients(field, points, step=1e-3 * size)

@@ -72,8 +72,10 @@ def polygonised(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: n
 
     Parameters
     ----------
-    sharp : dual contouring, else marching cubes
-    window : corners of a box at which the surface is cut open; None for the whole shape
+    sharp
+        Dual contouring, else marching cubes.
+    window
+        Corners of a box at which the surface is cut open; None for the whole shape.
     """
     spacing = float(np.sqrt(2.3 * extent.area / faces))
     lower, upper = (extent.lower, extent.upper) if window is None else window

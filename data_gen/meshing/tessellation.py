@@ -30,9 +30,12 @@ def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np
 
     Parameters
     ----------
-    sharp : keep edges of the shape as edges of the mesh
-    tessellation : how; None draws one
-    window : box at which the surface is cut open
+    sharp
+        Keep edges of the shape as edges of the mesh.
+    tessellation
+        How; None draws one.
+    window
+        Box at which the surface is cut open.
     """
     if tessellation is None:
         tessellation = rng.choice(get_args(Tessellation), p=[0.15, 0.22, 0.17, 0.08, 0.08, 0.12, 0.18])

@@ -45,9 +45,11 @@ def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.G
 
     Parameters
     ----------
-    kind : see NoiseKind
-    level : standard deviation in mean edge lengths: along the normal, or of each coordinate; of impulsive noise that
-        of the vertices that it hits
+    kind
+        See NoiseKind.
+    level
+        Standard deviation in mean edge lengths: along the normal, or of each coordinate; of impulsive noise that of the
+        vertices that it hits.
 
     Returns
     -------

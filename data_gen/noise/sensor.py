@@ -22,9 +22,11 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
 
     Parameters
     ----------
-    mesh : a sheet seen from one side, or a surface from all
-    deviation : about that of the error from one vertex to the next, a length; white noise of this standard deviation
-        differs as much between neighbours
+    mesh
+        A sheet seen from one side, or a surface from all.
+    deviation
+        About that of the error from one vertex to the next, a length; white noise of this standard deviation differs as
+        much between neighbours.
 
     Returns
     -------

@@ -29,9 +29,11 @@ def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.ran
 
     Parameters
     ----------
-    faces : about so many, which give the spacing of the lattice
-    level : deviation of the error of an image from one pixel to the next, in spacings of the lattice; half of that all
-        around, since where many images meet the surface folds
+    faces
+        About so many, which give the spacing of the lattice.
+    level
+        Deviation of the error of an image from one pixel to the next, in spacings of the lattice; half of that all
+        around, since where many images meet the surface folds.
 
     Raises
     ------

@@ -7,8 +7,6 @@ from cascadenorm.data_gen.meshing.surface import Extent, largest_components
 from cascadenorm.data_gen.meshing.untangle import untangled
 from cascadenorm.data_gen.scanning.tetrahedra import FACES, marching_tetrahedra
 from cascadenorm.data_gen.scanning.volumes import (
-    GREY,
-    NETS,
     SMALLEST,
     marching_cubes,
     random_lattice,
@@ -20,8 +18,8 @@ from cascadenorm.mesh import Mesh
 
 SETTLED = 0.6  # share of the meshes whose vertices are moved onto the surface
 MESHERS = {
-    "cubes": (marching_cubes, GREY, 0.6),
-    "nets": (surface_nets, GREY * NETS, 0.2),
+    "cubes": (marching_cubes, 3.0, 0.6),
+    "nets": (surface_nets, 3.0, 0.2),
     "tetrahedra": (marching_tetrahedra, FACES, 0.2),
 }
 """What meshes a volume, its faces for a surface whose area is that of a voxel's side, and its share."""

@@ -36,9 +36,12 @@ def beneath(field: Field, noisy: Mesh, *, cell: float) -> Measured:
 
     Parameters
     ----------
-    field : the shape, a signed distance near its surface
-    noisy : m faces about it
-    cell : length of the details that the measurement resolves, such as the edge of a voxel
+    field
+        The shape, a signed distance near its surface.
+    noisy
+        m faces about it.
+    cell
+        Length of the details that the measurement resolves, such as the edge of a voxel.
     """
     points = projected(field, np.concatenate([noisy.vertices, noisy.centroids]), size=cell, steps=8)
     vertices, feet = np.split(points, [len(noisy.vertices)])

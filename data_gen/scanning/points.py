@@ -31,8 +31,10 @@ def reconstruction(field: Field, extent: Extent, *, faces: int, level: float, rn
 
     Parameters
     ----------
-    faces : about so many, which give the cells of the grid
-    level : deviation of the points along the normals, in mean distances between points
+    faces
+        About so many, which give the cells of the grid.
+    level
+        Deviation of the points along the normals, in mean distances between points.
 
     Raises
     ------
@@ -95,10 +97,14 @@ def poisson(
 
     Parameters
     ----------
-    nodes : (p, q, r, 3), `cell` apart
-    points, normals : (n, 3), outward
-    screening : weight of the points against the normals
-    width : deviation of the kernel that spreads the normals, in cells
+    nodes
+        (p, q, r, 3), `cell` apart.
+    points, normals
+        (n, 3), outward.
+    screening
+        Weight of the points against the normals.
+    width
+        Deviation of the kernel that spreads the normals, in cells.
 
     Returns
     -------

@@ -36,8 +36,10 @@ def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng:
 
     Parameters
     ----------
-    faces : about so many, which give the edge of a voxel
-    slices : voxels are 1.5 to 4 times as long along one axis of the lattice as along the others
+    faces
+        About so many, which give the edge of a voxel.
+    slices
+        Voxels are 1.5 to 4 times as long along one axis of the lattice as along the others.
 
     Raises
     ------
@@ -88,7 +90,8 @@ def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.
 
     Parameters
     ----------
-    level : deviation of the grain, in fifths of the contrast
+    level
+        Deviation of the grain, in fifths of the contrast.
     """
     stretch = float(rng.uniform(1, 2)) if rng.random() < 0.3 else 1.0
     nets, kept = _mesher(rng=rng)
@@ -127,7 +130,8 @@ def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
 
     Parameters
     ----------
-    centered : vertices are the centres of their cells, so that quadrangles are the faces of voxels
+    centered
+        Vertices are the centres of their cells, so that quadrangles are the faces of voxels.
 
     Returns
     -------

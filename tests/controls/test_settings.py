@@ -35,7 +35,7 @@ def test_signatures_and_docstrings_name_every_control_with_its_default(function)
     text = inspect.getdoc(function)
     for name, setting in CONTROLS.items():
         assert parameters[name].default == setting.default and parameters[name].annotation == setting.kind
-        assert f"\n{name} : {setting.about.help.split()[0]}" in text
+        assert f"\n{name}\n    {setting.about.help.split()[0]}" in text
     assert text.index("Controls\n----") < text.index("Returns\n----") < text.index("Raises\n----")
 
 
@@ -75,7 +75,7 @@ def test_a_new_control_appears_wherever_controls_do(docs, monkeypatch, tmp_path)
         Nothing
         """
 
-    assert inspect.signature(work).parameters["glow"].default == 0.0 and "\nglow : Shine.\n" in work.__doc__
+    assert inspect.signature(work).parameters["glow"].default == 0.0 and "\nglow\n    Shine.\n" in work.__doc__
     command = options.takes_controls()(lambda **controls: None)
     assert inspect.signature(command).parameters["glow"].default == 0.0
     assert checked({})["glow"] == 0.0 and checked({"glow": "3"})["glow"] == 3.0

@@ -89,6 +89,14 @@ def test_a_laser_scanner_errs_along_the_view_alike_over_a_step_or_two_of_the_gri
     assert abs(four) < 0.15
 
 
+def test_the_error_of_a_laser_scanner_is_larger_at_the_boundary_of_a_scan():
+    flat = grid(60, 60)
+    rim = flat.topology.boundary_vertices
+    draws = [displacements(flat, "laser", level=0.13, rng=np.random.default_rng(seed))[:, 2] for seed in range(20)]
+    ratios = [np.std(errors[rim]) / np.std(errors[~rim]) for errors in draws]
+    assert np.min(ratios) > 0.8 and 1.3 < np.median(ratios) < 5
+
+
 def test_a_depth_camera_sees_nothing_behind_itself():
     """Coarse steps of the disparity may round it to nothing."""
     x, y = np.meshgrid(np.arange(11.0), np.arange(11.0))

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from shapes import signed_volume
 
+from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.scanning import volumes
+from cascadenorm.data_gen.scanning.isosurfaces import isosurface
 from cascadenorm.data_gen.scanning.measured import beneath
 from cascadenorm.data_gen.scanning.volumes import marching_cubes, segmentation, surface_nets, tomogram
 from cascadenorm.data_gen.shapes import fields
@@ -48,14 +51,35 @@ def test_the_steps_of_segmentations_are_those_of_voxels():
     assert np.median(largest) < 1
 
 
-def test_thick_slices_make_higher_steps_along_their_axis():
-    thick = [measured(segmentation, BALL, seed=seed, slices=True) for seed in range(16)]
-    cubes = [measured(segmentation, BALL, seed=seed, slices=False) for seed in range(16)]
+def test_thick_slices_make_higher_steps_along_their_axis(monkeypatch):
+    monkeypatch.setattr(volumes, "ENLARGED", 0.0)
+    thick = [measured(segmentation, BALL, seed=seed, slices=True) for seed in range(64)]
+    cubes = [measured(segmentation, BALL, seed=seed, slices=False) for seed in range(64)]
 
     def step(made):
         return np.abs(np.linalg.norm(made.noisy.vertices, axis=1) - 0.8).mean() / made.noisy.mean_edge_length
 
     assert np.mean([step(made) for made in thick]) > 1.2 * np.mean([step(made) for made in cubes])
+
+
+def test_enlarged_labels_make_steps_twice_as_high(monkeypatch):
+    heights = []
+    for share in (0.0, 1.0):
+        monkeypatch.setattr(volumes, "ENLARGED", share)
+        balls = [measured(segmentation, BALL, seed=seed, slices=False).noisy for seed in range(8)]
+        heights.append(
+            np.mean([np.std(np.linalg.norm(ball.vertices, axis=1)) / ball.mean_edge_length for ball in balls])
+        )
+    assert 1.5 < heights[1] / heights[0] < 2.5
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_isosurfaces_have_no_error_but_that_of_interpolation(seed):
+    rng = np.random.default_rng(seed)
+    mesh = isosurface(BALL, extent_of(BALL, rng=rng), faces=6000, rng=rng)
+    assert is_manifold(mesh) and not mesh.topology.boundary_vertices.any()
+    assert 3000 < len(mesh.faces) < 10000
+    assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 0.8).max() < 0.05 * mesh.mean_edge_length
 
 
 def test_a_tomogram_errs_with_its_grain():

@@ -30,7 +30,8 @@ def declarations(**options: Any) -> dict[str, Any]:
 
     Parameters
     ----------
-    options : of each property
+    options
+        Of each property.
     """
     named = [(name, name, method.summary) for name, method in methods().items()]
     groups = "Vertex group whose weights scale the displacement of each vertex"
@@ -79,7 +80,8 @@ def chosen(settings: Any) -> dict[str, Any]:
 
     Raises
     ------
-    ParameterError : text that is no value of its setting, or a number out of range
+    ParameterError
+        Text that is no value of its setting, or a number out of range.
     """
     values = {}
     for property in _generic():

@@ -17,9 +17,12 @@ class Surface(NamedTuple):
 
     Parameters
     ----------
-    positions : (n, 3) float32, as Blender keeps them
-    faces : (m, 3), polygons cut as Blender draws them
-    scale : (3,) of the object in the scene, by its axes
+    positions
+        (n, 3) float32, as Blender keeps them.
+    faces
+        (m, 3), polygons cut as Blender draws them.
+    scale
+        (3,) of the object in the scene, by its axes.
     """
 
     positions: NDArray[np.float32]
@@ -58,7 +61,8 @@ def mask_of(object: Any, settings: Any) -> NDArray[np.float32] | None:
 
     Raises
     ------
-    ParameterError : there is no such group, or nothing is selected
+    ParameterError
+        There is no such group, or nothing is selected.
     """
     mesh, mask = object.data, None
     if name := settings.vertex_group:

@@ -52,16 +52,21 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None, ou
 
     Parameters
     ----------
-    mesh : an edge with a single face belongs to a hole or to an outer boundary. A chain of such edges that does not
-        close, as between faces of opposite orientation, is left open
-    order : 1 membrane, 2 thin plate, which continues the tangents, 3 minimum variation, which continues the curvature
-    max_edges : longest hole that is filled; None fills all
-    outer : "keep" leaves the outer boundary of an open surface, such as a scan from one side: the longest boundary of a
-        component, where it is longer than that of a hemisphere of the same area. "fill" closes it like a hole
+    mesh
+        An edge with a single face belongs to a hole or to an outer boundary. A chain of such edges that does not close,
+        as between faces of opposite orientation, is left open.
+    order
+        1 membrane, 2 thin plate, which continues the tangents, 3 minimum variation, which continues the curvature.
+    max_edges
+        Longest hole that is filled; None fills all.
+    outer
+        "keep" leaves the outer boundary of an open surface, such as a scan from one side: the longest boundary of a
+        component, where it is longer than that of a hemisphere of the same area. "fill" closes it like a hole.
 
     Raises
     ------
-    ParameterError : order is not 1, 2 or 3, max_edges is below 3, or outer is another word
+    ParameterError
+        Order is not 1, 2 or 3, max_edges is below 3, or outer is another word.
     """
     return filled(mesh, order=order, max_edges=max_edges, outer=outer)[0]
 

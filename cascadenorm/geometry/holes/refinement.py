@@ -18,15 +18,21 @@ def refine(
 
     Parameters
     ----------
-    vertices : (n, 3), those of the whole mesh
-    faces : (k, 3) of the patch; edges of its boundary stay
-    scale : (n,) length that edges should have around each vertex; centres get the mean of the corners
-    taken : (e, 2) edges of the rest of the mesh, which must not appear a second time
+    vertices
+        (n, 3), those of the whole mesh.
+    faces
+        (k, 3) of the patch; edges of its boundary stay.
+    scale
+        (n,) length that edges should have around each vertex; centres get the mean of the corners.
+    taken
+        (e, 2) edges of the rest of the mesh, which must not appear a second time.
 
     Returns
     -------
-    vertices : (n + new, 3), the given ones first
-    faces : (k + 2 new, 3) of the patch
+    vertices
+        (n + new, 3), the given ones first.
+    faces
+        (k + 2 new, 3) of the patch.
     """
     faces = _flipped(vertices, faces, taken)
     for _ in range(MOST_ROUNDS):

@@ -18,9 +18,12 @@ def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.int64]
 
     Parameters
     ----------
-    points : (n, 3), in the order in which the triangles are to run along the loop
-    outside : (n, 3) unit normal of the face on the other side of the edge from point k to k + 1
-    taken : (e, 2) pairs of points that must not become an edge if there is another way, for they are one elsewhere
+    points
+        (n, 3), in the order in which the triangles are to run along the loop.
+    outside
+        (n, 3) unit normal of the face on the other side of the edge from point k to k + 1.
+    taken
+        (e, 2) pairs of points that must not become an edge if there is another way, for they are one elsewhere.
     """
     n = len(points)
     if n > LARGEST_OPTIMAL:

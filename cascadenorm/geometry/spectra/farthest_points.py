@@ -21,11 +21,15 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
 
     Parameters
     ----------
-    vertices : (n, 3)
-    faces : (m, 3) integers in 0 … n - 1
-    count : how many, from 1 to the number of vertices that a face references. Each connected component gets one
-        before any gets its second
-    first : number of the first sample; None: the first vertex that a face references
+    vertices
+        (n, 3).
+    faces
+        (m, 3) integers in 0 … n - 1.
+    count
+        How many, from 1 to the number of vertices that a face references. Each connected component gets one before any
+        gets its second.
+    first
+        Number of the first sample; None: the first vertex that a face references.
 
     Returns
     -------
@@ -33,8 +37,10 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
 
     Raises
     ------
-    MeshError : no valid mesh
-    ParameterError : count is out of range, or first is no vertex with a face
+    MeshError
+        No valid mesh.
+    ParameterError
+        Count is out of range, or first is no vertex with a face.
     """
     mesh, _ = in_frame(without_lines(Mesh(vertices, faces)))
     used = np.flatnonzero(mesh.topology.used_vertices)

@@ -28,14 +28,18 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
 
     Parameters
     ----------
-    mesh : n vertices
-    count : k, at most the number of samples
-    samples : how many, spread by farthest points; None: 3 k, at least 1,000. Every connected part gets one; with a
-        third of the vertices or more the pairs are exact instead
+    mesh
+        n vertices.
+    count
+        k, at most the number of samples.
+    samples
+        How many, spread by farthest points; None: 3 k, at least 1,000. Every connected part gets one; with a third of
+        the vertices or more the pairs are exact instead.
 
     Raises
     ------
-    ParameterError : count is out of range
+    ParameterError
+        Count is out of range.
     """
     laplacian = cotangent_laplacian(mesh)
     available = int((laplacian.mass > 0).sum())

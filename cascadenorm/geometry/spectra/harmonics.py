@@ -47,9 +47,12 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
 
     Parameters
     ----------
-    mesh : n vertices
-    count : k, from 1 to the number of vertices that have a face (and are not held)
-    boundary : "free" is Neumann's condition, "fixed" Dirichlet's: zero at the boundary of an open mesh
+    mesh
+        n vertices.
+    count
+        k, from 1 to the number of vertices that have a face (and are not held).
+    boundary
+        "free" is Neumann's condition, "fixed" Dirichlet's: zero at the boundary of an open mesh.
 
     Returns
     -------
@@ -57,7 +60,8 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
 
     Raises
     ------
-    ParameterError : count is out of range
+    ParameterError
+        Count is out of range.
     """
     laplacian = cotangent_laplacian(mesh)
     free = laplacian.mass > 0
@@ -95,9 +99,12 @@ def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.fl
 
     Parameters
     ----------
-    mesh : n vertices
-    count : how many, at most n
-    scale : "keep": values go with 1 / length²; "area" multiplies them by the area, so that size does not matter
+    mesh
+        n vertices.
+    count
+        How many, at most n.
+    scale
+        "keep": values go with 1 / length²; "area" multiplies them by the area, so that size does not matter.
 
     Returns
     -------

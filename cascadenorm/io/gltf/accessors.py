@@ -28,8 +28,10 @@ class Vectors(NamedTuple):
 
     Parameters
     ----------
-    at : (k,) byte at which each begins, ascending
-    kinds : (k,) row of STORED
+    at
+        (k,) byte at which each begins, ascending.
+    kinds
+        (k,) row of STORED.
     """
 
     at: NDArray[np.int64]
@@ -113,9 +115,12 @@ class Accessors:
 
     Parameters
     ----------
-    document : as JSON gives it, unchecked
-    buffers : those that accessors lie in are loaded
-    size : bytes of the file, without buffers that are files of their own
+    document
+        As JSON gives it, unchecked.
+    buffers
+        Those that accessors lie in are loaded.
+    size
+        Bytes of the file, without buffers that are files of their own.
     """
 
     def __init__(self, document: dict[str, Any], buffers: Buffers, size: int) -> None:

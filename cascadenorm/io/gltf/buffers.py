@@ -22,13 +22,17 @@ class Buffers:
 
     Parameters
     ----------
-    declared : as the document lists them
-    chunk : the buffer that a GLB file carries, if it does
-    folder : where buffers lie that are files of their own; None for a stream
+    declared
+        As the document lists them.
+    chunk
+        The buffer that a GLB file carries, if it does.
+    folder
+        Where buffers lie that are files of their own; None for a stream.
 
     Attributes
     ----------
-    data : the buffers, end to end
+    data
+        The buffers, end to end.
     """
 
     def __init__(self, declared: list[dict[str, Any]], chunk: Piece | None, folder: Path | None) -> None:

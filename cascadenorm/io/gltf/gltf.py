@@ -40,11 +40,16 @@ class Primitive(NamedTuple):
 
     Parameters
     ----------
-    mesh : number of the mesh that it belongs to
-    material : number of its material; None where it has none
-    attributes : name -> accessor
-    positions, normals : where they are in the buffers; no normals, or one for each position
-    triangles : (m, 3) rows of both
+    mesh
+        Number of the mesh that it belongs to.
+    material
+        Number of its material; None where it has none.
+    attributes
+        Name -> accessor.
+    positions, normals
+        Where they are in the buffers; no normals, or one for each position.
+    triangles
+        (m, 3) rows of both.
     """
 
     mesh: int

@@ -16,12 +16,15 @@ class JsonText:
 
     Parameters
     ----------
-    data : UTF-8; bytes that are none come out as they went in
+    data
+        UTF-8; bytes that are none come out as they went in.
 
     Raises
     ------
-    ValueError : no valid JSON
-    RecursionError : nested too deeply
+    ValueError
+        No valid JSON.
+    RecursionError
+        Nested too deeply.
     """
 
     def __init__(self, data: bytes) -> None:

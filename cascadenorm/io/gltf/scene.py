@@ -32,9 +32,12 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
 
     Parameters
     ----------
-    document : as JSON gives it, unchecked
-    accessors : of the document, for colours and texture coordinates
-    shapes : of all meshes
+    document
+        As JSON gives it, unchecked.
+    accessors
+        Of the document, for colours and texture coordinates.
+    shapes
+        Of all meshes.
     """
     filled = [shape for shape in shapes if len(shape.triangles)]
     of_mesh: dict[int, list[Shape]] = {}

@@ -199,7 +199,8 @@ class PlyFile(MeshFile):
 
         Raises
         ------
-        OutputError : the type in which faces reference vertices has no number for the last ones
+        OutputError
+            The type in which faces reference vertices has no number for the last ones.
         """
         if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
             return PlyFile(self._widened(), self.folder).with_patches(patches)

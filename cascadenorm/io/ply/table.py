@@ -28,9 +28,12 @@ class Column(NamedTuple):
 
     Parameters
     ----------
-    kind : type of the values
-    offsets : byte of the first value of each row; a range where the steps are equal
-    counts : values in each row; one number where they are equal
+    kind
+        Type of the values.
+    offsets
+        Byte of the first value of each row; a range where the steps are equal.
+    counts
+        Values in each row; one number where they are equal.
     """
 
     kind: np.dtype[Any]
@@ -74,10 +77,14 @@ def columns(body: Body, element: Element, start: int, kinds: list[Kind]) -> tupl
 
     Parameters
     ----------
-    body : the bytes of a binary file, or the numbers of a text body
-    element : number of rows, and the name for messages
-    start : byte of the first row
-    kinds : of each property
+    body
+        The bytes of a binary file, or the numbers of a text body.
+    element
+        Number of rows, and the name for messages.
+    start
+        Byte of the first row.
+    kinds
+        Of each property.
 
     Returns
     -------

@@ -22,7 +22,8 @@ def respelled(text: Text, *tables: tuple[Places, NDArray[Any]]) -> Iterator[Piec
 
     Parameters
     ----------
-    tables : (k,) words, ascending and in no other table, and (k,) numbers, spelled as those of their type
+    tables
+        (k,) words, ascending and in no other table, and (k,) numbers, spelled as those of their type.
     """
     table_of, waiting = np.zeros(len(text.starts), np.int8), [values for _, values in tables]
     for table, (words, _) in enumerate(tables, 1):

@@ -20,9 +20,12 @@ class Text:
 
     Attributes
     ----------
-    data : the text, as it came
-    starts, ends : (w,) places of the words; of half the size, int32, in texts below 2 GiB
-    first, stop : (l,) the first word of each line, and the one after its last
+    data
+        The text, as it came.
+    starts, ends
+        (w,) places of the words; of half the size, int32, in texts below 2 GiB.
+    first, stop
+        (l,) the first word of each line, and the one after its last.
     """
 
     def __init__(self, data: bytes, *, start: int = 0, continued: bool = False) -> None:

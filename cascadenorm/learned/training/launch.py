@@ -10,7 +10,8 @@ def is_single_process() -> bool:
 
     Raises
     ------
-    ConfigError : there are several, but it was not torchrun that started them
+    ConfigError
+        There are several, but it was not torchrun that started them.
     """
     if os.environ.get("WORLD_SIZE", "1") == "1":
         return True

@@ -83,13 +83,19 @@ def train_network(
 
     Parameters
     ----------
-    faces : of all clusters, those of this process
-    rows : those of one cluster; at least one process has some
-    scaler : of their features
-    fit : settings
-    seed : of the split, the first weights and the order of the batches
-    log : called after each pass with its number from 1, the training loss, the validation loss, and the mean angle of
-        the validation in degrees
+    faces
+        Of all clusters, those of this process.
+    rows
+        Those of one cluster; at least one process has some.
+    scaler
+        Of their features.
+    fit
+        Settings.
+    seed
+        Of the split, the first weights and the order of the batches.
+    log
+        Called after each pass with its number from 1, the training loss, the validation loss, and the mean angle of the
+        validation in degrees.
 
     Returns
     -------

@@ -52,16 +52,23 @@ def train(
 
     Parameters
     ----------
-    config : what to train
-    checkpoint : folder for what is finished; it is made, and may hold an interrupted training of the same config
-    own : pairs to learn from beside those that are generated
-    generated : folder for the generated pairs, which trainings of the same config.data may share; none: in `checkpoint`
-    progress : called as parts finish
-    record : called after each pass of a network, of several clusters from several threads
+    config
+        What to train.
+    checkpoint
+        Folder for what is finished; it is made, and may hold an interrupted training of the same config.
+    own
+        Pairs to learn from beside those that are generated.
+    generated
+        Folder for the generated pairs, which trainings of the same config.data may share; none: in `checkpoint`.
+    progress
+        Called as parts finish.
+    record
+        Called after each pass of a network, of several clusters from several threads.
 
     Raises
     ------
-    ConfigError : the folder holds a training of another config, or of other pairs; fewer meshes than processes
+    ConfigError
+        The folder holds a training of another config, or of other pairs; fewer meshes than processes.
     """
     with distributed.process_group(), _one_thread_each():
         progress, record = (progress, record) if is_main() else (silent, unrecorded)

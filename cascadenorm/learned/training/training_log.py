@@ -17,9 +17,12 @@ class Pass(NamedTuple):
 
     Parameters
     ----------
-    stage, cluster, epoch : from 1
-    loss, validation : mean chord between predicted and true normals, of the faces learned from and of the others
-    validation_deg : mean angle of the latter, in degrees
+    stage, cluster, epoch
+        From 1.
+    loss, validation
+        Mean chord between predicted and true normals, of the faces learned from and of the others.
+    validation_deg
+        Mean angle of the latter, in degrees.
     """
 
     stage: int
@@ -46,14 +49,19 @@ def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> I
 
     Parameters
     ----------
-    log : file with an extension of FORMATS; None writes none
-    tensorboard : folder of events; None writes none
-    resumed : go on with the file of an interrupted training; else it is begun anew
+    log
+        File with an extension of FORMATS; None writes none.
+    tensorboard
+        Folder of events; None writes none.
+    resumed
+        Go on with the file of an interrupted training; else it is begun anew.
 
     Raises
     ------
-    ParameterError : another extension
-    MissingDependencyError : tensorboard is not installed
+    ParameterError
+        Another extension.
+    MissingDependencyError
+        Tensorboard is not installed.
     """
     recorders: list[Recorder] = []
     lock = Lock()
@@ -86,7 +94,8 @@ def read_passes(log: Path) -> list[Pass]:
 
     Raises
     ------
-    ReadError : no file of lines, or one of something else
+    ReadError
+        No file of lines, or one of something else.
     """
     try:
         text = checked_log(log).read_text(encoding="utf-8")
