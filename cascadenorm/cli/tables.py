@@ -1,5 +1,6 @@
 """Results as text and tables."""
 
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from itertools import groupby
@@ -121,6 +122,12 @@ def print_inspection(found: Inspection) -> None:
         print(f"  kind of error: {found.error}")
     if found.treated_as is not None:
         print(f"  treated as: {found.treated_as}")
+    if found.treads is not None:
+        width = math.ceil(found.treads.width)
+        print(
+            f"  {found.treads.count} flat, parallel steps, about {width} edges wide; if they are an error, "
+            f'as of rounded depths, remove them with --remove-detail "{width} edges"'
+        )
     if found.resolution is not None and found.resolution > COARSE:
         print(
             f"  {found.number_type} is too coarse at these coordinates: its resolution is {found.resolution:.2g} mean "

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.detection.noise_level import noise_level
+from cascadenorm.detection.treads import Treads, treads
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import small_components
 from cascadenorm.inspection.crossings import crossing_faces
@@ -109,6 +110,8 @@ class Inspection:
         where all are at one point.
     treated_as
         What `auto` treats the mesh as; None where `error` is None.
+    treads
+        Wide flat steps, such as those of rounded depths, which may be error or shape; None where there are none.
     """
 
     source: str
@@ -148,6 +151,7 @@ class Inspection:
     noise: float | None
     error: ErrorKind | None
     treated_as: Treated | None
+    treads: Treads | None
 
     @property
     def findings(self) -> dict[str, Found]:
@@ -243,6 +247,7 @@ def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections
         "area": _scaled(small.area, 2 * exponent),
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
+        "treads": treads(facing),
         **_noise_and_error(facing, exponent),
     }
 
@@ -265,7 +270,7 @@ NOTHING: dict[str, Any] = {
     **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "nearly_coincident", "crossing_faces"), NONE_FOUND),
     **dict.fromkeys(("spikes", "small_components"), NONE_FOUND),
     **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise")),
-    **dict.fromkeys(("error", "treated_as")),
+    **dict.fromkeys(("error", "treated_as", "treads")),
     "closed": False,
 }
 """What `_shape` says where no face is good."""
