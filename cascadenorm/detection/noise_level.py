@@ -5,7 +5,8 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.vectors import add, dot, length, row, squared_distance
 
 SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
 FEWEST = 30  # edges below which nothing is said
@@ -113,45 +114,54 @@ def _differences(
     neighbors: Csr,
     out: Floats,
 ) -> None:
-    normal = np.empty(3)
+    """Fill in the differences of edges start … stop, in plain arithmetic, which loads no part of numba's compiler."""
     for e in range(start, stop):
-        i, j = edges[e]
-        normal[:] = vectors[i] + vectors[j]
-        length = np.sqrt((normal * normal).sum())
-        around_i, around_j = (
-            neighbors.indices[neighbors.indptr[i] : neighbors.indptr[i + 1]],
-            neighbors.indices[neighbors.indptr[j] : neighbors.indptr[j + 1]],
-        )
-        spread_i, spread_j = _spread(vertices, i, around_i), _spread(vertices, j, around_j)
+        i, j = edges[e, 0], edges[e, 1]
+        normal = add(row(vectors, i), row(vectors, j))
+        size = length(normal)
+        spread_i, spread_j = _spread(vertices, neighbors, i), _spread(vertices, neighbors, j)
         # no direction, or neighbours in one place: nothing can be said
-        if length == 0 or spread_i == 0 or spread_j == 0:
+        if size == 0 or spread_i == 0 or spread_j == 0:
             out[e] = np.nan
             continue
-        normal /= length
         a, b = 0.5 + 0.5 * spread_j / spread_i, 0.5 + 0.5 * spread_i / spread_j
-        a_each, b_each = a / len(around_i), b / len(around_j)
+        a_each, b_each = (
+            a / (neighbors.indptr[i + 1] - neighbors.indptr[i]),
+            b / (neighbors.indptr[j + 1] - neighbors.indptr[j]),
+        )
         at_i, at_j = a + b_each, -b - a_each
         # height is the combination of positions along the normal, squares the sum of its squared weights
         squares = at_i * at_i + at_j * at_j
-        height = at_i * (vertices[i] * normal).sum() + at_j * (vertices[j] * normal).sum()
+        height = at_i * dot(row(vertices, i), normal) + at_j * dot(row(vertices, j), normal)
         # neighbours of i, of which some are those of j as well, then those of j alone
-        for v in around_i:
+        for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
+            v = neighbors.indices[k]
             if v != j:
-                weight = -a_each + (b_each if v in around_j else 0.0)
+                weight = -a_each + (b_each if _adjacent(neighbors, j, v) else 0.0)
                 squares += weight * weight
-                height += weight * (vertices[v] * normal).sum()
-        for v in around_j:
-            if v != i and v not in around_i:
+                height += weight * dot(row(vertices, v), normal)
+        for k in range(neighbors.indptr[j], neighbors.indptr[j + 1]):
+            v = neighbors.indices[k]
+            if v != i and not _adjacent(neighbors, i, v):
                 squares += b_each * b_each
-                height += b_each * (vertices[v] * normal).sum()
-        out[e] = height / np.sqrt(squares)
+                height += b_each * dot(row(vertices, v), normal)
+        out[e] = height / (size * np.sqrt(squares))
 
 
 @kernel
-def _spread(vertices: Vectors, i: int, around: Ints32) -> float:
+def _adjacent(neighbors: Csr, i: Index, j: Index) -> bool:
+    """Whether j is among the neighbours of i."""
+    found = False
+    for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
+        found |= neighbors.indices[k] == j
+    return found
+
+
+@kernel
+def _spread(vertices: Vectors, neighbors: Csr, i: Index) -> float:
     """Mean of the squared distances of the neighbours."""
     total = 0.0
-    for v in around:
-        for d in range(3):
-            total += (vertices[v, d] - vertices[i, d]) ** 2
-    return total / len(around)
+    first, last = neighbors.indptr[i], neighbors.indptr[i + 1]
+    for k in range(first, last):
+        total += squared_distance(row(vertices, neighbors.indices[k]), row(vertices, i))
+    return total / (last - first)
