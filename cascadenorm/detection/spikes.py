@@ -24,8 +24,8 @@ NOISE = 0.02
 def spikes(mesh: Mesh) -> Bools:
     """Tell which vertices are spikes.
 
-    A spike rises from a neighbourhood that is nearly flat without it, higher than its base is wide. On a mesh
-    without significant noise, and on boundaries, there are none.
+    A spike rises from a neighbourhood that is nearly flat without it, higher than its base is wide. There are none on
+    boundaries.
 
     Parameters
     ----------
@@ -40,8 +40,6 @@ def spikes(mesh: Mesh) -> Bools:
     found = np.zeros(len(mesh.vertices), bool)
     parallel_for(len(found), _high_range, mesh.vertices, topology.vertex_neighbors, topology.vertex_faces, found)
     candidates = np.flatnonzero(found)
-    if len(candidates) == 0 or (noise_level(mesh) or 0.0) < NOISE:
-        return np.zeros(len(mesh.vertices), bool)
     standing = np.zeros(len(candidates), bool)
     parallel_for(
         len(candidates), _standing_range, candidates.astype(np.int32), mesh.vertices, mesh.faces, mesh.face_normals,
@@ -52,10 +50,13 @@ def spikes(mesh: Mesh) -> Bools:
 
 
 def without_spikes(mesh: Mesh) -> Mesh:
-    """Move each spike to the mean of its neighbours, and again where neighbours were spikes."""
-    for _ in range(ROUNDS):
+    """Move each spike to the mean of its neighbours, and again where neighbours were spikes.
+
+    Nothing moves on a mesh without significant noise.
+    """
+    for done in range(ROUNDS):
         found = spikes(mesh)
-        if not found.any():
+        if not found.any() or (done == 0 and (noise_level(mesh) or 0.0) < NOISE):
             break
         vertices = mesh.vertices.copy()
         for i in np.flatnonzero(found):

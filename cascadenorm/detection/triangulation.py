@@ -18,6 +18,8 @@ FREQUENT = 4, 16
 """Numbers of the most frequent shapes of triangles whose share is measured; lattices repeat few shapes."""
 SAME = 0.01
 """Mean lengths by which sides of triangles of the same shape differ at most."""
+MOST_STEPS = 1 << 21
+"""Longer sides, in steps of SAME, count as equal, so that the three of a triangle make one 64-bit key."""
 FIGURES = (
     "open sides",
     *("deviation of lengths", *(f"length at {share:.0%}" for share in (0.02, 0.1, 0.5, 0.9, 0.98))),
@@ -89,8 +91,9 @@ def _angle_figures(sides: NDArray[np.float64], lengths: Floats) -> Floats:
 def _shape_figures(lengths: Floats) -> Floats:
     """Shares of the triangles that have the most frequent lengths of sides."""
     mean = max(float(lengths.mean()), np.finfo(float).tiny)
-    shapes = np.round(np.sort(lengths, axis=1) / (SAME * mean)).astype(np.int64)
-    counts = np.sort(np.unique(shapes, axis=0, return_counts=True)[1])[::-1]
+    shapes = np.minimum(np.round(np.sort(lengths, axis=1) / (SAME * mean)), MOST_STEPS - 1).astype(np.int64)
+    keys = (shapes[:, 0] * MOST_STEPS + shapes[:, 1]) * MOST_STEPS + shapes[:, 2]
+    counts = np.sort(np.unique(keys, return_counts=True)[1])[::-1]
     return np.array([counts[:count].sum() / len(lengths) for count in FREQUENT])
 
 
