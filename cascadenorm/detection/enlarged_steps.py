@@ -20,10 +20,6 @@ WIDTHS = 2.0
 """Width of the error, in steps: a tread and the rise beside it."""
 
 
-LEAST_MASK = 3
-"""Factor of a mask from which its steps are too wide for the networks; those of factor 2 they know."""
-
-
 def enlarged_steps(mesh: Mesh) -> Floats:
     """Find the width of the steps on each connected component that comes from an enlarged volume.
 
@@ -53,9 +49,8 @@ def enlarged_steps(mesh: Mesh) -> Floats:
 
 
 def enlargement(mesh: Mesh) -> int:
-    """Return how often each voxel was repeated along each axis; 0 for once, and for masks below LEAST_MASK."""
+    """Return how often each voxel was repeated along each axis; 0 for once."""
     lattice = lattice_of_mask(mesh)
-    least = 2 if lattice is None else LEAST_MASK
     lattice = _lattice_along_axes(mesh) if lattice is None else lattice
     if lattice is None:
         return 0
@@ -64,8 +59,7 @@ def enlargement(mesh: Mesh) -> int:
     if sum(map(len, cells)) < ON_EDGES * len(points):
         return 0
     factors = {_period(along) for along in cells}
-    factor = factors.pop() if len(factors) == 1 else 0
-    return factor if factor >= least else 0
+    return factors.pop() if len(factors) == 1 else 0
 
 
 def _lattice_along_axes(mesh: Mesh) -> Lattice | None:
