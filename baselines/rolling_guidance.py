@@ -54,7 +54,7 @@ def rolling_guidance_normal(
     if width == 0 or not mesh.mean_edge_length > 0:
         return mesh.vertices.copy()
     normals = rolled_normals(mesh, width=width * mesh.mean_edge_length, sigma=sigma, iterations=iterations)
-    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps, weighting="angles")
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps, weighting="inverse-height")
 
 
 def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -> Vectors:

@@ -35,7 +35,7 @@ def fit_vertices(
     *,
     fit: Literal["sweeps", "least-squares"],
     sweeps: int,
-    weighting: Weighting = "heights",
+    weighting: Weighting = "uniform",
 ) -> Vectors:
     """Move vertices until the faces take the given normals, (m, 3), in the way that is chosen."""
     if fit == "sweeps":

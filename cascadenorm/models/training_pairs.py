@@ -1,6 +1,5 @@
 """Pairs to train on: read from files of one's own, or generated and written to files."""
 
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.pairs import Places, find_pairs, paths_of
-from cascadenorm.learned.config import DATA
 from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
 
 
@@ -84,7 +82,7 @@ def write_pairs(
     force: bool = False,
     progress: Progress = silent,
 ) -> None:
-    """Generate pairs as trainings do, each in a folder of its own, and `dataset.json` beside them.
+    """Generate pairs of shapes of all families, each in a folder of its own, and `dataset.json` beside them.
 
     Parameters
     ----------
@@ -117,7 +115,7 @@ def write_pairs(
         raise OutputError(f"{folder} is a file: give the name of a folder")
     if folder.is_dir() and any(folder.iterdir()) and not force:
         raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
-    config = replace(DATA, count=count, seed=seed)
+    config = DatasetConfig(count=count, seed=seed)
     try:
         with side_by_side_on(scheduler, workers=workers, folder=None):
             write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)

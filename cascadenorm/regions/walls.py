@@ -67,4 +67,4 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
 
 
 def _fitted(mesh: Mesh, normals: Vectors, movable: Bools) -> Mesh:
-    return mesh.moved(recover_vertices(mesh, normals, weighting="angles", movable=movable))
+    return mesh.moved(recover_vertices(mesh, normals, weighting="inverse-height", movable=movable))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from safetensors import numpy as safetensors
 
 from cascadenorm.data_gen import Pair
-from cascadenorm.learned.cascade import FORMAT
+from cascadenorm.learned.cascade import CASCADE_FORMATS
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.training.launch import is_main
 
@@ -31,7 +31,7 @@ def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
         for array in (pair.noisy.vertices, pair.clean.vertices, pair.clean.faces):
             digest.update(array.tobytes())
     note = checkpoint / "config.json"
-    made_with = {"format": FORMAT, **versions()}
+    made_with = {"format": CASCADE_FORMATS[0], **versions()}
     text = json.dumps(asdict(config) | {"own": digest.hexdigest(), "made_with": made_with}, indent=1, sort_keys=True)
     if note.exists() and note.read_text(encoding="utf-8") != text:
         raise ConfigError(

@@ -11,6 +11,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from cascadenorm.learned.config import ConfigError, Fit
 from cascadenorm.learned.features import Array, FeatureScaler
+from cascadenorm.learned.stage import Activation
 from cascadenorm.learned.training import distributed
 from cascadenorm.learned.training.networks import Network, TorchFeatures
 from cascadenorm.mesh import limit_threads
@@ -73,6 +74,7 @@ def train_network(
     rows: NDArray[np.intp],
     scaler: FeatureScaler,
     fit: Fit,
+    activation: Activation,
     *,
     seed: int,
     log: Callable[[int, float, float, float], None] = lambda *_: None,
@@ -91,6 +93,8 @@ def train_network(
         Of their features.
     fit
         Settings.
+    activation
+        Activation of the hidden layers.
     seed
         Of the split, the first weights and the order of the batches.
     log
@@ -105,7 +109,7 @@ def train_network(
     device, stored = distributed.device(), faces.stack.device
     training, validation = _split(rows, generator)
     features, inputs = features_on(device, scaler), len(scaler.mean) + faces.context.shape[1]
-    network = Network(inputs, fit, faces.stack.shape[1], generator).to(device)
+    network = Network([inputs, *fit.hidden, faces.stack.shape[1]], activation, generator).to(device)
     model = DistributedDataParallel(network) if distributed.world_size() > 1 else network
     optimiser = _optimiser(network, fit, device)
     mine, sizes = _batches(len(training), fit.batch)

@@ -21,7 +21,7 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.features import Array, FeatureScaler, pairwise_features
 from cascadenorm.learned.regression import Regression, nearest
-from cascadenorm.learned.stage_settings import StageSettings
+from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training import checkpoints, distributed
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.network_training import Faces, train_network
@@ -92,7 +92,7 @@ def _trained(
             stage = Regression.from_arrays(settings, arrays)
             stages.append(stage)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
-            if number + 1 < len(config.descriptors):
+            if number + 1 < len(config.stages):
                 moved = each(partial(Sample.apply_stage, stage=stage), samples)
                 for done, vertices in enumerate(moved):
                     samples[done].vertices = vertices
@@ -107,7 +107,7 @@ def _train_stage(
     config: TrainConfig,
     checkpoint: Path,
     number: int,
-    settings: StageSettings,
+    settings: Stage,
     progress: Progress,
     record: Recorder,
 ) -> dict[str, Array]:
@@ -148,7 +148,7 @@ def _train_stage(
             record(Pass(number + 1, c + 1, epoch, loss, validation, angle))
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
-        network = train_network(faces, mine, scaler, config.fit, seed=int(seed), log=log)
+        network = train_network(faces, mine, scaler, config.fit, settings.activation, seed=int(seed), log=log)
         checkpoints.save(part, network)
         if len(notes) < epochs:  # no longer better
             progress(task, epochs, epochs, notes[-1])
@@ -178,7 +178,7 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
 
 
 def _described(
-    samples: list[Sample], each: Map, context: int, settings: StageSettings, task: str, progress: Progress
+    samples: list[Sample], each: Map, context: int, settings: Stage, task: str, progress: Progress
 ) -> tuple[FeatureScaler, Faces]:
     """Fit the feature scaler, and collect what the drawn faces of all samples show and should be.
 
