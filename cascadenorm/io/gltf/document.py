@@ -1,5 +1,6 @@
-"""A glTF document made from a mesh."""
+"""The JSON document of glTF: read, written, checked, and made from a mesh."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,16 @@ TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 LISTS = ("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes")
 """Names in a document under which there are lists of objects."""
+
+
+def parsed(data: bytes) -> Any:
+    """Parse a document; bytes that are not UTF-8 are kept. Raises ValueError or RecursionError for invalid JSON."""
+    return json.loads(data.decode("utf-8", "surrogateescape").removeprefix("\ufeff"))
+
+
+def encoded(document: dict[str, Any]) -> bytes:
+    """Return the text of a document; letters beyond ASCII are escaped, so that any text can be written."""
+    return json.dumps(document, separators=(",", ":")).encode()
 
 
 def check_lists(document: dict[str, Any]) -> None:

@@ -1,12 +1,12 @@
 """GLB, the binary container of glTF: the JSON, and the first buffer behind it."""
 
-import json
 import struct
 from collections.abc import Iterable
 from typing import Any
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import Piece
+from cascadenorm.io.gltf.document import encoded
 from cascadenorm.io.gltf.gltf import GltfContainer
 
 MAGIC = b"glTF"
@@ -30,7 +30,7 @@ class GlbFile(GltfContainer):
 
     @classmethod
     def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
-        text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")
+        text = encoded(document)
         text += b" " * (-len(text) % 4)
         body: list[Piece] = [struct.pack("<I4s", len(text), JSON), text]
         if chunk is not None:
