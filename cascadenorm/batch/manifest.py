@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cascadenorm.errors import OutputError, finite_json
+from cascadenorm.errors import OutputError
 from cascadenorm.io.atomic import make_folder
+from cascadenorm.io.json_text import json_text
 
 if sys.platform != "win32":
     import fcntl
@@ -54,7 +55,7 @@ class Manifest:
     def add(self, line: Line) -> None:
         """Add a line, in one write."""
         with self._explained():
-            self._file.write(json.dumps(finite_json(line), default=str, allow_nan=False).encode() + b"\n")
+            self._file.write(json_text(line).encode() + b"\n")
         self.last[line["output"]] = line
 
     def close(self) -> None:

@@ -1,6 +1,5 @@
 """JSON objects of the commands; docs/json.md is their schema."""
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TextIO
@@ -10,10 +9,10 @@ from cascadenorm.api.spectra import Spectrum
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed
-from cascadenorm.errors import finite_json
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.inspection.faults import FAULTS, surface_faults
+from cascadenorm.io.json_text import json_text
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import Method
 
@@ -23,25 +22,10 @@ if TYPE_CHECKING:
 VERSION = 1
 """Of the schema; it changes when a key is renamed, removed or gets another meaning, not when one is added."""
 
-ALIASES = {"rims": "boundary_loops", "turned_edges": "flipped_edges", "turned_percent": "flipped_percent"}
-"""Former names of keys, and what they are called now; objects have both until version 2."""
-
 
 def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
     """Print the object of a command, to stdout or another file."""
-    found = finite_json({"version": VERSION, "command": command, **with_aliases(content)})
-    print(json.dumps(found, indent=2, default=str, allow_nan=False), file=file)
-
-
-def with_aliases(content: Any) -> Any:
-    """Return an object, and all those within it, with every renamed key under both of its names."""
-    if isinstance(content, list | tuple):
-        return [with_aliases(value) for value in content]
-    if not isinstance(content, Mapping):
-        return content
-    both = {**ALIASES, **{now: former for former, now in ALIASES.items()}}
-    found = {key: with_aliases(value) for key, value in content.items()}
-    return {**found, **{both[key]: value for key, value in found.items() if key in both}}
+    print(json_text({"version": VERSION, "command": command, **content}, indent=2), file=file)
 
 
 def denoised(done: DenoisingSummary) -> dict[str, Any]:
