@@ -85,12 +85,7 @@ class StlFile(MeshFile):
         single = content.single_positions()
         attribute = content.face_values.get("attribute", np.zeros(len(content.polygons), np.uint16))
         header = bytes(80) + len(triangles).to_bytes(4, "little")
-        lost = [f"vertex property '{name}'" for name in content.vertex_values]
-        lost += [f"face property '{name}'" for name in content.face_values if name != "attribute"]
-        if (content.polygons.counts != 3).any():
-            lost.append("polygons (cut into triangles)")
-        if (single != content.positions).any():
-            lost.append("digits of the positions beyond single precision")
+        lost = content.lost_as_triangles(of_faces=["attribute"])
         lost.append("the order of the vertices")
         largest = largest_coordinate(content.positions)
 

@@ -60,13 +60,8 @@ def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
         s, t = (content.vertex_values[name] for name in TEXTURE)
         arrays["TEXCOORD_0"] = np.stack([s, 1 - t], axis=1).astype("<f4")  # glTF counts from the top
     taken = (*colors, *(TEXTURE if textured else ()))
-    lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in taken]
-    lost += [f"face property '{name}'" for name in content.face_values]
-    if (content.polygons.counts != 3).any():
-        lost.append("polygons (cut into triangles)")
-    if (positions != content.positions).any():
-        lost.append("digits of the positions beyond single precision")
-    return *_assembled(arrays, triangles.astype("<u4").reshape(-1, 1)), lost
+    document, buffer = _assembled(arrays, triangles.astype("<u4").reshape(-1, 1))
+    return document, buffer, content.lost_as_triangles(of_vertices=taken)
 
 
 def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
