@@ -21,7 +21,7 @@ NOISE = 0.02
 """Noise of the mesh in mean edge lengths, at least: without any noise a spike counts as shape."""
 
 
-def spikes(mesh: Mesh) -> Bools:
+def noise_spikes(mesh: Mesh) -> Bools:
     """Tell which vertices are spikes.
 
     A spike rises from a neighbourhood that is nearly flat without it, higher than its base is wide. On a mesh
@@ -54,7 +54,7 @@ def spikes(mesh: Mesh) -> Bools:
 def without_spikes(mesh: Mesh) -> Mesh:
     """Move each spike to the mean of its neighbours, and again where neighbours were spikes."""
     for _ in range(ROUNDS):
-        found = spikes(mesh)
+        found = noise_spikes(mesh)
         if not found.any():
             break
         vertices = mesh.vertices.copy()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from cascadenorm.data_gen import OWN, DatasetConfig, Pair, own_pair, write_dataset
-from cascadenorm.data_gen.meshing.patches import patch, patches
+from cascadenorm.data_gen.meshing.patches import patches
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.execution.cluster_map import side_by_side_on
 from cascadenorm.execution.progress import Progress, silent
@@ -14,7 +14,7 @@ from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.pairs import Places, find_pairs, paths_of
-from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
+from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
 
 
 def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[Pair]:
@@ -48,13 +48,13 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
         true = oriented(true)
         first = Mesh(first.vertices, true.faces)
         for chosen in patches(true, faces=config.max_faces):
-            clean = patch(true, chosen)
-            made.append(Pair(patch(first, chosen), clean, clean.face_normals, OWN, "none", 0.0))
+            clean, _ = part_of(true, chosen)
+            made.append(Pair(part_of(first, chosen)[0], clean, clean.face_normals, OWN, "none", 0.0))
     return made
 
 
 def _patches(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
-    return [patch(mesh, chosen) for chosen in patches(mesh, faces=config.max_faces)]
+    return [part_of(mesh, chosen)[0] for chosen in patches(mesh, faces=config.max_faces)]
 
 
 def _mesh_files(places: Places) -> list[Path]:

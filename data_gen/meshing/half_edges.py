@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.data_gen.meshing.patches import compact
 from cascadenorm.mesh import Ints, Mesh, kernel, scatter_add
+from cascadenorm.mesh.isolation import compacted
 from cascadenorm.mesh.vectors import Three, Vector, cross, length, subtract
 
 SMOOTH, CREASE, CORNER = 0, 1, 2
@@ -77,7 +77,7 @@ def half_edges_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capac
 def mesh_of(half_edges: HalfEdges) -> Mesh:
     """Pack the faces and vertices that are left."""
     faces = half_edges.origin[: 3 * half_edges.used[1]].reshape(-1, 3)
-    return compact(half_edges.points, faces[faces[:, 0] >= 0])
+    return compacted(half_edges.points, faces[faces[:, 0] >= 0])[0]
 
 
 def _kinds(mesh: Mesh, marked_edge: NDArray[np.bool_]) -> NDArray[np.int8]:

@@ -6,12 +6,11 @@ import numpy as np
 
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.lattice import sample
-from cascadenorm.data_gen.meshing.patches import compact
 from cascadenorm.data_gen.meshing.polygonise import NoSurfaceError, dual_contouring, marching_cubes
 from cascadenorm.data_gen.meshing.untangle import untangled
 from cascadenorm.data_gen.shapes.fields import Field
 from cascadenorm.data_gen.shapes.placement import random_rotation
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh, Vectors, part_of
 
 HALF_SIDE = 1.6  # shapes are looked for in a cube of this half side
 ROUGH = 0.09  # spacing of the first look
@@ -100,7 +99,7 @@ def largest_components(mesh: Mesh, *, share: float) -> Mesh:
     """Drop components with less than a share of the faces of the largest one, and vertices without faces."""
     label = mesh.topology.face_components
     counts = np.bincount(label)
-    return compact(mesh.vertices, mesh.faces[(counts >= share * counts.max())[label]])
+    return part_of(mesh, (counts >= share * counts.max())[label])[0]
 
 
 def fit(mesh: Mesh) -> None:

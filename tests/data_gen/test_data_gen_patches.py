@@ -1,7 +1,8 @@
 import numpy as np
 from shapes import grid, icosphere
 
-from cascadenorm.data_gen.meshing.patches import patch, patches
+from cascadenorm.data_gen.meshing.patches import patches
+from cascadenorm.mesh import part_of
 
 
 def test_patches_have_every_face_once_and_at_most_so_many():
@@ -14,13 +15,13 @@ def test_patches_have_every_face_once_and_at_most_so_many():
 def test_a_small_mesh_is_one_patch():
     mesh = grid(3, 3)
     (only,) = patches(mesh, faces=len(mesh.faces))
-    np.testing.assert_array_equal(patch(mesh, only).corners, mesh.corners)
+    np.testing.assert_array_equal(part_of(mesh, only)[0].corners, mesh.corners)
 
 
 def test_a_piece_has_the_faces_where_they_were_and_no_other_vertices():
     mesh = icosphere(3)
     for chosen in patches(mesh, faces=100):
-        part = patch(mesh, chosen)
+        part, _ = part_of(mesh, chosen)
         np.testing.assert_array_equal(part.corners, mesh.corners[chosen])
         assert len(np.unique(part.faces)) == len(part.vertices) < len(mesh.vertices)
 
