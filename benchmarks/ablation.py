@@ -80,7 +80,7 @@ def trained(config: TrainConfig, path: Path, generated: Path) -> Cascade:
     if path.exists() and (kept := Cascade.load(path)).card["config"] == json.loads(json.dumps(asdict(config))):
         return kept
     checkpoint = path.with_suffix(".training")
-    cascade = training.train(config, checkpoint, generated=generated)
+    cascade = training.train_cascade(config, checkpoint, generated=generated)
     write_atomically(path, [cascade.to_bytes()], force=True)
     shutil.rmtree(checkpoint)
     return cascade

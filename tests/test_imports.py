@@ -193,7 +193,7 @@ from cascadenorm.cli import run
 assert run(["denoise", "noisy.ply", "-o", "out.ply", "--method", "{method}"]) == 0
 print(*sys.modules, sep="\\n")"""
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert "cascadenorm.api.denoised_files" in done.stdout.splitlines()
+    assert "cascadenorm.api.opened_files" in done.stdout.splitlines()
     never = {"cascadenorm.data_gen", "scipy.interpolate", "scipy.optimize"}
     assert not (never | unneeded) & set(done.stdout.splitlines())
 

@@ -17,7 +17,7 @@ from cascadenorm.io.json_text import json_text
 if sys.platform != "win32":
     import fcntl
 
-NAME = "manifest.jsonl"
+MANIFEST_NAME = "manifest.jsonl"
 
 Line = dict[str, Any]
 
@@ -31,7 +31,7 @@ class Manifest:
         The last line of each output, by its name.
     """
 
-    def __init__(self, folder: Path, name: str = NAME) -> None:
+    def __init__(self, folder: Path, name: str = MANIFEST_NAME) -> None:
         self.path = folder / name
         self.last: dict[str, Line] = {}
         make_folder(folder)

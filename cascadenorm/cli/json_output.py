@@ -4,11 +4,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TextIO
 
-from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.api.spectra import Spectrum
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
-from cascadenorm.cli.tables import allowed
+from cascadenorm.cli.tables import allowed_values
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.inspection.faults import FAULTS, surface_faults
@@ -28,34 +28,34 @@ def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None 
     print(json_text({"version": VERSION, "command": command, **content}, indent=2), file=file)
 
 
-def denoised(done: DenoisingSummary) -> dict[str, Any]:
+def denoised_json(done: DenoisingSummary) -> dict[str, Any]:
     """Return what was done to a file."""
     return asdict(done)
 
 
-def faults(before: Mesh, after: Mesh) -> dict[str, Any]:
+def faults_json(before: Mesh, after: Mesh) -> dict[str, Any]:
     """Return how many faces cross others, and how many vertices are spikes, before and after."""
     first, last = surface_faults(before), surface_faults(after)
     return {name: {"before": getattr(first, name), "after": getattr(last, name)} for name in FAULTS}
 
 
-def batch(done: Batch) -> dict[str, Any]:
+def batch_json(done: Batch) -> dict[str, Any]:
     """Return what became of the files of a batch."""
     failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
     return {"files": done.lines, "kept": done.kept, "failures": failures}
 
 
-def inspected(found: Inspection) -> dict[str, Any]:
+def inspected_json(found: Inspection) -> dict[str, Any]:
     """Return an inspection."""
     return asdict(found)
 
 
-def compared(mesh: str, reference: str, measures: Measures) -> dict[str, Any]:
+def compared_json(mesh: str, reference: str, measures: Measures) -> dict[str, Any]:
     """Return the measures of a mesh against a reference, with their names."""
     return {"mesh": mesh, "reference": reference, "measures": asdict(measures)}
 
 
-def spectrum(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
+def spectrum_json(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
     """Return the eigenvalues of one mesh or two, and the distance of their spectra."""
     return {
         "mesh": mesh,
@@ -67,7 +67,7 @@ def spectrum(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
     }
 
 
-def evaluated(done: "Evaluation") -> dict[str, Any]:
+def evaluated_json(done: "Evaluation") -> dict[str, Any]:
     """Return the rows of an evaluation, their means, and what failed."""
     return {
         "results": [result.row() for result in done.results],
@@ -76,7 +76,7 @@ def evaluated(done: "Evaluation") -> dict[str, Any]:
     }
 
 
-def methods(listed: Iterable[Method]) -> dict[str, Any]:
+def methods_json(listed: Iterable[Method]) -> dict[str, Any]:
     """Return methods with their parameters."""
     return {"methods": [_method(method) for method in listed]}
 
@@ -91,7 +91,7 @@ def _method(method: Method) -> dict[str, Any]:
                 "name": setting.name,
                 "default": setting.default,
                 "unit": setting.about.unit,
-                "allowed": allowed(setting),
+                "allowed": allowed_values(setting),
                 "help": setting.about.help,
             }
             for setting in method.given_by_name

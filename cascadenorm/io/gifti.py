@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.unpacking import limited
+from cascadenorm.io.unpacking import limited_expansion
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
 POINTS, TRIANGLES = "NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"
@@ -27,7 +27,7 @@ class GiftiFile(MeshFile):
         from nibabel.gifti import GiftiImage, parse_gifti_fast
 
         try:
-            with limited(len(self.data), parse_gifti_fast):
+            with limited_expansion(len(self.data), parse_gifti_fast):
                 self._image = GiftiImage.from_bytes(self.data)
         except ReadError:
             raise

@@ -17,7 +17,7 @@ from cascadenorm.io.content import Content
 from cascadenorm.io.limits import check_archive, check_expansion
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
-NEEDS = {
+TRIMESH_NEEDS = {
     "3dxml": "lxml networkx",
     "3mf": "lxml networkx",
     "dae": "pycollada",

@@ -15,7 +15,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-Settings = TypeVar("Settings")
+Config = TypeVar("Config")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +141,7 @@ def read_config(path: str | PathLike[str]) -> TrainConfig:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def settings_from(base: Settings, table: Mapping[str, Any], *, prefix: str = "") -> Settings:
+def settings_from(base: Config, table: Mapping[str, Any], *, prefix: str = "") -> Config:
     """Change settings, a dataclass, by nested tables.
 
     Raises

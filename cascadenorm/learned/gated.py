@@ -56,9 +56,9 @@ class GatedCascades:
         count = int(mesh.topology.components.max()) + 1
         return Judged(np.full(count, probability == 1), np.full(count, probability))
 
-    def chosen(self, measured: Bools) -> "Chosen":
+    def chosen(self, measured: Bools) -> "ChosenNetworks":
         """Return the networks with the choice for each component, (c,)."""
-        return Chosen(self.vertex, self.surface, measured)
+        return ChosenNetworks(self.vertex, self.surface, measured)
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), of each component from the network that the gate chooses."""
@@ -83,7 +83,7 @@ class GatedCascades:
         )
 
 
-class Chosen(NamedTuple):
+class ChosenNetworks(NamedTuple):
     """Two networks, and which components are treated as measured surfaces, (c,)."""
 
     vertex: Cascade

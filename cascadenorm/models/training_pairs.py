@@ -5,19 +5,19 @@ from pathlib import Path
 
 import numpy as np
 
-from cascadenorm.data_gen import OWN, DatasetConfig, Pair, own_pair, write_dataset
-from cascadenorm.data_gen.meshing.patches import patches
+from cascadenorm.data_gen import OWN_FAMILY, DatasetConfig, Pair, own_pair, write_dataset
+from cascadenorm.data_gen.meshing.patches import training_patches
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.execution.cluster_map import side_by_side_on
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
 from cascadenorm.io.interop import as_mesh, save_mesh
-from cascadenorm.io.pairs import Places, find_pairs, paths_of
+from cascadenorm.io.pairs import Paths, find_pairs, paths_of
 from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
 
 
-def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[Pair]:
+def training_pairs(shapes: Paths, noisy: Paths, config: DatasetConfig) -> list[Pair]:
     """Read meshes of one's own to train on: oriented, of about unit size, in patches of at most config.max_faces.
 
     Parameters
@@ -47,17 +47,17 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
         first, true = scaled_alike(first, true)
         true = oriented(true)
         first = Mesh(first.vertices, true.faces)
-        for chosen in patches(true, faces=config.max_faces):
+        for chosen in training_patches(true, faces=config.max_faces):
             clean, _ = part_of(true, chosen)
-            made.append(Pair(part_of(first, chosen)[0], clean, clean.face_normals, OWN, "none", 0.0))
+            made.append(Pair(part_of(first, chosen)[0], clean, clean.face_normals, OWN_FAMILY, "none", 0.0))
     return made
 
 
 def _patches(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
-    return [part_of(mesh, chosen)[0] for chosen in patches(mesh, faces=config.max_faces)]
+    return [part_of(mesh, chosen)[0] for chosen in training_patches(mesh, faces=config.max_faces)]
 
 
-def _mesh_files(places: Places) -> list[Path]:
+def _mesh_files(places: Paths) -> list[Path]:
     """List files as they are, and the mesh files in folders by name."""
     files = []
     for place in paths_of(places):

@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Mesh
 
-Faces = NDArray[np.intp]
+FaceNumbers = NDArray[np.intp]
 """(k,) numbers of faces, ascending."""
 
 
-def patches(mesh: Mesh, *, faces: int) -> list[Faces]:
+def training_patches(mesh: Mesh, *, faces: int) -> list[FaceNumbers]:
     """Halve a mesh across its longest side, and its halves, until none has more than so many faces."""
     done, waiting = [], [np.arange(len(mesh.faces))]
     while waiting:

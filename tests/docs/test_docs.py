@@ -20,7 +20,7 @@ from cascadenorm import registry
 from cascadenorm.api.api import methods
 from cascadenorm.cli import run
 from cascadenorm.evaluation import public_sets
-from cascadenorm.evaluation.public_sets import PUBLIC_SETS, Listed, mesh_digest
+from cascadenorm.evaluation.public_sets import PUBLIC_SETS, Listed, geometry_digest
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.stage import Stage
@@ -231,7 +231,7 @@ def test_the_pairs_of_the_readme_are_collected_from_clones(tmp_path, monkeypatch
     script = importlib.import_module("collect_pairs")
     for name in ("n.obj", "c.obj"):
         save_mesh(tmp_path / name, icosphere(1))
-    digest = mesh_digest(tmp_path / "n.obj")
+    digest = geometry_digest(tmp_path / "n.obj")
     of = {name: replace(one, listed={}) for name, one in PUBLIC_SETS.items()}
     of["guided"].listed["ball"] = Listed("n.obj", "c.obj", (digest, digest))
     monkeypatch.setattr(public_sets, "PUBLIC_SETS", of)

@@ -4,7 +4,7 @@ from reference import shortest_paths
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.geometry.spectra.farthest_points import farthest_points, spread
+from cascadenorm.geometry.spectra.farthest_points import farthest_points, spread_samples
 from cascadenorm.mesh import Mesh
 
 
@@ -33,14 +33,14 @@ def test_the_covering_radius_is_at_most_the_separation_and_near_that_of_a_hexago
 
 def test_from_one_sample_distances_on_the_plane_are_exact():
     plane = grid(30, 20)
-    _, distances = spread(plane, 1, first=100)
+    _, distances = spread_samples(plane, 1, first=100)
     np.testing.assert_allclose(distances, np.linalg.norm(plane.vertices - plane.vertices[100], axis=1), atol=1e-12)
 
 
 @pytest.mark.parametrize(("mesh", "distance"), KNOWN)
 @pytest.mark.parametrize("count", [1, 4, 30])
 def test_distances_are_near_the_true_ones(mesh, distance, count):
-    samples, distances = spread(mesh, count, first=0)
+    samples, distances = spread_samples(mesh, count, first=0)
     truth = np.min([distance(mesh, sample) for sample in samples], axis=0)
     assert abs(distances - truth).mean() < 0.01 * truth.mean()
     assert abs(distances.max() / truth.max() - 1) < 0.03
@@ -49,7 +49,7 @@ def test_distances_are_near_the_true_ones(mesh, distance, count):
 @pytest.mark.parametrize("mesh", [noisy(icosphere(0), 0.5), noisy(grid(4, 5), 0.3), noisy(cube(2), 0.2)])
 def test_distances_are_near_the_shortest_of_all_unfoldings(mesh):
     for source, truth in enumerate(shortest_paths(mesh)):
-        _, distances = spread(mesh, 1, first=source)
+        _, distances = spread_samples(mesh, 1, first=source)
         assert abs(distances - truth).mean() < 0.03 * truth.mean()
 
 

@@ -9,7 +9,7 @@ from shapes import cube, grid, icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.cli.tables import counted
-from cascadenorm.data_gen.families import FAMILIES
+from cascadenorm.data_gen.families import SHAPE_FAMILIES
 from cascadenorm.detection.noise_level import local_noise
 from cascadenorm.inspection import FINDINGS, Found, Inspection, inspect, noise_level
 from cascadenorm.inspection.crossings import crossing_faces
@@ -206,8 +206,8 @@ SHAPES = {
     "sphere": lambda: icosphere(4),
     "cube": lambda: cube(20),
     "sheet": lambda: grid(30, 30),
-    "creature": lambda: FAMILIES["creature"].make(faces=5000, rng=np.random.default_rng(0)).clean,
-    "assembly": lambda: FAMILIES["assembly"].make(faces=5000, rng=np.random.default_rng(0)).clean,
+    "creature": lambda: SHAPE_FAMILIES["creature"].make(faces=5000, rng=np.random.default_rng(0)).clean,
+    "assembly": lambda: SHAPE_FAMILIES["assembly"].make(faces=5000, rng=np.random.default_rng(0)).clean,
 }
 
 

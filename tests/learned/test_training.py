@@ -17,9 +17,9 @@ from cascadenorm.learned.features import FeatureScaler, pairwise_features
 from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training import checkpoints, distributed, training
 from cascadenorm.learned.training.launch import is_local_main, is_main
-from cascadenorm.learned.training.network_training import Faces, angle_sum, chordal_distance, train_network
+from cascadenorm.learned.training.network_training import TrainingFaces, angle_sum, chordal_distance, train_network
 from cascadenorm.learned.training.networks import TorchFeatures
-from cascadenorm.learned.training.training import train
+from cascadenorm.learned.training.training import train_cascade
 from cascadenorm.mesh import limit_threads
 
 TORCHRUN = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2"]
@@ -61,10 +61,10 @@ def in_this_process():
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    return train(TINY, tmp_path_factory.mktemp("tiny"))
+    return train_cascade(TINY, tmp_path_factory.mktemp("tiny"))
 
 
-def to_learn_from(clean, level) -> tuple[Faces, FeatureScaler]:
+def to_learn_from(clean, level) -> tuple[TrainingFaces, FeatureScaler]:
     """All faces of a mesh with noise, and a scaler that leaves their features as they are."""
     stack = bilateral_descriptor(noisy(clean, level), "rings")
     inputs = pairwise_features(stack).shape[1]
@@ -73,7 +73,7 @@ def to_learn_from(clean, level) -> tuple[Faces, FeatureScaler]:
         mean=zero, scale=one, projection=np.zeros((inputs, 0), np.float32), context_mean=none, context_scale=none
     )
     context = np.zeros((len(stack), 0), np.float32)
-    return Faces(*map(torch.from_numpy, (stack, context, clean.face_normals.astype(np.float32)))), scaler
+    return TrainingFaces(*map(torch.from_numpy, (stack, context, clean.face_normals.astype(np.float32)))), scaler
 
 
 def test_training_lowers_the_loss():
@@ -122,26 +122,26 @@ def test_a_tiny_training_beats_the_noisy_input(trained):
 
 
 def test_same_seed_same_bytes_and_another_seed_others(trained, tmp_path):
-    assert train(TINY, tmp_path / "again").to_bytes() == trained.to_bytes()
+    assert train_cascade(TINY, tmp_path / "again").to_bytes() == trained.to_bytes()
     other = TrainConfig(**{f.name: getattr(TINY, f.name) for f in fields(TINY)} | {"seed": 1})
-    assert train(other, tmp_path / "other").to_bytes() != trained.to_bytes()
+    assert train_cascade(other, tmp_path / "other").to_bytes() != trained.to_bytes()
 
 
 @pytest.mark.parametrize(("task", "done"), [("noisy/clean pairs", 2), ("stage 1 cluster 2", 3), ("apply stage 2", 1)])
 def test_an_interrupted_training_goes_on_to_the_same_bytes(trained, tmp_path, task, done):
     with pytest.raises(Interrupted):
-        train(TINY, tmp_path, progress=interrupt_at(task, done))
-    assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+        train_cascade(TINY, tmp_path, progress=interrupt_at(task, done))
+    assert train_cascade(TINY, tmp_path).to_bytes() == trained.to_bytes()
 
 
 def test_processes_that_work_side_by_side_change_no_byte(trained, tmp_path):
     with limit_threads(2):
-        assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+        assert train_cascade(TINY, tmp_path).to_bytes() == trained.to_bytes()
 
 
 def test_pairs_that_are_made_are_not_made_again(trained, tmp_path, monkeypatch):
     with pytest.raises(Interrupted):
-        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 2))
+        train_cascade(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 2))
     asked = []
 
     def watched(config, indices, workers):
@@ -149,7 +149,7 @@ def test_pairs_that_are_made_are_not_made_again(trained, tmp_path, monkeypatch):
         return pairs(config, indices, workers=workers)
 
     monkeypatch.setattr(training, "pairs", watched)
-    assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+    assert train_cascade(TINY, tmp_path).to_bytes() == trained.to_bytes()
     assert asked == [2, 3]
 
 
@@ -222,17 +222,17 @@ def test_fewer_meshes_than_processes_are_refused_in_words(tmp_path):
 
 def test_the_folder_of_another_training_is_refused(tmp_path):
     with pytest.raises(Interrupted):
-        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
+        train_cascade(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
     with pytest.raises(ValueError, match="holds a training with other settings"):
-        train(TrainConfig(seed=7), tmp_path)
+        train_cascade(TrainConfig(seed=7), tmp_path)
 
 
 def test_the_folder_of_another_version_is_refused(tmp_path, monkeypatch):
     with pytest.raises(Interrupted):
-        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
+        train_cascade(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
     monkeypatch.setattr(checkpoints, "FORMAT", "cascadenorm/another")
     with pytest.raises(ConfigError, match="another version"):
-        train(TINY, tmp_path)
+        train_cascade(TINY, tmp_path)
 
 
 def test_more_directions_than_features_are_all_of_them(tmp_path):
@@ -243,13 +243,13 @@ def test_more_directions_than_features_are_all_of_them(tmp_path):
         fit=Fit(hidden=(4,), epochs=1),
         data=replace(TINY.data, count=1),
     )
-    assert train(one, tmp_path).stages[0].scaler.projection.shape == (45, 45)
+    assert train_cascade(one, tmp_path).stages[0].scaler.projection.shape == (45, 45)
 
 
 def test_more_clusters_than_faces_are_refused_in_words(tmp_path):
     few = replace(TINY, faces_per_mesh=1, clusters=5)
     with pytest.raises(ConfigError, match="5 clusters are more than the faces to learn from, 4"):
-        train(few, tmp_path)
+        train_cascade(few, tmp_path)
 
 
 def test_a_training_that_diverges_is_refused():

@@ -71,10 +71,10 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
         )
     if first is not None and first not in used:
         raise ParameterError(f"is {first}; it must be a vertex that a face references", parameter="first")
-    return spread(mesh, count, first=int(used[0]) if first is None else first)[0]
+    return spread_samples(mesh, count, first=int(used[0]) if first is None else first)[0]
 
 
-def spread(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]:
+def spread_samples(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]:
     """Return samples as `farthest_points` does, and (n,) the distance from each vertex to the nearest of them.
 
     Vertices without a face are no samples, and their distance is inf.

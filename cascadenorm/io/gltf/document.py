@@ -7,15 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.colors import CHANNELS, TEXTURE, channels
 from cascadenorm.io.content import Content
+from cascadenorm.io.gltf.accessors import COMPONENT_COUNTS, COMPONENT_TYPES
 from cascadenorm.mesh import box_of
 from cascadenorm.mesh.polygons import triangulate
-
-TEXTURE = ("s", "t")
-KINDS = {"u1": 5121, "u4": 5125, "f4": 5126}
-TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-
 
 LISTS = ("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes")
 """Names in a document under which there are lists of objects."""
@@ -67,9 +63,11 @@ def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
 def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
     """Return a document whose one mesh has these attributes, and its buffer."""
     parts = [*arrays.values(), indices]
+    numbers = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
+    types = {count: name for name, count in COMPONENT_COUNTS.items()}
     starts = np.cumsum([0, *(part.nbytes for part in parts)]).tolist()
     accessors = [
-        {"bufferView": i, "componentType": KINDS[part.dtype.str[1:]], "count": len(part), "type": TYPES[part.shape[1]]}
+        {"bufferView": i, "componentType": numbers[part.dtype], "count": len(part), "type": types[part.shape[1]]}
         for i, part in enumerate(parts)
     ]
     position = next(iter(arrays.values()))

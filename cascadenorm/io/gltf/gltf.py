@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
-from cascadenorm.io.gltf.accessors import STORED, Accessors, Places, Vectors
+from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
 from cascadenorm.io.gltf.document import check_lists, document_of, encoded, parsed
-from cascadenorm.io.gltf.scene import Shape, content_of
+from cascadenorm.io.gltf.scene import ShownPrimitive, content_of
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -52,8 +52,8 @@ class Primitive(NamedTuple):
     mesh: int
     material: int | None
     attributes: dict[str, int]
-    positions: Vectors
-    normals: Vectors
+    positions: StoredVectors
+    normals: StoredVectors
     triangles: NDArray[np.int64]
 
 
@@ -93,8 +93,8 @@ class GltfContainer(MeshFile):
             for primitive in mesh["primitives"]
             if "POSITION" in primitive["attributes"]
         ]
-        self._stored = Vectors.joined([p.positions for p in self._primitives])
-        self._stored_normals = Vectors.joined([p.normals for p in self._primitives])
+        self._stored = StoredVectors.joined([p.positions for p in self._primitives])
+        self._stored_normals = StoredVectors.joined([p.normals for p in self._primitives])
         places = np.concatenate([self._stored.at, self._stored_normals.at])
         order = np.argsort(places, kind="stable")  # merges the two, each of which ascends
         self._moving_files = self._buffers.files_with(places[order])
@@ -125,7 +125,7 @@ class GltfContainer(MeshFile):
     def _check_others(self) -> None:
         """Raise ReadError where bytes of positions or normals are those of indices or of other attributes as well."""
         for accessor in self._other_accessors():
-            spans: list[tuple[Places, int]] = []
+            spans: list[tuple[ByteOffsets, int]] = []
             with suppress(ReadError, KeyError, IndexError):  # one that cannot be read is kept as it is
                 spans = self._accessors.spans(accessor)
             for places, size in spans:
@@ -158,7 +158,7 @@ class GltfContainer(MeshFile):
     def _primitive(self, mesh: int, primitive: dict[str, Any]) -> Primitive:
         attributes = primitive["attributes"]
         positions = self._accessors.vectors(attributes["POSITION"])
-        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else Vectors.joined([])
+        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else StoredVectors.joined([])
         count = len(positions.at)
         triangles = self._triangles(primitive, count)
         if (triangles >= count).any():
@@ -171,7 +171,7 @@ class GltfContainer(MeshFile):
             primitive.get("material"),
             attributes,
             positions,
-            normals if len(normals.at) == count else Vectors.joined([]),
+            normals if len(normals.at) == count else StoredVectors.joined([]),
             triangles,
         )
 
@@ -307,7 +307,10 @@ class GltfContainer(MeshFile):
 
     def _read_content(self) -> Content:
         with _explained():
-            shapes = [Shape(p.mesh, p.attributes, self.positions[self._rows(p)], p.triangles) for p in self._primitives]
+            shapes = [
+                ShownPrimitive(p.mesh, p.attributes, self.positions[self._rows(p)], p.triangles)
+                for p in self._primitives
+            ]
             return content_of(self._document, self._accessors, shapes)
 
     @classmethod

@@ -40,13 +40,13 @@ def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
     _write_whole(note, text.encode())
 
 
-def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+def write_shared_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write what all processes have; the first one alone does."""
     if is_main():
-        write(path, arrays)
+        write_arrays(path, arrays)
 
 
-def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write what this process alone has."""
     _write_whole(path, safetensors.save(dict(arrays)))  # a full disk is an OSError, as anywhere
 
@@ -58,6 +58,6 @@ def _write_whole(path: Path, content: bytes) -> None:
     os.replace(unfinished, path)
 
 
-def read(path: Path) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """Return what was written, or nothing."""
     return safetensors.load_file(path) if path.exists() else {}

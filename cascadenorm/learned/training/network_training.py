@@ -20,19 +20,19 @@ GPU_MEMORY_FRACTION = 0.8
 """Of the free memory of a GPU that faces to learn from may take."""
 
 
-class Faces(NamedTuple):
+class TrainingFaces(NamedTuple):
     """Faces to learn from: filtered normals (m, k, 3), context (m, c), true normals (m, 3), all of 4 bytes."""
 
     stack: Tensor
     context: Tensor
     truth: Tensor
 
-    def placed(self) -> "Faces":
+    def placed(self) -> "TrainingFaces":
         """Return them where the matrix products are done, if there is room for them."""
         device, size = distributed.device(), sum(tensor.nbytes for tensor in self)
         if device.type == "cuda" and size > GPU_MEMORY_FRACTION * torch.cuda.mem_get_info(device)[0]:
             return self
-        return Faces(*(tensor.to(device) for tensor in self))
+        return TrainingFaces(*(tensor.to(device) for tensor in self))
 
 
 def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor, Tensor], Tensor]:
@@ -70,7 +70,7 @@ def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
 
 
 def train_network(
-    faces: Faces,
+    faces: TrainingFaces,
     rows: NDArray[np.intp],
     scaler: FeatureScaler,
     fit: Fit,
