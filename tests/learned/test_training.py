@@ -230,7 +230,7 @@ def test_the_folder_of_another_training_is_refused(tmp_path):
 def test_the_folder_of_another_version_is_refused(tmp_path, monkeypatch):
     with pytest.raises(Interrupted):
         train_cascade(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
-    monkeypatch.setattr(checkpoints, "FORMAT", "cascadenorm/another")
+    monkeypatch.setattr(checkpoints, "CASCADE_FORMATS", ("cascadenorm/another",))
     with pytest.raises(ConfigError, match="another version"):
         train_cascade(TINY, tmp_path)
 
