@@ -167,7 +167,7 @@ def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path
     settings.write_text(
         "faces_per_mesh = 500\nclusters = 2\n[fit]\nhidden = [16, 8]\nepochs = 15\nbatch = 128\n"
         '[data]\ncount = 4\nfamilies = ["smooth"]\nmin_faces = 1200\nmax_faces = 1500\n'
-        'noise_kinds = ["normal"]\nmin_level = 0.15\nmax_level = 0.3\n'
+        'noise_kinds = ["normal"]\nmin_level = 0.15\nmax_level = 0.3\nrelief = 0.0\n'
     )
     assert read_config(settings) == TINY
     two = trained_by_two(settings)
