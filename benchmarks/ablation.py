@@ -66,7 +66,7 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
     changes = {
         "+ iterated filters, smoothed vertices, in place of one pass and guided filters": {"stages": filtered},
         "+ context features": {"context": auto.context},
-        "+ last fit weighted by inverse heights, foldovers avoided": {"stages": fitted},
+        "+ last fit by angles, foldovers avoided": {"stages": fitted},
         "+ two hidden layers, fewer sweeps between the stages": {"fit": auto.fit, "stages": auto.stages},
     }
     for name, change in changes.items():

@@ -67,7 +67,7 @@ def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(t
     whole, halfway = tmp_path / "whole", tmp_path / "halfway"
     expected = run(whole)
     assert expected.count(" ± ") == 4
-    trainings, train = [], ablation.training.train
+    trainings, train = [], ablation.training.train_cascade
 
     def interrupted(config, *arguments, **settings):
         if len(trainings) == 2:
@@ -75,7 +75,7 @@ def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(t
         trainings.append(config)
         return train(config, *arguments, **settings)
 
-    monkeypatch.setattr(ablation.training, "train", interrupted)
+    monkeypatch.setattr(ablation.training, "train_cascade", interrupted)
     with pytest.raises(Interrupted):
         run(halfway)
     (made,) = halfway.glob("pairs-*")
