@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from cascadenorm.baselines.diffusion import Moving, Step, diffuse, flowed
+from cascadenorm.baselines.diffusion import DiffusionStep, Moving, diffuse, flowed
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import (
     Laplacian,
@@ -17,7 +17,7 @@ from cascadenorm.geometry.laplacians import (
 from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
-Threshold = Annotated[
+CurvatureThreshold = Annotated[
     float, Parameter("curvature at which diffusion falls to a half", "radians per mean edge length", above=0)
 ]
 Presmoothing = Annotated[
@@ -35,9 +35,9 @@ Presmoothing = Annotated[
 def anisotropic_diffusion(
     mesh: Mesh,
     *,
-    threshold: Threshold = 0.2,
+    threshold: CurvatureThreshold = 0.2,
     presmoothing: Presmoothing = 1.0,
-    step: Step = 0.3,
+    step: DiffusionStep = 0.3,
     iterations: Annotated[int, Parameter("implicit steps, each with a new tensor", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:
@@ -57,13 +57,13 @@ def anisotropic_diffusion(
     """
     time = step * mesh.mean_edge_length**2
     for _ in track(iterations):
-        normals = smoothed_normals(mesh, presmoothing)
+        normals = diffused_vertex_normals(mesh, presmoothing)
         laplacian = anisotropic_laplacian(mesh, normals, threshold=threshold)
         mesh = mesh.moved(flowed(mesh, laplacian, time=time, region=region))
     return mesh.vertices.copy()
 
 
-def smoothed_normals(mesh: Mesh, presmoothing: float) -> Vectors:
+def diffused_vertex_normals(mesh: Mesh, presmoothing: float) -> Vectors:
     """Return (n, 3) unit vertex normals, diffused for a time in squared mean edge lengths; zero without a face."""
     time = presmoothing * mesh.mean_edge_length**2
     return unit(diffuse(cotangent_laplacian(mesh), mesh.vertex_normals, time=time, iterations=1))

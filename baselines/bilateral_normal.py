@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_vertices
+from cascadenorm.baselines.vertex_fit import VertexFit, filter_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.compute.elementary import exp
 from cascadenorm.execution.progress import track
@@ -35,7 +35,7 @@ def bilateral_normal(
     iterations: Passes = 10,
     center: Center = "skip",
     sweeps: Sweeps = 8,
-    fit: Fit = "sweeps",
+    fit: VertexFit = "sweeps",
 ) -> Vectors:
     """Average each face normal with those of near faces that point a similar way, then move the vertices to them.
 

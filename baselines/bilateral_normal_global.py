@@ -7,7 +7,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import RangeSpread, SpatialSpread, spatial_weights
-from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.geometry.sparse_solvers import solve_preconditioned
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
@@ -29,7 +29,7 @@ def bilateral_normal_global(
     sigma_r: RangeSpread = 0.6,
     fidelity: Fidelity = 0.01,
     sweeps: Sweeps = 10,
-    fit: Fit = "sweeps",
+    fit: VertexFit = "sweeps",
 ) -> Vectors:
     """Find normals that are bilateral means of each other and near the given ones, then move the vertices to them.
 

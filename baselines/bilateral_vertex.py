@@ -11,7 +11,7 @@ from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, u
 from cascadenorm.mesh.vectors import dot, row, squared_distance, subtract
 from cascadenorm.registry import Parameter, method
 
-CUTOFF = 2.0  # spreads beyond which a neighbour is left out
+NEIGHBOR_CUTOFF = 2.0  # spreads beyond which a neighbour is left out
 
 Steps = Annotated[int, Parameter("steps taken", minimum=0)]
 Closeness = Annotated[
@@ -48,7 +48,7 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
     height_spread = 0.0 if sigma_s is None else sigma_s * edge
     for _ in track(iterations):
         spreads = shortest_edges(mesh) if sigma_c is None else np.full(count, sigma_c * edge)
-        near = within(mesh.vertices, CUTOFF * spreads, mesh.vertices, graph, alone)
+        near = within(mesh.vertices, NEIGHBOR_CUTOFF * spreads, mesh.vertices, graph, alone)
         moved = np.empty_like(mesh.vertices)
         parallel_for(count, _bilateral_step, mesh.vertices, vertex_normals(mesh), spreads, height_spread, near, moved)
         mesh = mesh.moved(moved)
@@ -74,7 +74,7 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
     """
     count, edge = len(mesh.vertices), mesh.mean_edge_length
     topology, spread = mesh.topology, sigma_f * edge
-    radii = np.full(count, CUTOFF * spread)
+    radii = np.full(count, NEIGHBOR_CUTOFF * spread)
     near = within(mesh.vertices, radii, mesh.centroids, topology.face_rings(1), topology.vertex_faces)
     mollified = np.empty_like(mesh.vertices)
     parallel_for(count, _centroid_means, mesh.vertices, mesh.centroids, mesh.areas, 0.5 * spread, near, mollified)

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from cascadenorm.baselines.diffusion import Moving, Scheme, Step, flowed
+from cascadenorm.baselines.diffusion import DiffusionStep, Moving, Scheme, flowed
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import MOLLIFICATION, cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors
@@ -14,7 +14,7 @@ def mean_curvature_flow(
     mesh: Mesh,
     *,
     scheme: Annotated[Scheme, Parameter("implicit steps are stable at any size")] = "implicit",
-    step: Step = 0.25,
+    step: DiffusionStep = 0.25,
     iterations: Annotated[int, Parameter("steps, each with a new Laplacian", minimum=0)] = 3,
     region: Moving = None,
 ) -> Vectors:

@@ -10,18 +10,18 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
+from cascadenorm.geometry.laplacians import Laplacian, Order, VertexMask, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver_of_rings, solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
 Scheme = Literal["explicit", "implicit"]
-Step = Annotated[
+DiffusionStep = Annotated[
     float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0, below=math.inf)
 ]
-Moving = Annotated[Region | None, Parameter("(n,) bool, the vertices that move; the others are fixed")]
+Moving = Annotated[VertexMask | None, Parameter("(n,) bool, the vertices that move; the others are fixed")]
 
-LARGEST = 2.0  # eigenvalue of -Δ with uniform weights
+LARGEST_EIGENVALUE = 2.0  # eigenvalue of -Δ with uniform weights
 MOST_STEPS = 10_000  # explicit steps that a call may be cut into
 
 logger = logging.getLogger(__name__)
@@ -33,7 +33,7 @@ def _rings(given: Mapping[str, Any], _: int) -> int | None:
         return None
     order: Order = given["order"]
     iterations = int(given["iterations"])
-    return order * iterations * _stable_cuts(LARGEST, given["step"], iterations, order)
+    return order * iterations * _stable_cuts(LARGEST_EIGENVALUE, given["step"], iterations, order)
 
 
 @method("laplacian", source="Desbrun, Meyer, Schröder, Barr 1999", family="smoothing", rings=_rings)
@@ -81,7 +81,7 @@ def diffuse(
     iterations: int,
     scheme: Scheme = "implicit",
     order: Order = 1,
-    region: Region | None = None,
+    region: VertexMask | None = None,
 ) -> NDArray[np.float64]:
     """Take steps of x_t = -(-Δ)^order x: an eigenvector of -Δ with value k is scaled by 1 - tk^p, or by 1/(1 + tk^p).
 
@@ -136,7 +136,7 @@ def diffuse(
 
 
 def flowed(
-    mesh: Mesh, laplacian: Laplacian, *, time: float, scheme: Scheme = "implicit", region: Region | None = None
+    mesh: Mesh, laplacian: Laplacian, *, time: float, scheme: Scheme = "implicit", region: VertexMask | None = None
 ) -> Vectors:
     """Take one step of x_t = Δx, in which boundary vertices move off the surface only: along it nothing holds them.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Floats, Ints32, Mesh, Topology, Vectors, angles_between, kernel, parallel_for
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
-STEEPEST = 1e3  # weight of a vertex at an edge that counts
+LARGEST_WEIGHT = 1e3  # weight of a vertex at an edge that counts
 
 EdgeOperator = Literal["area", "cotan"]
 
@@ -73,6 +73,6 @@ def _edge_coefficients(start: int, stop: int, vertices: Vectors, quads: Ints32, 
                 second, fourth = squared / right, squared / left
         along = second * dot(u, v) + fourth * dot(u, w)
         third = -along / squared if squared > 0.0 else 0.0
-        if max(abs(second), abs(third), abs(fourth), abs(second + third + fourth)) > STEEPEST:
+        if max(abs(second), abs(third), abs(fourth), abs(second + third + fourth)) > LARGEST_WEIGHT:
             second = third = fourth = 0.0
         out[e, 0], out[e, 1], out[e, 2], out[e, 3] = -(second + third + fourth), second, third, fourth

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from cascadenorm.geometry.fairing import fair
-from cascadenorm.geometry.laplacians import Order, Region, Weights
+from cascadenorm.geometry.laplacians import Order, VertexMask, Weights
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
@@ -14,7 +14,7 @@ Fairness = Annotated[Order, Parameter("1 membrane, 2 thin plate, 3 minimum varia
 def fairing(
     mesh: Mesh,
     *,
-    region: Annotated[Region | None, Parameter("(n,) bool, the vertices to replace; required")] = None,
+    region: Annotated[VertexMask | None, Parameter("(n,) bool, the vertices to replace; required")] = None,
     order: Fairness = 2,
     weights: Annotated[Weights, Parameter("of the Laplacian: mean of the neighbours, or cotangents")] = "cotan",
     iterations: Annotated[int, Parameter("solutions, each with the Laplacian of the one before", minimum=0)] = 2,

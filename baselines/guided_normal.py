@@ -14,7 +14,7 @@ from cascadenorm.baselines.bilateral_normal import (
     joint_bilateral_pass,
     spatial_weights,
 )
-from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import each_alone, within
@@ -42,7 +42,7 @@ Radius = Annotated[
         above=0,
     ),
 ]
-REACH = 10
+FIRST_REACH = 10
 """Edges around a face within which a pass is first taken to see the mesh; its neighbourhoods are by distance."""
 GuidedDistance = Annotated[
     float | None,
@@ -64,7 +64,7 @@ def guided_normal(
     sigma_r: GuideSpread = None,
     iterations: GuidedPasses = None,
     sweeps: Sweeps = 10,
-    fit: Fit = "sweeps",
+    fit: VertexFit = "sweeps",
 ) -> Vectors:
     """Average each face normal with those of near faces that have a similar guidance, and let the vertices follow.
 
@@ -87,7 +87,9 @@ def guided_normal(
             normals = guided_normals(mesh, neighbors, chosen, sigma_s=spread)
         else:
             work = partial(_of_patch, chosen, spread, radius, start.mean_edge_length)
-            normals = rows_of_faces(mesh, work, reach=REACH, facts=["mean_edge_length"], vertices=[start.vertices])
+            normals = rows_of_faces(
+                mesh, work, reach=FIRST_REACH, facts=["mean_edge_length"], vertices=[start.vertices]
+            )
         mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
     return mesh.vertices.copy()
 

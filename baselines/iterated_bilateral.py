@@ -10,7 +10,7 @@ from cascadenorm.mesh import Csr, Floats32, Mesh, kernel, parallel_for
 
 LANES = 4
 """Range spreads that are filtered side by side."""
-LARGEST = 1000.0
+LARGEST_AREA = 1000.0
 """No face weighs more than one of so many median areas: many passes would carry a spike far."""
 
 
@@ -65,7 +65,7 @@ def _range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
 def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
     """One ring of faces, what each face weighs in its own average, and what each of its neighbours does there."""
     rings = mesh.topology.face_rings(1)
-    share = 1 / np.maximum(mesh.areas / (LARGEST * mesh.median_area), 1)  # of its area that a face weighs
+    share = 1 / np.maximum(mesh.areas / (LARGEST_AREA * mesh.median_area), 1)  # of its area that a face weighs
     own = (share * mesh.areas / mesh.median_area).astype(np.float32)
     return rings, own, spatial_weights(mesh, rings, 1.0, own)
 

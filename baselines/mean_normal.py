@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
-from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_rings, fit_vertices
+from cascadenorm.baselines.vertex_fit import VertexFit, filter_rings, fit_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
@@ -26,7 +26,7 @@ WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 
 
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
-def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit: Fit = "sweeps") -> Vectors:
+def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit: VertexFit = "sweeps") -> Vectors:
     """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges.
 
     Formula
@@ -44,7 +44,7 @@ def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit:
 
 @method("unilateral-normal", source="Sun, Rosin, Martin, Langbein 2007", family="normals", rings=filter_rings)
 def unilateral_normal(
-    mesh: Mesh, *, threshold: Threshold = 0.4, iterations: Passes = 10, sweeps: Sweeps = 10, fit: Fit = "sweeps"
+    mesh: Mesh, *, threshold: Threshold = 0.4, iterations: Passes = 10, sweeps: Sweeps = 10, fit: VertexFit = "sweeps"
 ) -> Vectors:
     """Average each face normal with similar ones around it: n_f ← unit Σ_g max(<n_f, n_g> - T, 0)² n_g.
 
@@ -75,7 +75,7 @@ def random_walk_normal(
     length: WalkLength = 2,
     iterations: Passes = 5,
     sweeps: Sweeps = 10,
-    fit: Fit = "sweeps",
+    fit: VertexFit = "sweeps",
 ) -> Vectors:
     """Average each face normal with those that a random walk from it visits; it likes to step to similar normals.
 

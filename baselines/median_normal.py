@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import Passes
-from cascadenorm.baselines.vertex_fit import Fit, filter_rings, fit_vertices
+from cascadenorm.baselines.vertex_fit import VertexFit, filter_rings, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
@@ -22,7 +22,7 @@ Median = Annotated[
 
 @method("median-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
 def median_normal(
-    mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10, fit: Fit = "sweeps"
+    mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10, fit: VertexFit = "sweeps"
 ) -> Vectors:
     """Replace each face normal by the weighted median of those around it, then move the vertices to them.
 

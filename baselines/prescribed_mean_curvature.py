@@ -6,10 +6,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.anisotropic_diffusion import Presmoothing, anisotropic_laplacian, smoothed_normals
-from cascadenorm.baselines.diffusion import Moving, Step, diffuse
+from cascadenorm.baselines.anisotropic_diffusion import Presmoothing, anisotropic_laplacian, diffused_vertex_normals
+from cascadenorm.baselines.diffusion import DiffusionStep, Moving, diffuse
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.laplacians import Region, cotangent_laplacian
+from cascadenorm.geometry.laplacians import VertexMask, cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
@@ -36,7 +36,7 @@ def prescribed_mean_curvature(
         ),
     ] = 0.15,
     presmoothing: Presmoothing = 1.0,
-    step: Step = 0.5,
+    step: DiffusionStep = 0.5,
     iterations: Annotated[int, Parameter("semi-implicit steps", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:
@@ -61,14 +61,14 @@ def prescribed_mean_curvature(
     edge = mesh.mean_edge_length
     unit_time = edge**2
     time = step * unit_time
-    normals = smoothed_normals(mesh, presmoothing)
+    normals = diffused_vertex_normals(mesh, presmoothing)
     weights = crease_weights(mesh, normals, threshold=threshold)
     smoother = anisotropic_laplacian(mesh, normals, threshold=threshold)
     curvature = smoother.inverse_mass * (area_gradient(mesh, weights) * normals).sum(axis=1)
     target = diffuse(smoother, curvature[:, None], time=smoothing / SMOOTHINGS * unit_time, iterations=SMOOTHINGS)
     for _ in track(iterations):
         laplacian = cotangent_laplacian(mesh)
-        normals = smoothed_normals(mesh, presmoothing)
+        normals = diffused_vertex_normals(mesh, presmoothing)
         velocity = target * normals - laplacian.inverse_mass[:, None] * area_gradient(mesh, weights)
         velocity -= drift(mesh, laplacian.mass, velocity, region)
         if region is not None:
@@ -79,7 +79,7 @@ def prescribed_mean_curvature(
     return mesh.vertices.copy()
 
 
-def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: Region | None) -> Vectors:
+def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: VertexMask | None) -> Vectors:
     """Return (n, 3) the mean velocity of the part of the mesh that each vertex belongs to, unless something holds it.
 
     The pulls on a part with creases need not cancel, and one that is tiny would fly off.

@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.sparse_solvers import solver_of_steps
@@ -23,7 +23,9 @@ Width = Annotated[
 Jump = Annotated[
     float, Parameter("σ, change of the guidance normals over the width that counts as an edge", "chord", above=0)
 ]
-Rounds = Annotated[int, Parameter("filters of the given normals, each guided by the result of the last", minimum=0)]
+GuidedRounds = Annotated[
+    int, Parameter("filters of the given normals, each guided by the result of the last", minimum=0)
+]
 
 
 @method("rolling-guidance-normal", source="after Wang, Fu, Liu, Tong, Liu, Guo 2015", family="normals")
@@ -32,9 +34,9 @@ def rolling_guidance_normal(
     *,
     width: Width = 3.0,
     sigma: Jump = 0.6,
-    iterations: Rounds = 4,
+    iterations: GuidedRounds = 4,
     sweeps: Sweeps = 60,
-    fit: Fit = "sweeps",
+    fit: VertexFit = "sweeps",
 ) -> Vectors:
     """Remove features up to a width: filter normals under the guidance of their own filtered ones, then fit vertices.
 
@@ -54,7 +56,7 @@ def rolling_guidance_normal(
     if width == 0 or not mesh.mean_edge_length > 0:
         return mesh.vertices.copy()
     normals = rolled_normals(mesh, width=width * mesh.mean_edge_length, sigma=sigma, iterations=iterations)
-    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps, weighting="angles")
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps, weighting="inverse-height")
 
 
 def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -> Vectors:

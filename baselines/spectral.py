@@ -12,7 +12,7 @@ from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
 EXACT_LIMIT = 200_000  # vertices above which "auto" approximates the harmonics
-DEFAULT_COUNT = 300
+HARMONICS_COUNT = 300
 
 Transfer = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From the (k,) eigenvalues to their (k,) weights."""
@@ -49,7 +49,7 @@ def spectral(
     whether noise or not.
     """
     available = int((mesh.topology.vertex_faces.counts > 0).sum())
-    count = min(DEFAULT_COUNT, available) if harmonics is None else harmonics
+    count = min(HARMONICS_COUNT, available) if harmonics is None else harmonics
     check_count(count, available)
     parts = len(np.unique(mesh.topology.face_components))
     if parts >= count and count < available:

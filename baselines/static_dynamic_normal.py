@@ -10,14 +10,14 @@ import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass
 from cascadenorm.baselines.guided_normal import GuidedDistance, centroid_distance, faces_within, patch_guidance
-from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import row, squared_distance
 from cascadenorm.registry import Parameter, method
 
-REACH = 3.0
+SPREADS_REACH = 3.0
 """Radius of the neighbourhood, in spreads over distance."""
 
 Smoothness = Annotated[float, Parameter("λ, weight of the differences between normals against fidelity", minimum=0)]
@@ -25,7 +25,7 @@ StaticSpread = Annotated[float, Parameter("spread over the chord between guidanc
 DynamicSpread = Annotated[
     float, Parameter("spread over the chord between the normals that are sought", "chord", minimum=1e-6)
 ]
-Passes = Annotated[int, Parameter("passes over the normals in each iteration", minimum=0)]
+InnerPasses = Annotated[int, Parameter("passes over the normals in each iteration", minimum=0)]
 Iterations = Annotated[int, Parameter("filters, each of the normals that the vertices have by then", minimum=0)]
 
 
@@ -37,10 +37,10 @@ def static_dynamic_normal(
     sigma_s: GuidedDistance = None,
     sigma_g: StaticSpread = 0.3,
     sigma_r: DynamicSpread = 0.6,
-    passes: Passes = 8,
+    passes: InnerPasses = 8,
     iterations: Iterations = 5,
     sweeps: Sweeps = 10,
-    fit: Fit = "sweeps",
+    fit: VertexFit = "sweeps",
 ) -> Vectors:
     """Find normals near the given ones that differ little within regions of a guidance, and let the vertices follow.
 
@@ -88,7 +88,7 @@ class StaticDynamic:
     ) -> None:
         count = len(mesh.faces)
         self.given, self.areas, self.sigma_r = mesh.face_normals, mesh.areas, sigma_r
-        self.neighbors = faces_within(mesh, REACH * sigma_s)
+        self.neighbors = faces_within(mesh, SPREADS_REACH * sigma_s)
         parallel_for(count, _sort_rows, self.neighbors)
         self.weights, spatial = np.empty(len(self.neighbors.indices)), np.empty(count)
         over_distance, over_guidance = 0.5 / (sigma_s * mesh.mean_edge_length) ** 2, 0.5 / sigma_g**2

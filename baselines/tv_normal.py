@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.vertex_fit import Fit, fit_vertices
+from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.compute.csr import grouped
 from cascadenorm.execution.progress import track
@@ -17,15 +17,16 @@ from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, paral
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.registry import Parameter, method
 
-LEAST_AREA = 1e-6  # squared mean edges; faces without area get a normal from their neighbours
+LEAST_AREA_IN_EDGES = 1e-6  # squared mean edges; faces without area get a normal from their neighbours
 PENALTY = 1.0  # of the tie between differences and normals; sets how fast it converges, not to what
-TOLERANCE = 2e-7  # residual of a round against 2αA n*: on average under 1e-4 degrees from the result of exact rounds
+ROUND_TOLERANCE = 2e-7
+"""Residual of a round against 2αA n*: on average under 1e-4 degrees from the result of exact rounds."""
 MILD = 100.0  # condition up to which over-relaxation costs less than solving with factors
 LEAST_RATE = 0.01  # of the residual that a sweep is taken to leave, since faces differ
 MOST_SWEEPS = 400  # of one round; the next one starts where they end, so more change nothing
-BLOCK = 4096  # faces whose residuals are added up, whatever the number of threads
+RESIDUAL_BLOCK = 4096  # faces whose residuals are added up, whatever the number of threads
 
-Fidelity = Annotated[
+TotalVariationFidelity = Annotated[
     float,
     Parameter(
         "α, weight of fidelity to the given normals against total variation", "1 / mean edge length", minimum=1e-6
@@ -39,11 +40,11 @@ Repeats = Annotated[int, Parameter("minimisations, each starts from the normals 
 def tv_normal(
     mesh: Mesh,
     *,
-    fidelity: Fidelity = 9.0,
+    fidelity: TotalVariationFidelity = 9.0,
     rounds: Rounds = 20,
     iterations: Repeats = 12,
     sweeps: Sweeps = 10,
-    fit: Fit = "sweeps",
+    fit: VertexFit = "sweeps",
 ) -> Vectors:
     """Find normals that vary little, but may jump, near the given ones, then move the vertices to them.
 
@@ -96,7 +97,7 @@ class TotalVariation:
         self.places[self.colors.indices] = np.arange(count, dtype=np.int32)
         self.pairs = self.places[pairs]
         self.sides = _sides(self.pairs, lengths, count)
-        self.pull = 2 * fidelity * np.maximum(mesh.areas[self.colors.indices] / edge**2, LEAST_AREA)
+        self.pull = 2 * fidelity * np.maximum(mesh.areas[self.colors.indices] / edge**2, LEAST_AREA_IN_EDGES)
 
         # the matrix is 2αA + r Dᵀl D; the relaxation is the best (Young 1954) where all faces have the same diagonal
         around = PENALTY * np.abs(self.sides.lengths).sum(axis=1)
@@ -126,11 +127,11 @@ class TotalVariation:
         if self.direct:
             values[:] = self.direct(right)
             return
-        bound = (TOLERANCE / max(self.relaxation - 1, LEAST_RATE)) ** 2 * (self.pull**2).sum()
+        bound = (ROUND_TOLERANCE / max(self.relaxation - 1, LEAST_RATE)) ** 2 * (self.pull**2).sum()
         for _ in range(MOST_SWEEPS):
             squared = 0.0
             for first, last in pairwise(self.colors.indptr):
-                squares = np.empty(-(-(last - first) // BLOCK))
+                squares = np.empty(-(-(last - first) // RESIDUAL_BLOCK))
                 arrays = self.sides, self.diagonal, right, values, squares
                 parallel_for(len(squares), _relax, first, last, self.relaxation, *arrays, smallest=1)
                 squared += squares.sum()
@@ -138,7 +139,7 @@ class TotalVariation:
                 break
 
 
-class Sides(NamedTuple):
+class FaceSides(NamedTuple):
     """What is at the sides of each face; one without a single other face beyond it has the length 0.
 
     Parameters
@@ -156,10 +157,10 @@ class Sides(NamedTuple):
     lengths: Floats
 
 
-def _sides(pairs: NDArray[np.int32], lengths: Floats, face_count: int) -> Sides:
+def _sides(pairs: NDArray[np.int32], lengths: Floats, face_count: int) -> FaceSides:
     shape = face_count, 3
     across = np.repeat(np.arange(face_count, dtype=np.int32), 3).reshape(shape)
-    sides = Sides(across, np.zeros(shape, np.int32), np.zeros(shape))
+    sides = FaceSides(across, np.zeros(shape, np.int32), np.zeros(shape))
     _fill_sides(pairs, lengths, np.zeros(face_count, np.int8), sides)
     return sides
 
@@ -171,7 +172,7 @@ def difference_operator(pairs: NDArray[np.int32], face_count: int) -> Any:
 
 
 @kernel
-def _fill_sides(pairs: Ints32, lengths: Floats, filled: NDArray[np.int8], sides: Sides) -> None:
+def _fill_sides(pairs: Ints32, lengths: Floats, filled: NDArray[np.int8], sides: FaceSides) -> None:
     for e in range(len(pairs)):
         f, g = pairs[e]
         if f != g:  # which a face that repeats a vertex is to itself
@@ -205,7 +206,7 @@ def _weights(start: int, stop: int, given: Vectors, pairs: Ints32, weights: Floa
 def _right_side(
     start: int,
     stop: int,
-    sides: Sides,
+    sides: FaceSides,
     pull: Floats,
     given: Vectors,
     ties: Vectors,
@@ -226,7 +227,7 @@ def _relax(
     first: Index,
     last: Index,
     relaxation: float,
-    sides: Sides,
+    sides: FaceSides,
     diagonal: Floats,
     right: Vectors,
     values: Vectors,
@@ -235,7 +236,7 @@ def _relax(
     """Solve for the faces first … last of one colour, in blocks, over-relaxed; write Σ |residual|² of each block."""
     for block in range(start, stop):
         squares[block] = 0.0
-        for f in range(first + block * BLOCK, min(first + (block + 1) * BLOCK, last)):
+        for f in range(first + block * RESIDUAL_BLOCK, min(first + (block + 1) * RESIDUAL_BLOCK, last)):
             total = row(right, f)
             for side in range(3):
                 weight = PENALTY * abs(sides.lengths[f, side])

@@ -11,7 +11,7 @@ from cascadenorm.geometry.sparse_solvers import DENSE_LIMIT, Factorisation, solv
 from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add
 from cascadenorm.registry import Parameter
 
-Fit = Annotated[
+VertexFit = Annotated[
     Literal["sweeps", "least-squares"],
     Parameter("how vertices follow the normals: Gauss-Seidel sweeps, or one sparse solve that may flip faces"),
 ]
@@ -35,7 +35,7 @@ def fit_vertices(
     *,
     fit: Literal["sweeps", "least-squares"],
     sweeps: int,
-    weighting: Weighting = "heights",
+    weighting: Weighting = "uniform",
 ) -> Vectors:
     """Move vertices until the faces take the given normals, (m, 3), in the way that is chosen."""
     if fit == "sweeps":

@@ -10,8 +10,8 @@ from cascadenorm.mesh.vectors import Vector, add, cross, divided, dot, row, scal
 from cascadenorm.registry import Parameter
 
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
-Weighting = Literal["heights", "angles"]
-"""What the vertex update makes small; see `recover_vertices`."""
+Weighting = Literal["uniform", "inverse-height"]
+"""How much each face counts in the vertex update; see `recover_vertices`."""
 Foldovers = Literal["avoid", "ignore"]
 """What the vertex update does about faces that a step flips against their normal; see `recover_vertices`."""
 LEAST_HEIGHT = 0.05
@@ -23,15 +23,15 @@ def recover_vertices(
     normals: Vectors,
     *,
     sweeps: int = 20,
-    weighting: Weighting = "heights",
+    weighting: Weighting = "uniform",
     foldovers: Foldovers = "avoid",
     movable: NDArray[np.bool_] | None = None,
 ) -> Vectors:
     """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
-    With weighting = "angles" it is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f, w_f from `face_weights`.
-    Unless foldovers are ignored, a step that would flip a face against its normal is shortened, and the vertices of a
-    face that is flipped already are pulled toward the middle of their neighbours until it lies right.
+    With weighting = "inverse-height" it is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f with w_f from
+    `face_weights`. Unless foldovers are ignored, a step that would flip a face against its normal is shortened, and the
+    vertices of a face that is flipped already are pulled toward the middle of their neighbours until it lies right.
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ def recover_vertices(
         Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of the
         vertices.
     weighting
-        "heights", as published, minimises the distances of corners from the plane of their face, which are small for a
-        thin face even where its normal is far off; "angles" divides them by the height of the face, and over-relaxes,
-        so that 20 sweeps converge as far as 100.
+        "uniform", as published, minimises the distances of corners from the plane of their face, which are small for a
+        thin face even where its normal is far off; "inverse-height" divides them by the height of the face, and
+        over-relaxes, so that 20 sweeps converge as far as 100.
     foldovers
         "avoid", or "ignore", as published, where each step is the whole sum whatever faces it flips.
     movable
@@ -69,14 +69,14 @@ def recover_vertices(
 
 def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
     """How much each face pulls at its vertices, (m,): 1, or one over its height in mean edge lengths, 20 at most."""
-    if weighting == "heights" or not mesh.mean_edge_length > 0:
+    if weighting == "uniform" or not mesh.mean_edge_length > 0:
         return np.ones(len(mesh.faces))
     return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
 
 
 def _over_relaxation(weighting: Weighting) -> float:
     """Return the length of a step against the published one."""
-    return 2.3 if weighting == "angles" else 1.0
+    return 2.3 if weighting == "inverse-height" else 1.0
 
 
 @kernel

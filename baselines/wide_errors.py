@@ -12,7 +12,7 @@ from cascadenorm.mesh import Floats, Mesh, Vectors
 SHARES = 0.6, 0.525, 0.675
 """Lengths of the edges of the copies, in widths of the error. The clusters of each lie elsewhere, so that its facets,
 and steps that it takes for shape, are a third of the mean."""
-PASSES = 10
+FINISHING_PASSES = 10
 """Of the bilateral filter over the mesh at the end, which evens out the facets of the copies."""
 
 
@@ -40,7 +40,7 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
         copy = coarse_copy(mesh, SHARES[number] * width)
         sums += mesh.vertices if copy is None else copy.carried_over(mesh.vertices, denoise(copy))
     carried = np.where(mesh.topology.used_vertices[:, None], sums / len(SHARES), mesh.vertices)
-    return bilateral_normal(mesh.moved(carried), iterations=PASSES)
+    return bilateral_normal(mesh.moved(carried), iterations=FINISHING_PASSES)
 
 
 def without_steps(

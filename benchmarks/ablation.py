@@ -54,20 +54,20 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
         seed=auto.seed,
         faces_per_mesh=auto.faces_per_mesh,
         data=auto.data,
-        fit=replace(auto.fit, hidden=paper.fit.hidden, activation=paper.fit.activation),
+        fit=replace(auto.fit, hidden=paper.fit.hidden),
     )
     rungs = {"the paper": step}
+    published = paper.stages[0]
+    update = {"weighting": published.weighting, "foldovers": published.foldovers}
+    filtered, fitted = (
+        tuple(replace(stage, activation=published.activation, sweeps=published.sweeps, **kept) for stage in auto.stages)
+        for kept in (update, {})
+    )
     changes = {
-        "+ iterated filters, smoothed vertices, in place of one pass and guided filters": {
-            "descriptors": auto.descriptors,
-            "neighborhood": auto.neighborhood,
-        },
+        "+ iterated filters, smoothed vertices, in place of one pass and guided filters": {"stages": filtered},
         "+ context features": {"context": auto.context},
-        "+ last fit by angles, foldovers avoided": {
-            "last_weighting": auto.last_weighting,
-            "foldovers": auto.foldovers,
-        },
-        "+ two hidden layers, fewer sweeps between the stages": {"fit": auto.fit, "sweeps": auto.sweeps},
+        "+ last fit by angles, foldovers avoided": {"stages": fitted},
+        "+ two hidden layers, fewer sweeps between the stages": {"fit": auto.fit, "stages": auto.stages},
     }
     for name, change in changes.items():
         step = replace(step, **change)
@@ -80,7 +80,7 @@ def trained(config: TrainConfig, path: Path, generated: Path) -> Cascade:
     if path.exists() and (kept := Cascade.load(path)).card["config"] == json.loads(json.dumps(asdict(config))):
         return kept
     checkpoint = path.with_suffix(".training")
-    cascade = training.train(config, checkpoint, generated=generated)
+    cascade = training.train_cascade(config, checkpoint, generated=generated)
     write_atomically(path, [cascade.to_bytes()], force=True)
     shutil.rmtree(checkpoint)
     return cascade

@@ -18,11 +18,11 @@ from vtkmodules.vtkFiltersCore import vtkSurfaceNets3D
 from vtkmodules.vtkFiltersGeneral import vtkDiscreteFlyingEdges3D
 
 import cascadenorm as cn
-from cascadenorm.data_gen.families import FAMILIES
+from cascadenorm.data_gen.families import SHAPE_FAMILIES
 from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
-from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.execution.process_map import side_by_side
 from cascadenorm.mesh import Mesh, angles_between, thread_count
 
@@ -104,7 +104,7 @@ def angles_of_shape(number: int, *, voxels: int) -> list[list[float]]:
     rng = np.random.default_rng([SEED, number])
     while True:
         try:
-            field = FAMILIES[SHAPES[number % len(SHAPES)]].shape(0.05, rng)
+            field = SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]].shape(0.05, rng)
             extent = extent_of(field, rng=rng)
         except UnfitShapeError:
             continue
@@ -121,7 +121,7 @@ def angles_of_shape(number: int, *, voxels: int) -> list[list[float]]:
     return rows
 
 
-def measured(field: Field, made: pyvista.PolyData, origin: NDArray[np.float64], size: float) -> Measured:
+def measured(field: DistanceField, made: pyvista.PolyData, origin: NDArray[np.float64], size: float) -> Measured:
     """Place a mesh that is given in voxels over its shape, its normals outward."""
     faces = made.faces.reshape(-1, 4)[:, 1:]
     noisy = Mesh(origin + size * np.asarray(made.points, np.float64), faces)

@@ -16,7 +16,7 @@ from extractors import METHODS, SHAPES, angle
 from results import between_markers
 
 import cascadenorm as cn
-from cascadenorm.data_gen.families import FAMILIES, Family
+from cascadenorm.data_gen.families import SHAPE_FAMILIES, ShapeFamily
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.scanning.measured import Measured
@@ -29,22 +29,22 @@ BEGIN, END = "<!-- levels: written by benchmarks/levels.py -->", "<!-- end of le
 SEED = 992
 FACES = 10_000
 
-Maker = Callable[[Family, float, np.random.Generator], Measured]
+Maker = Callable[[ShapeFamily, float, np.random.Generator], Measured]
 
 
-def grainy(family: Family, share: float, rng: np.random.Generator) -> Measured:
+def grainy(family: ShapeFamily, share: float, rng: np.random.Generator) -> Measured:
     """Mesh a grey volume whose grain deviates by a share of the contrast."""
     field = family.shape(0.05, rng)
     return tomogram(field, extent_of(field, rng=rng), faces=FACES, level=5 * share, rng=rng)
 
 
-def reconstructed(family: Family, gaps: float, rng: np.random.Generator) -> Measured:
+def reconstructed(family: ShapeFamily, gaps: float, rng: np.random.Generator) -> Measured:
     """Reconstruct from points that are off along the normals, by so many mean distances between points."""
     field = family.shape(0.05, rng)
     return reconstruction(field, extent_of(field, rng=rng), faces=FACES, level=gaps, rng=rng)
 
 
-def bumpy(family: Family, edges: float, rng: np.random.Generator) -> Measured:
+def bumpy(family: ShapeFamily, edges: float, rng: np.random.Generator) -> Measured:
     """Displace the vertices of a clean mesh by error that is correlated over several edges."""
     clean = family.make(faces=FACES, rng=rng).clean
     noisy = clean.moved(clean.vertices + displacements(clean, "correlated", level=edges, rng=rng))
@@ -80,7 +80,7 @@ def angles_of_shape(number: int, *, make: Maker, level: float) -> list[float]:
     rng = np.random.default_rng([SEED, number])
     while True:
         try:
-            noisy, _, normals = make(FAMILIES[SHAPES[number % len(SHAPES)]], level, rng)
+            noisy, _, normals = make(SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]], level, rng)
         except UnfitShapeError:
             continue
         break

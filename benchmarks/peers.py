@@ -22,7 +22,7 @@ from real import errors
 from results import between_markers
 
 import cascadenorm as cn
-from cascadenorm.geometry.nearest import Surface
+from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh
 
@@ -55,12 +55,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         kept = json.loads(chosen.figures.read_text(encoding="utf-8"))
     cases = sorted(path.parent for path in chosen.folder.glob("*-*/noisy.*"))
     cases = [case for case in cases if not chosen.kind or case.name.split("-")[0] in chosen.kind]
-    surfaces: dict[str, tuple[Mesh, Surface]] = {}
+    surfaces: dict[str, tuple[Mesh, SurfaceTree]] = {}
     for case in cases:
         shape = case.name.split("-", 1)[1]
         if shape not in surfaces:
             truth = as_mesh(Path(chosen.truth.format(shape=shape)))
-            surfaces[shape] = truth, Surface(truth)
+            surfaces[shape] = truth, SurfaceTree(truth)
         noisy = as_mesh(next(case.glob("noisy.*")))
 
         def figure(mesh: Mesh, shape: str = shape, edge: float = noisy.mean_edge_length) -> Figure:

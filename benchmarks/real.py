@@ -13,7 +13,7 @@ import numpy as np
 from results import between_markers
 
 import cascadenorm as cn
-from cascadenorm.geometry.nearest import Surface
+from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh, angles_between
 
@@ -33,12 +33,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     methods = chosen.method or ["auto"]
     cases = sorted(path.parent for path in chosen.folder.glob("*-*/noisy.*"))
     figures: dict[str, list[list[tuple[float, float]]]] = {}
-    surfaces: dict[str, tuple[Mesh, Surface]] = {}
+    surfaces: dict[str, tuple[Mesh, SurfaceTree]] = {}
     for case in cases:
         kind, shape = case.name.split("-", 1)
         if shape not in surfaces:
             truth = as_mesh(Path(chosen.truth.format(shape=shape)))
-            surfaces[shape] = truth, Surface(truth)
+            surfaces[shape] = truth, SurfaceTree(truth)
         noisy = as_mesh(next(case.glob("noisy.*")))
         meshes = [noisy]
         if chosen.results:
@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         chosen.text.write_text(between_markers(text, table, BEGIN, END), encoding="utf-8")
 
 
-def errors(mesh: Mesh, truth: Mesh, surface: Surface, *, edge: float) -> tuple[float, float]:
+def errors(mesh: Mesh, truth: Mesh, surface: SurfaceTree, *, edge: float) -> tuple[float, float]:
     """Mean angle, by area, to the true faces nearest to the centroids, degrees; RMS distance of vertices, in edges."""
     theirs = truth.face_normals[surface.nearest(mesh.centroids).faces]
     known = mesh.face_normals.any(axis=1) & theirs.any(axis=1)

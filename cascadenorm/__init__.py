@@ -13,7 +13,7 @@ from cascadenorm.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from cascadenorm.api.api import Whole, compare, denoise, denoise_file, methods
-    from cascadenorm.api.denoised_files import DenoisingSummary
+    from cascadenorm.api.opened_files import DenoisingSummary
     from cascadenorm.api.regions import denoise_region_files, denoise_regions
     from cascadenorm.api.spectra import Spectrum, spectrum
     from cascadenorm.batch.batch import denoise_files
@@ -55,7 +55,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "Controls": "controls",
     "DenoiseError": "errors",
     "Denoiser": "models.models",
-    "DenoisingSummary": "api.denoised_files",
+    "DenoisingSummary": "api.opened_files",
     "Inspection": "inspection",
     "Measures": "geometry.metrics",
     "Mesh": "mesh",

@@ -4,10 +4,9 @@ The text of an error is written for callers in Python. A front end with other na
 command line, passes its own spelling to `message`.
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Any, TypeVar
+from typing import TypeVar
 
 Located = TypeVar("Located", bound="CascadenormError")
 
@@ -162,12 +161,3 @@ def reason(error: Exception) -> str:
     if isinstance(error, KeyError | IndexError | AssertionError) or not str(error):
         return f"it does not follow the format ({' '.join([type(error).__name__, str(error)]).strip()})"
     return str(error)
-
-
-def finite_json(content: Any) -> Any:
-    """Return a copy of what becomes JSON with text for the numbers that it does not have, such as "inf"."""
-    if isinstance(content, Mapping):
-        return {name: finite_json(value) for name, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [finite_json(value) for value in content]
-    return str(content) if isinstance(content, float) and not math.isfinite(content) else content

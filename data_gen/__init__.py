@@ -1,7 +1,7 @@
 """Training data: random shapes, their meshes, the noise put on them, and data sets of noisy/clean pairs."""
 
 from cascadenorm.data_gen.dataset import (
-    OWN,
+    OWN_FAMILY,
     DatasetConfig,
     Pair,
     clean_mesh,
@@ -11,16 +11,16 @@ from cascadenorm.data_gen.dataset import (
     pairs,
     write_dataset,
 )
-from cascadenorm.data_gen.families import FAMILIES, Family
+from cascadenorm.data_gen.families import SHAPE_FAMILIES, ShapeFamily
 from cascadenorm.data_gen.noise.noise import NoiseKind, displacements
 
 __all__ = [
-    "FAMILIES",
-    "OWN",
+    "OWN_FAMILY",
+    "SHAPE_FAMILIES",
     "DatasetConfig",
-    "Family",
     "NoiseKind",
     "Pair",
+    "ShapeFamily",
     "clean_mesh",
     "displacements",
     "family_of",

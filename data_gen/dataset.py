@@ -10,7 +10,7 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from cascadenorm.data_gen.families import FAMILIES, Family, Part
+from cascadenorm.data_gen.families import SHAPE_FAMILIES, ErrorPart, ShapeFamily
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError
 from cascadenorm.data_gen.noise.laser import LEVELS as LASER_LEVELS
 from cascadenorm.data_gen.noise.noise import NoiseKind, displacements
@@ -23,7 +23,7 @@ from cascadenorm.mesh import Mesh, Vectors
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
 LEAST_FACES = 1200  # of fewer, the details of some families would be finer than their triangles
-CLEAN: dict[Part, float] = {
+CLEAN_SHARES: dict[ErrorPart, float] = {
     "low-poly": 0.8,
     "decimated": 0.75,
     "structured": 0.7,
@@ -32,13 +32,13 @@ CLEAN: dict[Part, float] = {
     "tessellation": 1.0,  # nobody measures such triangles
 }
 """Share of the meshes that have no noise: so they leave the program that made them."""
-MORE_RELIEF: dict[Part, float] = {"isosurface": 3.0}
+MORE_RELIEF: dict[ErrorPart, float] = {"isosurface": 3.0}
 """Times the usual share of meshes with relief, where little else shows that smooth relief is not error."""
 CLEAN_RELIEF = 0.6  # share of the meshes with relief that have no noise
 RELIEF_LEVELS = 0.02, 0.3  # of the white noise on the others
 ATTEMPTS = 60  # shapes drawn for one index before giving up
 
-OWN = "own"  # in place of a family, where the mesh was not generated
+OWN_FAMILY = "own"  # in place of a family, where the mesh was not generated
 
 # streams of random numbers, separate so that noise settings leave the shapes as they are
 _SHAPE, _NOISE, _OWN = 0, 1, 2
@@ -67,7 +67,7 @@ class DatasetConfig:
     seed
         Of everything.
     families
-        Names out of FAMILIES; those left out are held out.
+        Names out of SHAPE_FAMILIES; those left out are held out.
     min_faces, max_faces
         Bounds for the wanted number of faces, drawn log-uniformly and met within a third or so.
     noise_kinds
@@ -83,7 +83,7 @@ class DatasetConfig:
 
     count: int = 2000
     seed: int = 0
-    families: tuple[str, ...] = tuple(FAMILIES)
+    families: tuple[str, ...] = tuple(SHAPE_FAMILIES)
     min_faces: int = 4000
     max_faces: int = 15000
     noise_kinds: tuple[NoiseKind, ...] = USUAL_KINDS
@@ -96,9 +96,9 @@ class DatasetConfig:
             raise ValueError(f"count is {self.count}; it must be at least 1")
         if self.seed < 0:
             raise ValueError(f"seed is {self.seed}; it must be at least 0")
-        unknown = [name for name in self.families if name not in FAMILIES]
+        unknown = [name for name in self.families if name not in SHAPE_FAMILIES]
         if unknown or not self.families:
-            raise ValueError(f"families are {unknown or 'empty'}; there are {', '.join(FAMILIES)}")
+            raise ValueError(f"families are {unknown or 'empty'}; there are {', '.join(SHAPE_FAMILIES)}")
         if not LEAST_FACES <= self.min_faces <= self.max_faces:
             raise ValueError(
                 f"faces are {self.min_faces} to {self.max_faces}; at least {LEAST_FACES}, and the larger one last"
@@ -128,7 +128,7 @@ class Pair(NamedTuple):
 
 def family_of(config: DatasetConfig, index: int) -> str:
     """Name of the family of shapes that an index draws from."""
-    weights = np.array([FAMILIES[name].weight for name in config.families])
+    weights = np.array([SHAPE_FAMILIES[name].weight for name in config.families])
     rng = _stream(config, index, _SHAPE)
     return str(rng.choice(config.families, p=weights / weights.sum()))
 
@@ -140,7 +140,7 @@ def clean_mesh(config: DatasetConfig, index: int) -> Mesh:
 
 def _drawn(config: DatasetConfig, index: int, *, level: float) -> Measured:
     """Make the mesh of an index, with the error of its measurement if that decides where its triangles are."""
-    family = FAMILIES[family_of(config, index)]
+    family = SHAPE_FAMILIES[family_of(config, index)]
     for attempt in range(ATTEMPTS):
         rng = _stream(config, index, _SHAPE, attempt + 1)
         faces = round(math.exp(rng.uniform(math.log(config.min_faces), math.log(config.max_faces))))
@@ -162,7 +162,7 @@ def _pulled(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
     return mesh.moved(mesh.vertices @ (axes * np.exp(rng.uniform(-0.55, 0.55, 3))) @ axes.T)
 
 
-def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Generator) -> tuple[NoiseKind, float]:
+def _noise(config: DatasetConfig, *, family: ShapeFamily | None, rng: np.random.Generator) -> tuple[NoiseKind, float]:
     """Draw kind and level of noise: that of depth cameras for what they see, little for few faces, none for CAD.
 
     Half of the levels of volumes and points are drawn uniformly, all others log-uniformly: grain and points that are
@@ -171,7 +171,7 @@ def _noise(config: DatasetConfig, *, family: Family | None, rng: np.random.Gener
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
     if family is not None and family.measured:  # whose level is that of its own error
         kinds = [kind for kind in kinds if kind != "none"] or ["normal"]
-    if family is not None and rng.random() < CLEAN.get(family.part, 0.0):
+    if family is not None and rng.random() < CLEAN_SHARES.get(family.part, 0.0):
         kinds = ["none"]
     if family is not None and family.part == "laser":
         return "laser", log_uniform(LASER_LEVELS, rng=rng)
@@ -188,7 +188,7 @@ def pair(config: DatasetConfig, index: int) -> Pair:
     """Make one noisy/clean pair; it depends on the config and the index alone."""
     name = family_of(config, index)
     rng = _stream(config, index, _NOISE)
-    family = FAMILIES[name]
+    family = SHAPE_FAMILIES[name]
     kind, level = _noise(config, family=family, rng=rng)
     if family.measured or (family.part == "fused" and kind == "sensor"):
         made = _drawn(config, index, level=level)
@@ -207,7 +207,7 @@ def pair(config: DatasetConfig, index: int) -> Pair:
 def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:
     """Put noise of the config on a clean mesh of one's own; another draw for each index."""
     rng = _stream(config, index, _OWN)
-    return _disturbed(clean, OWN, *_noise(config, family=None, rng=rng), rng=rng)
+    return _disturbed(clean, OWN_FAMILY, *_noise(config, family=None, rng=rng), rng=rng)
 
 
 def _disturbed(clean: Mesh, family: str, kind: NoiseKind, level: float, *, rng: np.random.Generator) -> Pair:

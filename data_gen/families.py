@@ -21,7 +21,7 @@ from cascadenorm.data_gen.scanning.views import view
 from cascadenorm.data_gen.scanning.volumes import segmentation, tomogram
 from cascadenorm.data_gen.shapes import cad, organic
 from cascadenorm.data_gen.shapes.engraving import engraved
-from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.polyhedra import polyhedron
 
 FINER = 3.0, 14.0  # times as many faces as are left by decimation
@@ -29,14 +29,14 @@ WIDEST_STEPS = 2.2  # ratio of the steps of a laser scanner, at most
 USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
 
 
-Part = Literal[
+ErrorPart = Literal[
     "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram",
     "tetrahedra", "isosurface", "points", "tessellation", "structured", "subdivided",
 ]  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Family:
+class ShapeFamily:
     """Random shapes of one sort.
 
     Parameters
@@ -57,10 +57,10 @@ class Family:
         parameters; or a subdivided cage.
     """
 
-    shape: Callable[[float, np.random.Generator], Field] | None
+    shape: Callable[[float, np.random.Generator], DistanceField] | None
     weight: float
     sharp: bool
-    part: Part = "whole"
+    part: ErrorPart = "whole"
 
     @property
     def closed(self) -> bool:
@@ -128,7 +128,7 @@ class Family:
         return Measured.on_surface(mesh, mesh)
 
 
-Shape = Callable[[float, np.random.Generator], Field]
+Shape = Callable[[float, np.random.Generator], DistanceField]
 
 
 def any_of(*shapes: Shape) -> Shape:
@@ -141,36 +141,36 @@ GROWN = any_of(organic.statue, organic.bust, organic.bumpy, organic.rock, organi
 SCENES = any_of(cad.tabletop, cad.tabletop, cad.assembly, cad.turned, GROWN)
 OBJECTS = any_of(cad.tabletop, MACHINED, GROWN)
 
-FAMILIES: dict[str, Family] = {
-    "assembly": Family(cad.assembly, 1.2, sharp=True),
-    "bracket": Family(cad.bracket, 0.9, sharp=True),
-    "wheel": Family(cad.wheel, 0.9, sharp=True),
-    "turned": Family(cad.turned, 0.8, sharp=True),
-    "plate": Family(cad.plate, 0.9, sharp=True),
-    "polyhedron": Family(polyhedron, 0.9, sharp=True),
-    "engraved": Family(engraved, 0.9, sharp=True),
-    "fan": Family(cad.fan, 0.7, sharp=True),
-    "creature": Family(organic.creature, 0.7, sharp=False),
-    "statue": Family(organic.statue, 1.6, sharp=False),
-    "mounted": Family(organic.mounted, 0.6, sharp=True),
-    "bust": Family(organic.bust, 1.2, sharp=False),
-    "bumpy": Family(organic.bumpy, 0.9, sharp=False),
-    "smooth": Family(organic.smooth, 0.8, sharp=False),
-    "rock": Family(organic.rock, 0.7, sharp=False),
-    "machined_piece": Family(MACHINED, 1.8, sharp=True, part="piece"),
-    "grown_piece": Family(GROWN, 2.2, sharp=False, part="piece"),
-    "view": Family(SCENES, 0.9, sharp=True, part="view"),
-    "fused": Family(OBJECTS, 0.9, sharp=True, part="fused"),
-    "laser": Family(any_of(GROWN, GROWN, SCENES), 0.9, sharp=True, part="laser"),
-    "low_poly": Family(OBJECTS, 0.9, sharp=True, part="low-poly"),
-    "decimated": Family(any_of(GROWN, GROWN, OBJECTS), 0.9, sharp=True, part="decimated"),
-    "subdivided": Family(any_of(GROWN, OBJECTS), 0.9, sharp=True, part="subdivided"),
-    "structured": Family(None, 0.9, sharp=False, part="structured"),
-    "segmentation": Family(OBJECTS, 0.9, sharp=True, part="mask"),
-    "slices": Family(OBJECTS, 0.9, sharp=True, part="slices"),
-    "tomogram": Family(OBJECTS, 0.9, sharp=True, part="tomogram"),
-    "tetrahedra": Family(OBJECTS, 0.9, sharp=True, part="tetrahedra"),
-    "isosurface": Family(OBJECTS, 0.9, sharp=True, part="isosurface"),
-    "points": Family(OBJECTS, 0.9, sharp=True, part="points"),
-    "cad_tessellation": Family(None, 0.9, sharp=True, part="tessellation"),
+SHAPE_FAMILIES: dict[str, ShapeFamily] = {
+    "assembly": ShapeFamily(cad.assembly, 1.2, sharp=True),
+    "bracket": ShapeFamily(cad.bracket, 0.9, sharp=True),
+    "wheel": ShapeFamily(cad.wheel, 0.9, sharp=True),
+    "turned": ShapeFamily(cad.turned, 0.8, sharp=True),
+    "plate": ShapeFamily(cad.plate, 0.9, sharp=True),
+    "polyhedron": ShapeFamily(polyhedron, 0.9, sharp=True),
+    "engraved": ShapeFamily(engraved, 0.9, sharp=True),
+    "fan": ShapeFamily(cad.fan, 0.7, sharp=True),
+    "creature": ShapeFamily(organic.creature, 0.7, sharp=False),
+    "statue": ShapeFamily(organic.statue, 1.6, sharp=False),
+    "mounted": ShapeFamily(organic.mounted, 0.6, sharp=True),
+    "bust": ShapeFamily(organic.bust, 1.2, sharp=False),
+    "bumpy": ShapeFamily(organic.bumpy, 0.9, sharp=False),
+    "smooth": ShapeFamily(organic.smooth, 0.8, sharp=False),
+    "rock": ShapeFamily(organic.rock, 0.7, sharp=False),
+    "machined_piece": ShapeFamily(MACHINED, 1.8, sharp=True, part="piece"),
+    "grown_piece": ShapeFamily(GROWN, 2.2, sharp=False, part="piece"),
+    "view": ShapeFamily(SCENES, 0.9, sharp=True, part="view"),
+    "fused": ShapeFamily(OBJECTS, 0.9, sharp=True, part="fused"),
+    "laser": ShapeFamily(any_of(GROWN, GROWN, SCENES), 0.9, sharp=True, part="laser"),
+    "low_poly": ShapeFamily(OBJECTS, 0.9, sharp=True, part="low-poly"),
+    "decimated": ShapeFamily(any_of(GROWN, GROWN, OBJECTS), 0.9, sharp=True, part="decimated"),
+    "subdivided": ShapeFamily(any_of(GROWN, OBJECTS), 0.9, sharp=True, part="subdivided"),
+    "structured": ShapeFamily(None, 0.9, sharp=False, part="structured"),
+    "segmentation": ShapeFamily(OBJECTS, 0.9, sharp=True, part="mask"),
+    "slices": ShapeFamily(OBJECTS, 0.9, sharp=True, part="slices"),
+    "tomogram": ShapeFamily(OBJECTS, 0.9, sharp=True, part="tomogram"),
+    "tetrahedra": ShapeFamily(OBJECTS, 0.9, sharp=True, part="tetrahedra"),
+    "isosurface": ShapeFamily(OBJECTS, 0.9, sharp=True, part="isosurface"),
+    "points": ShapeFamily(OBJECTS, 0.9, sharp=True, part="points"),
+    "cad_tessellation": ShapeFamily(None, 0.9, sharp=True, part="tessellation"),
 }

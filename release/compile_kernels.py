@@ -24,7 +24,7 @@ from numba.core import event
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.compute.shipped_kernels import FOLDER, PROCESSORS
+from cascadenorm.compute.shipped_kernels import KERNELS_FOLDER, PROCESSORS
 
 SCAN = Path(cn.__file__).parent / "demo_data" / "scan" / "noisy.ply"
 FORMATS = ("ply", "obj", "off", "stl", "gltf", "glb")
@@ -57,8 +57,8 @@ def work(check: bool) -> None:
 
         for kept in [one for one in gc.get_objects() if type(one) is KernelCache]:
             kept.ship()
-        sizes = [path.stat().st_size for path in FOLDER.iterdir()]
-        print(f"{len(sizes)} kernels for {numba.config.CPU_NAME}, {sum(sizes) / 1e6:.1f} MB, in {FOLDER}")
+        sizes = [path.stat().st_size for path in KERNELS_FOLDER.iterdir()]
+        print(f"{len(sizes)} kernels for {numba.config.CPU_NAME}, {sum(sizes) / 1e6:.1f} MB, in {KERNELS_FOLDER}")
     elif names:
         raise SystemExit(f"{len(names)} kernels do not come with the package:\n" + "\n".join(names))
     else:

@@ -8,7 +8,7 @@ from shapes import icosphere
 
 import cascadenorm as cn
 from cascadenorm import errors
-from cascadenorm.cli.errors import CODES, exit_code, worded
+from cascadenorm.cli.errors import EXIT_CODES, exit_code, worded
 
 CLASSES = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, Exception)]
 BALL = icosphere(1)
@@ -66,8 +66,8 @@ def test_errors_survive_copies_between_processes(kind):
 
 
 def test_every_class_has_an_exit_code_and_comes_before_its_bases():
-    assert set(CODES) == set(CLASSES) - {errors.CascadenormError}
-    for kind, code in CODES.items():
+    assert set(EXIT_CODES) == set(CLASSES) - {errors.CascadenormError}
+    for kind, code in EXIT_CODES.items():
         assert exit_code(kind("")) == code
     assert exit_code(KeyError("")) == 1
 

@@ -195,7 +195,7 @@ print(*sys.modules, sep="\\n")"""
     for _ in range(2):  # the first run may compile kernels
         done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
         (tmp_path / "out.ply").unlink()
-    assert "cascadenorm.api.denoised_files" in done.stdout.splitlines()
+    assert "cascadenorm.api.opened_files" in done.stdout.splitlines()
     # the last two belong to what numba compiles array expressions from, which takes a fifth of a second to load
     never = {"cascadenorm.data_gen", "scipy.interpolate", "scipy.optimize", "scipy.linalg", "numba.np.arraymath"}
     assert not (never | unneeded) & set(done.stdout.splitlines())

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 import cascadenorm.baselines
 import cascadenorm.learned.methods  # noqa: F401 - both register their methods
 from cascadenorm.api.apply import controlled
-from cascadenorm.api.denoised_files import Denoised, DenoisingSummary, moved_file, opened_file, written_file
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
+from cascadenorm.api.opened_files import Denoised, DenoisingSummary, moved_file, opened_file, written_file
 from cascadenorm.api.selection import selected, welded
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
@@ -94,7 +94,9 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
         if faces is not None:
             return _denoised(chosen, mesh, faces, parameters, controls)
         if isinstance(mesh, str | PathLike):
-            return Path(_denoised_file(chosen, fspath(mesh), None, parameters, controls, force=False).summary.output)
+            return Path(
+                _from_file_to_file(chosen, fspath(mesh), None, parameters, controls, force=False).summary.output
+            )
         if isinstance(mesh, MeshFile):
             return _denoised_open_file(chosen, mesh, parameters, controls)
         if isinstance(mesh, Mesh):
@@ -159,7 +161,7 @@ def denoise_file(
     ReadError, MeshError, ParameterError, OutputError, MissingDependencyError
         As in `denoise`; nothing is written then.
     """
-    return denoised_file(
+    return denoise_file_with_meshes(
         source,
         output,
         method=method,
@@ -174,7 +176,7 @@ def denoise_file(
     ).summary
 
 
-def denoised_file(
+def denoise_file_with_meshes(
     source: str | PathLike[str] | BinaryIO,
     output: str | PathLike[str] | BinaryIO | None = None,
     *,
@@ -209,7 +211,7 @@ def denoised_file(
         return nullcontext() if size is None else patches_within(size, faces, scheduler)
 
     with limit_threads(every["threads"]):
-        return _denoised_file(
+        return _from_file_to_file(
             chosen,
             source,
             output,
@@ -288,7 +290,7 @@ def _denoised_open_file(method: Method, file: MeshFile, parameters: dict[str, An
     return moved_file(file, vertices, mesh, controls)
 
 
-def _denoised_file(
+def _from_file_to_file(
     method: Method,
     source: str | PathLike[str] | BinaryIO,
     output: str | PathLike[str] | BinaryIO | None,

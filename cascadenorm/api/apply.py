@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.halo import Halo, as_part, check_halo
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
-from cascadenorm.controls.creases import crease_edges, cut
-from cascadenorm.controls.detail import Removal, Removed, denoised, finer_than, without_finer
+from cascadenorm.controls.creases import crease_edges, cut_along
+from cascadenorm.controls.detail import Removal, Removed, applied, finer_than, without_finer
 from cascadenorm.controls.displacement import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.weights import holds_some, vertex_weights
@@ -33,7 +33,7 @@ from cascadenorm.mesh import (
 )
 from cascadenorm.patches.work import free_derived
 from cascadenorm.regions.region_volumes import with_region_volumes
-from cascadenorm.regions.shells import Shells, divided
+from cascadenorm.regions.shells import Shells, into_shells
 from cascadenorm.regions.walls import joined_walls
 from cascadenorm.registry import REGION, Method
 
@@ -116,11 +116,11 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
     if halo is None:
         framed, exponent = in_frame(mesh)
         order = ordered_for_cache(framed)
-        return order, *divided(oriented(order.mesh)), exponent
+        return order, *into_shells(oriented(order.mesh)), exponent
     return Renumbered.unchanged(mesh), as_part(mesh, halo.whole), None, halo.whole.frame.exponent
 
 
-def in_words(controls: Controls) -> dict[str, Any]:
+def reported_controls(controls: Controls) -> dict[str, Any]:
     """Return the controls that a report names, as they were given; arrays by their shape alone."""
     return {name: _in_words(controls[name]) for name in CONTROLS if name not in UNREPORTED}  # type: ignore[literal-required]
 
@@ -220,7 +220,7 @@ def _surface_step(
         (e,) whether each of its edges is one.
     """
     # Along creases the method, and all that follows, sees copies of the vertices
-    sides = None if creases is None else cut(mesh, creases)
+    sides = None if creases is None else cut_along(mesh, creases)
     seen = mesh if sides is None else sides.mesh
     numbers = numbers if sides is None else numbers[sides.owners]
     if sides is not None and REGION in parameters:
@@ -232,7 +232,7 @@ def _surface_step(
 
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
-        vertices = _finite(method, denoised(method, parameters, removed.width, seen), numbers)
+        vertices = _finite(method, applied(method, parameters, removed.width, seen), numbers)
         for removal in removed.afterwards:
             vertices = without_finer(removal, seen, vertices)
         if edges is not None:

@@ -8,7 +8,7 @@ from cascadenorm.geometry.holes.filling import Outer, filled
 from cascadenorm.geometry.laplacians import Order
 from cascadenorm.io.atomic import check_output
 from cascadenorm.io.files import check_extension, extensible
-from cascadenorm.io.hole_patches import Patches
+from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.interop import mesh_of_file, source_name
 
 
@@ -63,7 +63,7 @@ def fill_holes_file(
     mesh, holes = filled(file.mesh, order=order, max_edges=max_edges, outer=outer)
     added = len(mesh.faces) - len(file.mesh.faces)
     if added:
-        left_out = lost + io.write(file.with_patches(Patches(file, mesh)), output, format=format, force=force)
+        left_out = lost + io.write(file.with_patches(HolePatches(file, mesh)), output, format=format, force=force)
     else:
         left_out = io.write(read, output, format=format, force=force)
     return Filling(

@@ -27,7 +27,7 @@ from cascadenorm.mesh import (
 from cascadenorm.regions.shells import shells
 from cascadenorm.registry import Method, find
 
-LOCAL = ("strength", "mask", "fixed", "only", "boundary", "max_displacement", "threads", "progress", "halo")
+LOCAL_CONTROLS = ("strength", "mask", "fixed", "only", "boundary", "max_displacement", "threads", "progress", "halo")
 """Controls that see no more of the mesh than the method does."""
 
 
@@ -199,7 +199,7 @@ def _check_local(controls: Controls) -> None:
     """Refuse controls that see all of the mesh; raises ParameterError."""
     for name, setting in CONTROLS.items():
         given: Any = controls[name]  # type: ignore[literal-required]
-        if name not in LOCAL and given is not None and given != setting.default:
+        if name not in LOCAL_CONTROLS and given is not None and given != setting.default:
             raise ParameterError(
                 "depends on the whole mesh", parameter=name, hint="leave it out, or denoise the mesh as a whole"
             )

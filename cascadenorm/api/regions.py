@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.api.apply import controlled
-from cascadenorm.api.denoised_files import DenoisingSummary, opened_file, written_file
+from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_file
 from cascadenorm.api.selection import welded
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
@@ -19,14 +19,14 @@ from cascadenorm.io.atomic import make_folder
 from cascadenorm.io.interop import adapter
 from cascadenorm.mesh import Bools, Ints, Mesh, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
-from cascadenorm.regions.coincidence import coincident, joined
+from cascadenorm.regions.coincidence import coincident, joined_meshes
 from cascadenorm.registry import Method, find
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 
-class Given(NamedTuple):
+class SeamlessMesh(NamedTuple):
     """A mesh as it was given, its copies of vertices at seams joined.
 
     Parameters
@@ -47,7 +47,7 @@ class Given(NamedTuple):
     mesh: Mesh
 
     @classmethod
-    def of(cls, given: Any, *, isolate: bool = False) -> "Given":
+    def of(cls, given: Any, *, isolate: bool = False) -> "SeamlessMesh":
         """Take a pair of arrays, a `Mesh`, or a mesh of another library; with `isolate`, without its bad faces."""
         if isinstance(given, Mesh):
             return cls(given, given.vertices, np.arange(len(given.vertices), dtype=np.int32), given)
@@ -108,7 +108,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
         given: Any = controls[name]
         if np.ndim(given) or isinstance(given, str | PathLike):
             raise ParameterError("applies to a single mesh, and several are given", parameter=name)
-    every = [Given.of(mesh, isolate=controls["on_bad"] == "isolate") for mesh in meshes]
+    every = [SeamlessMesh.of(mesh, isolate=controls["on_bad"] == "isolate") for mesh in meshes]
     with limit_threads(controls["threads"]):
         moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
     return [one.moved(vertices) for one, vertices in zip(every, moved, strict=True)]
@@ -198,7 +198,7 @@ def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: d
         return [controlled(method, only.mesh, parameters, only.controls, dtype=only.dtype)]
 
     # One mesh, in the coarsest of the types, so that each can hold what comes out
-    whole = joined([region.mesh for region in regions], first)
+    whole = joined_meshes([region.mesh for region in regions], first)
     over = welded(_concatenated(regions), whole.vertices.astype(np.int32))
     coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
     moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest)

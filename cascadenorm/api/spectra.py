@@ -9,7 +9,7 @@ from cascadenorm.geometry.spectra.harmonics import Scale, shape_dna
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Floats, in_frame, without_lines
 
-DEFAULT_COUNT = 50
+EIGENVALUE_COUNT = 50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class Spectrum:
         return None if self.other is None else float(np.linalg.norm(self.values - self.other))
 
 
-def spectrum(mesh: Any, other: Any = None, *, count: int = DEFAULT_COUNT, scale: Scale = "area") -> Spectrum:
+def spectrum(mesh: Any, other: Any = None, *, count: int = EIGENVALUE_COUNT, scale: Scale = "area") -> Spectrum:
     """Return the shape DNA of a mesh, and of a second one to compare it with (Reuter, Wolter, Peinecke 2006).
 
     Parameters

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs, listed
-from cascadenorm.batch.manifest import NAME, Line, Manifest
+from cascadenorm.batch.manifest import MANIFEST_NAME, Line, Manifest
 from cascadenorm.batch.processes import LocalProcesses, Processes
 from cascadenorm.batch.remote_files import check_writable
 from cascadenorm.batch.scheduling import Place, Schedule
@@ -179,7 +179,7 @@ def _manifest_path(folder: str | Path, given: str | PathLike[str] | None) -> Pat
     if given is not None:
         return Path(given)
     if isinstance(folder, Path):
-        return folder / NAME
+        return folder / MANIFEST_NAME
     check_writable(folder)
     raise ParameterError(
         f"is not given, and {folder} is a URL: name a file of this machine that records what is done",

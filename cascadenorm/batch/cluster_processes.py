@@ -26,10 +26,10 @@ from cascadenorm.batch.work import Outcome, Task
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.cluster import (
     ANSWER,
-    PATIENCE,
     POLL,
+    WORKER_TIMEOUT_S,
     connected,
-    in_words,
+    dask_message,
     without_scheduler,
     without_workers,
 )
@@ -183,7 +183,7 @@ class ClusterProcesses:
             found: Outcome = future.result(timeout=ANSWER)
         except Exception as error:  # whatever Dask raises where a worker or its answer is lost
             self._members.pop(member.address, None)  # another process may have its address now
-            return WorkerError(f"the worker {member.address} did not do the work: {in_words(error)}")
+            return WorkerError(f"the worker {member.address} did not do the work: {dask_message(error)}")
         return found
 
     def _look(self) -> list[tuple[Job, Outcome | WorkerError]]:
@@ -211,7 +211,7 @@ class ClusterProcesses:
             about = future.result(timeout=ANSWER)
         except Exception as error:
             if future.status == "error":  # else it has gone meanwhile
-                self._refused[address] = in_words(error)
+                self._refused[address] = dask_message(error)
             return
         if about.version != __version__:
             self._refused[address] = f"it has cascadenorm {about.version}, and here is {__version__}"
@@ -233,8 +233,8 @@ class ClusterProcesses:
         elif self._refused and not self._asked:
             address, reason = next(iter(self._refused.items()))
             raise WorkerError(f"the worker {address} cannot be used: {reason}")
-        elif now > self._in_use + PATIENCE:
-            raise without_workers(self._scheduler, PATIENCE)
+        elif now > self._in_use + WORKER_TIMEOUT_S:
+            raise without_workers(self._scheduler, WORKER_TIMEOUT_S)
 
     def _restart(self, address: str) -> None:
         try:

@@ -13,7 +13,7 @@ from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import is_mesh_name
 from cascadenorm.io.urls import is_url
 
-RESULT = "_denoised"
+RESULT_NAME = "_denoised"
 """What `denoise` adds to the name of a file."""
 
 Sources = str | PathLike[str] | Sequence[str | PathLike[str]]
@@ -176,7 +176,7 @@ def _files(place: str) -> Iterable[Path]:
 def _is_result(name: str, names: Container[str]) -> bool:
     """Test whether a file is what `denoise` wrote beside one of the others: scan_denoised.ply beside scan.ply."""
     stem, suffix = os.path.splitext(name)
-    return stem.endswith(RESULT) and f"{stem.removesuffix(RESULT)}{suffix}" in names
+    return stem.endswith(RESULT_NAME) and f"{stem.removesuffix(RESULT_NAME)}{suffix}" in names
 
 
 def _unlisted(error: OSError) -> None:

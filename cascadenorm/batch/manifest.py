@@ -10,13 +10,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cascadenorm.errors import OutputError, finite_json
+from cascadenorm.errors import OutputError
 from cascadenorm.io.atomic import make_folder
+from cascadenorm.io.json_text import json_text
 
 if sys.platform != "win32":
     import fcntl
 
-NAME = "manifest.jsonl"
+MANIFEST_NAME = "manifest.jsonl"
 
 Line = dict[str, Any]
 
@@ -30,7 +31,7 @@ class Manifest:
         The last line of each output, by its name.
     """
 
-    def __init__(self, folder: Path, name: str = NAME) -> None:
+    def __init__(self, folder: Path, name: str = MANIFEST_NAME) -> None:
         self.path = folder / name
         self.last: dict[str, Line] = {}
         make_folder(folder)
@@ -54,7 +55,7 @@ class Manifest:
     def add(self, line: Line) -> None:
         """Add a line, in one write."""
         with self._explained():
-            self._file.write(json.dumps(finite_json(line), default=str, allow_nan=False).encode() + b"\n")
+            self._file.write(json_text(line).encode() + b"\n")
         self.last[line["output"]] = line
 
     def close(self) -> None:

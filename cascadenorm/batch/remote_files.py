@@ -20,7 +20,7 @@ BROUGHT = ("fsspec", "s3fs", "aiobotocore", "aiohttp", "requests")
 SILENCE = 60.0
 """Seconds for which a web server may send nothing; the whole of a file may take any time."""
 
-MAGIC = re.compile(r"[*\[]")
+WILDCARD = re.compile(r"[*\[]")
 """What makes a URL a pattern; a question mark begins a query."""
 
 
@@ -56,7 +56,7 @@ def file_name(url: str) -> str:
 
 def fixed_part(url: str) -> str:
     """Return the folder below which a URL can have files: before the first wildcard, or of the file that it names."""
-    found = MAGIC.search(url)
+    found = WILDCARD.search(url)
     if found:
         return url[: found.start()].rpartition("/")[0]
     place = without_query(url)
@@ -75,11 +75,11 @@ def files_at(url: str) -> list[RemoteFile]:
     MissingDependencyError
         Fsspec, or what it needs for this kind of URL, is not installed.
     """
-    if not MAGIC.search(url) and "." in file_name(url):
+    if not WILDCARD.search(url) and "." in file_name(url):
         return [_file(url)]
     with _explained(url, ReadError, "read"):
         system, path = _opened(url)
-        entries = system.glob(path, detail=True) if MAGIC.search(url) else system.find(path, detail=True)
+        entries = system.glob(path, detail=True) if WILDCARD.search(url) else system.find(path, detail=True)
         files = {name: entry for name, entry in entries.items() if entry.get("type") != "directory"}
         found = [_described(system.unstrip_protocol(name), entry) for name, entry in files.items()]
     return sorted(file for file in found if not file_name(file.url).startswith("."))

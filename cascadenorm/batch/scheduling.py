@@ -8,16 +8,16 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.execution.memory import FACE, PROCESS
 
 FACE_IN_FILE = {".stl": 50, ".obj": 35, ".off": 30}
-"""Bytes of a file for each face at least; in other formats `FEWEST`."""
-FEWEST = 18
+"""Bytes of a file for each face at least; in other formats `LEAST_BYTES_A_FACE`."""
+LEAST_BYTES_A_FACE = 18
 
-LARGEST = 0.9
+ALIKE = 0.9
 """Places with this fraction of the memory of the largest count as large as it."""
 
 
 def needed(job: Job) -> int:
     """Estimate the bytes that the work on a file needs, from its size."""
-    return PROCESS + job.size * FACE // FACE_IN_FILE.get(Path(job.source).suffix.lower(), FEWEST)
+    return PROCESS + job.size * FACE // FACE_IN_FILE.get(Path(job.source).suffix.lower(), LEAST_BYTES_A_FACE)
 
 
 @dataclass(eq=False)
@@ -76,7 +76,7 @@ class Schedule:
         for place in sorted(places, key=lambda place: -place.memory):
             if len(place.running) >= place.processes:
                 continue
-            empty = not place.running and place.memory >= LARGEST * largest
+            empty = not place.running and place.memory >= ALIKE * largest
             if self._alone and not self._waiting and empty:
                 return self._begin(place, self._alone.pop(0), place.memory)
             free = place.memory - sum(place.running.values())

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 from cascadenorm import io
 from cascadenorm.api import api
-from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
 from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_name, put
@@ -112,11 +112,11 @@ def work(settings: Settings, task: Task) -> Outcome:
 def _digest_after_failure(source: str) -> str | None:
     """The digest of a file that no check has read; None where it cannot be read, and at a URL."""
     with suppress(Exception):  # what is wrong with the file has been said
-        return None if is_url(source) else mesh_digest(Path(source))
+        return None if is_url(source) else file_and_buffers_digest(Path(source))
     return None
 
 
-def mesh_digest(path: Path) -> str:
+def file_and_buffers_digest(path: Path) -> str:
     """Return the digest of a mesh file, and of the buffers that a glTF file keeps in other files.
 
     Raises
@@ -148,7 +148,7 @@ def _checked(settings: Settings, task: Task) -> Outcome:
 def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
     job = task.job
     with _here(task) as (source, output):
-        digest = task.digest or mesh_digest(source)
+        digest = task.digest or file_and_buffers_digest(source)
         make_folder(output.parent)
         try:
             summary = api.denoise_file(
@@ -163,10 +163,10 @@ def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
             if error.place != str(source):
                 raise
             raise error.within(job.source) from error.__cause__
-        if mesh_digest(source) != digest:
+        if file_and_buffers_digest(source) != digest:
             output.unlink(missing_ok=True)
             raise ChangedError(f"{job.source} changed while it was read", hint="try again when it is complete")
-        written = mesh_digest(output)
+        written = file_and_buffers_digest(output)
         if is_url(job.output):
             _check_target(settings, task)
             put(output.parent, job.output)
@@ -201,8 +201,8 @@ def _digest(name: str, task: Task) -> str:
     """The digest of a mesh file, at a URL of a copy."""
     if is_url(name):
         with TemporaryDirectory(prefix="cascadenorm-", dir=task.scratch) as scratch:
-            return mesh_digest(_fetched(name, Path(scratch)))
-    return mesh_digest(Path(name))
+            return file_and_buffers_digest(_fetched(name, Path(scratch)))
+    return file_and_buffers_digest(Path(name))
 
 
 def _exists(name: str) -> bool:

@@ -19,7 +19,7 @@ from cascadenorm.errors import (
 DONE, FAILED, USAGE, UNREADABLE, INVALID, OUTPUT, PARTLY, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
 """Exit codes, as docs/json.md lists them."""
 
-CODES: dict[type[Exception], int] = {
+EXIT_CODES: dict[type[Exception], int] = {
     ParameterError: USAGE,
     ConfigError: USAGE,
     ReadError: UNREADABLE,
@@ -41,7 +41,7 @@ def exit_code(error: Exception) -> int:
     """Return the exit code that an error ends the command with."""
     if isinstance(error, OSError) and error.errno in NO_SPACE:
         return OUTPUT
-    return next((code for kind, code in CODES.items() if isinstance(error, kind)), FAILED)
+    return next((code for kind, code in EXIT_CODES.items() if isinstance(error, kind)), FAILED)
 
 
 def worded(error: Exception) -> str:

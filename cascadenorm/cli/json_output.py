@@ -1,19 +1,18 @@
 """JSON objects of the commands; docs/json.md is their schema."""
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TextIO
 
-from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.api.spectra import Spectrum
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
-from cascadenorm.cli.tables import allowed
-from cascadenorm.errors import finite_json
+from cascadenorm.cli.tables import allowed_values
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.inspection import Inspection
 from cascadenorm.inspection.faults import FAULTS, surface_faults
+from cascadenorm.io.json_text import json_text
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import Method
 
@@ -23,55 +22,40 @@ if TYPE_CHECKING:
 VERSION = 1
 """Of the schema; it changes when a key is renamed, removed or gets another meaning, not when one is added."""
 
-ALIASES = {"rims": "boundary_loops", "turned_edges": "flipped_edges", "turned_percent": "flipped_percent"}
-"""Former names of keys, and what they are called now; objects have both until version 2."""
-
 
 def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
     """Print the object of a command, to stdout or another file."""
-    found = finite_json({"version": VERSION, "command": command, **with_aliases(content)})
-    print(json.dumps(found, indent=2, default=str, allow_nan=False), file=file)
+    print(json_text({"version": VERSION, "command": command, **content}, indent=2), file=file)
 
 
-def with_aliases(content: Any) -> Any:
-    """Return an object, and all those within it, with every renamed key under both of its names."""
-    if isinstance(content, list | tuple):
-        return [with_aliases(value) for value in content]
-    if not isinstance(content, Mapping):
-        return content
-    both = {**ALIASES, **{now: former for former, now in ALIASES.items()}}
-    found = {key: with_aliases(value) for key, value in content.items()}
-    return {**found, **{both[key]: value for key, value in found.items() if key in both}}
-
-
-def denoised(done: DenoisingSummary) -> dict[str, Any]:
+def denoised_json(done: DenoisingSummary) -> dict[str, Any]:
     """Return what was done to a file."""
     return asdict(done)
 
 
-def faults(before: Mesh, after: Mesh) -> dict[str, Any]:
+def faults_json(before: Mesh, after: Mesh) -> dict[str, Any]:
     """Return how many faces cross others, and how many vertices are spikes, before and after."""
     first, last = surface_faults(before), surface_faults(after)
     return {name: {"before": getattr(first, name), "after": getattr(last, name)} for name in FAULTS}
 
 
-def batch(done: Batch) -> dict[str, Any]:
+def batch_json(done: Batch) -> dict[str, Any]:
     """Return what became of the files of a batch."""
     failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
     return {"files": done.lines, "kept": done.kept, "failures": failures}
 
 
-def inspected(found: Inspection) -> dict[str, Any]:
+def inspected_json(found: Inspection) -> dict[str, Any]:
     """Return an inspection."""
     return asdict(found)
 
 
-def compared(mesh: str, reference: str, measures: Measures) -> dict[str, Any]:
+def compared_json(mesh: str, reference: str, measures: Measures) -> dict[str, Any]:
     """Return the measures of a mesh against a reference, with their names."""
     return {"mesh": mesh, "reference": reference, "measures": asdict(measures)}
 
 
-def spectrum(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
+def spectrum_json(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
     """Return the eigenvalues of one mesh or two, and the distance of their spectra."""
     return {
         "mesh": mesh,
@@ -83,7 +67,7 @@ def spectrum(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
     }
 
 
-def evaluated(done: "Evaluation") -> dict[str, Any]:
+def evaluated_json(done: "Evaluation") -> dict[str, Any]:
     """Return the rows of an evaluation, their means, and what failed."""
     return {
         "results": [result.row() for result in done.results],
@@ -92,7 +76,7 @@ def evaluated(done: "Evaluation") -> dict[str, Any]:
     }
 
 
-def methods(listed: Iterable[Method]) -> dict[str, Any]:
+def methods_json(listed: Iterable[Method]) -> dict[str, Any]:
     """Return methods with their parameters."""
     return {"methods": [_method(method) for method in listed]}
 
@@ -107,7 +91,7 @@ def _method(method: Method) -> dict[str, Any]:
                 "name": setting.name,
                 "default": setting.default,
                 "unit": setting.about.unit,
-                "allowed": allowed(setting),
+                "allowed": allowed_values(setting),
                 "help": setting.about.help,
             }
             for setting in method.given_by_name

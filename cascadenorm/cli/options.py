@@ -10,8 +10,8 @@ import typer
 
 from cascadenorm.controls import CONTROLS, ControlSetting
 
-Method = Annotated[str, typer.Option(help="A method; `cascadenorm methods` lists them.")]
-Model = Annotated[Path | None, typer.Option(help="Your own weights file, for auto or cascade.")]
+MethodOption = Annotated[str, typer.Option(help="A method; `cascadenorm methods` lists them.")]
+ModelOption = Annotated[Path | None, typer.Option(help="Your own weights file, for auto or cascade.")]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method; may be given several times."),
@@ -25,7 +25,7 @@ Scheduler = Annotated[
     str | None,
     typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the work; 'local' starts a cluster here."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; docs/json.md documents it.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object; docs/json.md documents it.")]
 
 OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
 """Controls that the command line has an option for."""
@@ -42,7 +42,7 @@ def spelled(name: str, value: object = None) -> str:
     return f"--{name.replace('_', '-')}" if name in options else name
 
 
-def takes_controls(*names: str) -> Callable[[Command], Command]:
+def control_options(*names: str) -> Callable[[Command], Command]:
     """Give a command with keyword arguments `**controls` an option for each of the controls, or for those named."""
     settings = [OPTIONS[name] for name in names or OPTIONS]
 

@@ -16,7 +16,7 @@ def upward(up: str) -> Up:
     return cast(Up, up)
 
 
-def direction(view: str | None, *, up: Up) -> tuple[float, ...] | None:
+def view_direction(view: str | None, *, up: Up) -> tuple[float, ...] | None:
     """Read where the viewer is: a name, two angles in degrees or a direction."""
     if view is None:
         return None

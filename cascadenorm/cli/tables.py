@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from cascadenorm.api.denoised_files import DenoisingSummary
 from cascadenorm.api.filled_files import Filling
+from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.api.spectra import Spectrum
 from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import complain
@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # an evaluation can make data, which takes a third of the sta
     from cascadenorm.evaluation.harness import Evaluation
 
 BARS = "▁▂▃▄▅▆▇█"
-COARSE = 0.01
+COARSE_RESOLUTION = 0.01
 """Resolution of the number type, in mean edge lengths, above which it is reported."""
 PLAIN_WIDTH = 120
 """Width of a table that does not go to a terminal, in characters."""
@@ -128,7 +128,7 @@ def print_inspection(found: Inspection) -> None:
             f"  {found.treads.count} flat, parallel steps, about {width} edges wide; if they are an error, "
             f'as of rounded depths, remove them with --remove-detail "{width} edges"'
         )
-    if found.resolution is not None and found.resolution > COARSE:
+    if found.resolution is not None and found.resolution > COARSE_RESOLUTION:
         print(
             f"  {found.number_type} is too coarse at these coordinates: its resolution is {found.resolution:.2g} mean "
             "edge lengths; write float64 numbers, or move the mesh to the origin first"
@@ -189,7 +189,7 @@ def print_public_sets() -> None:
 
 def print_evaluation(done: "Evaluation") -> None:
     """Print a line for each pair and method, and the mean of each method."""
-    from cascadenorm.evaluation.tables import NARROW, PARTIAL, by_method, of_means, spread
+    from cascadenorm.evaluation.tables import NARROW, PARTIAL, by_method, of_means, spread_table
 
     table = Table()
     table.add_column("pair")
@@ -206,7 +206,7 @@ def print_evaluation(done: "Evaluation") -> None:
     table.caption = PARTIAL.strip(" ()") if done.partial else None
     print_table(table)
     if len(set(done.seeds.values())) > 1:
-        over = spread(done)
+        over = spread_table(done)
         table = Table(*over.head, title=over.title)
         for row in over.rows:
             table.add_row(*(cell.text for cell in row))
@@ -255,11 +255,13 @@ def print_method(method: Method) -> None:
     for title in ("parameter", "default", "unit", "allowed", "meaning"):
         table.add_column(title)
     for setting in method.given_by_name:
-        table.add_row(setting.name, str(setting.default), setting.about.unit, allowed(setting), setting.about.help)
+        table.add_row(
+            setting.name, str(setting.default), setting.about.unit, allowed_values(setting), setting.about.help
+        )
     print_table(table)
 
 
-def allowed(setting: Setting) -> str:
+def allowed_values(setting: Setting) -> str:
     """Return the values that a parameter takes, in words."""
     return ", ".join(map(str, setting.choices)) or setting.about.allowed
 

@@ -32,7 +32,7 @@ class Csr(NamedTuple):
         return np.repeat(np.arange(len(self.indptr) - 1, dtype=np.int32), self.counts)
 
 
-def joined(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int32]]]) -> Csr:
+def joined_rows(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int32]]]) -> Csr:
     """Put rows together that were made range by range: the counts of each, and their entries row after row."""
     indptr = np.zeros(count + 1, np.int64)
     if parts:

@@ -13,7 +13,7 @@ from typing import Any
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.runtime.nrt import rtsys
 
-from cascadenorm.compute.shipped_kernels import shipped_file, source_digest
+from cascadenorm.compute.shipped_kernels import kernel_digest, shipped_file
 
 
 def _readable(place: type[Any]) -> type[Any]:
@@ -46,7 +46,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        digest = partial(source_digest, function.__module__)
+        digest = partial(kernel_digest, function.__module__)
         self._cache_file = KernelFiles(self._cache_path, self._impl.filename_base, digest)
 
     def load_overload(self, signature: Any, context: Any) -> Any:

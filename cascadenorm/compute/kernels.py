@@ -8,13 +8,13 @@ import numba
 
 from cascadenorm.compute.compile_time import watch_compiler
 
-Loop = TypeVar("Loop", bound=Callable[..., Any])
+KernelLoop = TypeVar("KernelLoop", bound=Callable[..., Any])
 
 with suppress(Exception):  # of a numba whose events are others than those known here: then compiling goes uncounted
     watch_compiler()
 
 
-def kernel(function: Loop) -> Loop:
+def kernel(function: KernelLoop) -> KernelLoop:
     """Compile a loop: it releases the interpreter, divides by zero as numpy does, and is kept on disk for next time.
 
     Where neither the package's folder nor the user's can be written, it is compiled in each process; so it is with a
@@ -26,4 +26,4 @@ def kernel(function: Loop) -> Loop:
             from cascadenorm.compute.kernel_cache import KernelCache
 
             compiled._cache = KernelCache(function)
-    return cast(Loop, compiled)
+    return cast(KernelLoop, compiled)

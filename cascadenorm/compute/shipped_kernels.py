@@ -17,7 +17,7 @@ import llvmlite
 import numba
 import numpy as np
 
-FOLDER = Path(__file__).parents[1] / "compiled_kernels"
+KERNELS_FOLDER = Path(__file__).parents[1] / "compiled_kernels"
 PROCESSORS: dict[str, tuple[str, frozenset[str]]] = {
     "x86_64": ("x86-64-v3", frozenset({"avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"})),  # Haswell, 2013
     "aarch64": ("generic", frozenset()),
@@ -44,8 +44,8 @@ def shipped_file(function: Callable[..., Any], signature: object, target: tuple[
     python = sys.implementation.cache_tag, getattr(sys, "abiflags", "")
     versions = numba.__version__, llvmlite.__version__, np.__version__.partition(".")[0]
     name = f"{function.__module__}.{function.__qualname__}"
-    key = name, source_digest(function.__module__), str(signature), python, versions, system, shipped
-    return FOLDER / f"{name}-{sha256(repr(key).encode()).hexdigest()[:32]}.nbc"
+    key = name, kernel_digest(function.__module__), str(signature), python, versions, system, shipped
+    return KERNELS_FOLDER / f"{name}-{sha256(repr(key).encode()).hexdigest()[:32]}.nbc"
 
 
 def shipped_processor(triple: str, processor: str, features: str) -> str | None:
@@ -56,7 +56,7 @@ def shipped_processor(triple: str, processor: str, features: str) -> str | None:
 
 
 @cache
-def source_digest(module: str) -> str:
+def kernel_digest(module: str) -> str:
     """Return a digest of what the kernels of a module are compiled from: its source, and that of kernels they call.
 
     The module must have been imported to its end; the digest is then that of the process.

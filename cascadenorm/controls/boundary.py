@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 
-SPREAD = 0.7  # of the range weight, in median angles from edge to edge along the boundary
+BOUNDARY_SPREAD = 0.7  # of the range weight, in median angles from edge to edge along the boundary
 DIRECTION_PASSES = 10
 VERTEX_PASSES = 20
-STEP = 0.25  # half of the largest stable one
+SMOOTHING_STEP = 0.25  # half of the largest stable one
 
 
 class BoundaryEdges(NamedTuple):
@@ -120,7 +120,7 @@ def smoothed_curve(
     vertices: Vectors,
     boundary: BoundaryEdges,
     *,
-    spread: float = SPREAD,
+    spread: float = BOUNDARY_SPREAD,
     passes: int = DIRECTION_PASSES,
     vertex_passes: int = VERTEX_PASSES,
 ) -> Vectors:
@@ -145,7 +145,7 @@ def smoothed_curve(
         edges = vertices[head] - vertices[tail]
         across = edges - np.einsum("ij,ij->i", edges, directions)[:, None] * directions
         pull = scatter_add(tail, across, len(vertices)) - scatter_add(head, across, len(vertices))
-        vertices = vertices + np.where(inner[:, None], STEP * pull, 0.0)
+        vertices = vertices + np.where(inner[:, None], SMOOTHING_STEP * pull, 0.0)
     return vertices
 
 

@@ -12,7 +12,7 @@ from cascadenorm.mesh import Ints32, Mesh, Vectors, first_places, scatter_add
 HOLD = 0.02  # weight h of the mean of the copies, against 1 - cos of the angle between two sides
 
 
-class Sides(NamedTuple):
+class CreaseSides(NamedTuple):
     """A mesh cut along its creases, with a copy of a vertex for each side that meets there.
 
     Parameters
@@ -138,7 +138,7 @@ def _given(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDArray[np
     return creases
 
 
-def cut(mesh: Mesh, creases: NDArray[np.bool_]) -> Sides:
+def cut_along(mesh: Mesh, creases: NDArray[np.bool_]) -> CreaseSides:
     """Cut a mesh along creases; faces at a vertex share a copy of it where other edges connect them.
 
     Parameters
@@ -167,5 +167,5 @@ def cut(mesh: Mesh, creases: NDArray[np.bool_]) -> Sides:
     cut_faces[corners] = indices[copy]
     owners = np.concatenate([np.arange(count), owners[further]])
     if not further.any():
-        return Sides(mesh, owners)
-    return Sides(Mesh(mesh.vertices[owners], cut_faces.reshape(-1, 3)), owners)
+        return CreaseSides(mesh, owners)
+    return CreaseSides(Mesh(mesh.vertices[owners], cut_faces.reshape(-1, 3)), owners)

@@ -9,7 +9,7 @@ import scipy
 
 from cascadenorm.baselines.rolling_guidance import rolling_guidance_normal
 from cascadenorm.baselines.wide_errors import without_steps, without_wide_errors
-from cascadenorm.controls.displacement import limited
+from cascadenorm.controls.displacement import shortened
 from cascadenorm.detection.enlarged_steps import enlarged_steps
 from cascadenorm.geometry.coarse_copy import CoarseCopy
 from cascadenorm.geometry.foldovers import without_flips
@@ -19,7 +19,7 @@ from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import REGION, Method
 
 TREAT_AS = "treat_as"  # the parameter of `auto`
-WIDEST = 10.0
+WIDEST_DETAIL = 10.0
 """In diagonals of the mesh; a larger width to keep takes away the mean displacement of a component, and no more."""
 
 
@@ -45,7 +45,7 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     # M + tL, the matrix of an implicit step, over the vertices that have a face
     laplacian = cotangent_laplacian(mesh)
     inside = np.flatnonzero(laplacian.mass > 0)
-    time = (1 + math.sqrt(2)) * (min(width, WIDEST * mesh.diagonal) / math.pi) ** 2
+    time = (1 + math.sqrt(2)) * (min(width, WIDEST_DETAIL * mesh.diagonal) / math.pi) ** 2
     stiffness = time * laplacian.stiffness[inside][:, inside]
     matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(laplacian.mass[inside]) + stiffness)
     solve = solver_of_steps(matrix, mesh.vertices[inside])
@@ -58,7 +58,7 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     return finer
 
 
-def denoised(method: Method, parameters: Mapping[str, Any], width: float | None, mesh: Mesh) -> Vectors:
+def applied(method: Method, parameters: Mapping[str, Any], width: float | None, mesh: Mesh) -> Vectors:
     """Apply a method to a mesh or, where its errors are wide, to coarse copies of it.
 
     Parameters
@@ -148,8 +148,8 @@ def without_finer(removal: Removal, mesh: Mesh, vertices: Vectors) -> Vectors:
     left = mesh.moved(vertices)
     if removal.width == 0 or not left.mean_edge_length > 0:
         return vertices
-    width = min(removal.width, WIDEST * mesh.diagonal)
+    width = min(removal.width, WIDEST_DETAIL * mesh.diagonal)
     filtered = rolling_guidance_normal(left, width=width / left.mean_edge_length)
     kept = (vertices == mesh.vertices).all(axis=1)
-    displacement = limited(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
+    displacement = shortened(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
     return without_flips(mesh, vertices + removal.share * displacement)

@@ -17,15 +17,15 @@ def framed_length(name: str, length: Length | None, framed: Mesh, exponent: int)
         return number * framed.mean_edge_length if in_edges else float(np.ldexp(number, -exponent))
 
 
-def limited(displacement: Vectors, limit: float) -> Vectors:
+def shortened(displacement: Vectors, limit: float) -> Vectors:
     """Return the displacement with longer vectors shortened to the limit."""
     if limit == np.inf:
         return displacement
     length = np.linalg.norm(displacement, axis=1, keepdims=True)
     long = length[:, 0] > limit
-    shortened = displacement.copy()
-    shortened[long] *= limit / length[long]
-    return shortened
+    out = displacement.copy()
+    out[long] *= limit / length[long]
+    return out
 
 
 def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float, dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -47,7 +47,7 @@ def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float,
     """
     limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that it also holds when measured in that type
     with np.errstate(over="ignore"):
-        step = np.ldexp(limited(displacement, limit), exponent)
+        step = np.ldexp(shortened(displacement, limit), exponent)
         moved = mesh.vertices + step
         np.copyto(moved, mesh.vertices, where=step == 0)
         after = moved.astype(dtype, copy=False)

@@ -11,8 +11,8 @@ from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, 
 from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import Vector, add, cross, dot, length, row, subtract
 
-RINGS = 3  # edges around a vertex that the residuals of its edges depend on
-PASSES = 8  # averages over neighbours that a noise estimate is taken from: about four rings
+CHORD_RINGS = 3  # edges around a vertex that the residuals of its edges depend on
+NOISE_PASSES = 8  # averages over neighbours that a noise estimate is taken from: about four rings
 SAME_SIDE = 0.5
 """Cosine, 60°, of the angle to the mean normal of an edge up to which faces at its ends are on its side of a crease."""
 
@@ -40,7 +40,7 @@ def chord_residuals(mesh: Mesh) -> Floats:
     return residuals
 
 
-def local_noise(mesh: Mesh, residuals: Floats) -> Floats:
+def chord_noise(mesh: Mesh, residuals: Floats) -> Floats:
     """Estimate the noise around each vertex: the RMS of the residuals of the chords within about four rings.
 
     Returns
@@ -50,7 +50,7 @@ def local_noise(mesh: Mesh, residuals: Floats) -> Floats:
     topology, n = mesh.topology, len(mesh.vertices)
     sums = np.zeros((n, 2))
     _add_squares(residuals, topology.edges, topology.interior_edges, sums)
-    sums = averaged(sums, topology.vertex_neighbors, PASSES)
+    sums = averaged(sums, topology.vertex_neighbors, NOISE_PASSES)
     return np.asarray(np.sqrt(np.divide(sums[:, 0], sums[:, 1], out=np.full(n, np.inf), where=sums[:, 1] > 0)))
 
 

@@ -3,20 +3,20 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.detection.voxel_lattice import STEP, Lattice, lattice_of_mask
+from cascadenorm.detection.voxel_lattice import SAME_VECTOR, VoxelLattice, lattice_of_mask
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, part_of
 
 FEWEST_VERTICES = 200
 """Vertices of a component of which fewer do not tell how it was made."""
 FEWEST_LAYERS = 4
 """Layers of voxels across each axis in which the surface has to have steps; a box lies in two."""
-COVERED = 0.95
+COVERED_VERTICES = 0.95
 """Share of the vertices on edges of the lattice along each axis that lie in these layers."""
 ON_EDGES = 0.85
 """Share of the vertices that lie on edges of the lattice away from its nodes; a few grey values are near the level."""
 CLOSE = 0.02
 """Voxels, within which a vertex lies on a plane of nodes."""
-WIDTHS = 2.0
+ERROR_WIDTH = 2.0
 """Width of the error, in steps: a tread and the rise beside it."""
 
 
@@ -44,7 +44,7 @@ def enlarged_steps(mesh: Mesh) -> Floats:
     starts = np.searchsorted(of_faces[order], [large, large + 1])
     for component, start, stop in zip(large, *starts, strict=True):
         part = mesh if len(sizes) == 1 else part_of(mesh, order[start:stop])[0]
-        widths[component] = WIDTHS * enlargement(part) * part.mean_edge_length
+        widths[component] = ERROR_WIDTH * enlargement(part) * part.mean_edge_length
     return widths
 
 
@@ -62,7 +62,7 @@ def enlargement(mesh: Mesh) -> int:
     return factors.pop() if len(factors) == 1 else 0
 
 
-def _lattice_along_axes(mesh: Mesh) -> Lattice | None:
+def _lattice_along_axes(mesh: Mesh) -> VoxelLattice | None:
     """Return the lattice whose spacing along each axis is the step that most edges make; None where one makes none.
 
     Edges on the treads of an enlarged volume join parallel edges of the lattice, one spacing apart.
@@ -72,14 +72,14 @@ def _lattice_along_axes(mesh: Mesh) -> Lattice | None:
     spacings = []
     for along in steps.T:
         longer = along[along > 0.1 * edge]
-        _, cell, counts = np.unique(np.round(longer / (STEP * edge)), return_inverse=True, return_counts=True)
+        _, cell, counts = np.unique(np.round(longer / (SAME_VECTOR * edge)), return_inverse=True, return_counts=True)
         if not len(longer):
             return None
         spacings.append(longer[cell.ravel() == np.argmax(counts)].mean())
     return np.diag(np.array(spacings))
 
 
-def _cells(points: Vectors, lattice: Lattice) -> list[Ints]:
+def _cells(points: Vectors, lattice: VoxelLattice) -> list[Ints]:
     """Return the layer of cells of each vertex on an edge along each axis of the lattice, for the three axes."""
     places = (points - points[0]) @ np.linalg.inv(lattice)
     for axis in range(3):
@@ -102,7 +102,7 @@ def _period(cells: Ints) -> int:
     """Return the distance between layers that all cells but a few lie in; 0 if it is 1 or there are few layers."""
     layers, counts = np.unique(cells, return_counts=True)
     order = np.argsort(-counts, kind="stable")
-    enough = int(np.searchsorted(np.cumsum(counts[order]), COVERED * len(cells))) + 1
+    enough = int(np.searchsorted(np.cumsum(counts[order]), COVERED_VERTICES * len(cells))) + 1
     kept = np.sort(layers[order[:enough]])
     if len(kept) < FEWEST_LAYERS:
         return 0

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.detection.segmentation_steps import has_voxel_faces, is_segmentation
-from cascadenorm.detection.voxel_lattice import Lattice, lattice_of_grey_values, lattice_of_mask
+from cascadenorm.detection.voxel_lattice import VoxelLattice, lattice_of_grey_values, lattice_of_mask
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import row, squared_distance
 
-Kind = Literal["none", "independent", "correlated", "segmentation", "volume", "depth image"]
+NameOfKind = Literal["none", "independent", "correlated", "segmentation", "volume", "depth image"]
 """Kinds of error.
 
 `none`: too little to matter. `independent`: the vertices err independently. `correlated`: alike over several edges.
@@ -19,7 +19,7 @@ Kind = Literal["none", "independent", "correlated", "segmentation", "volume", "d
 `depth image`: one sheet that is seen from one side.
 """
 
-CLEAN = 0.01
+LEAST_ERROR = 0.01
 """Mean edge lengths, root mean square: less counts as no error."""
 OPEN = 0.3, 0.5
 """|Σ A n| / Σ A from which a mesh may be, and is, seen from one side; a hemisphere has 0.5."""
@@ -29,7 +29,7 @@ UNSURE = 0.7, 1.5
 """Mean edge lengths: between them the correlation does not tell the kinds apart."""
 PAIRS = 4000
 """Vertices, evenly spaced in their order, around which the correlation is measured."""
-FARTHEST = 12.0
+CORRELATION_REACH = 12.0
 """Mean edge lengths up to which it is."""
 
 
@@ -52,7 +52,7 @@ class ErrorKind:
         Edges of a voxel along the axes of its lattice, in the unit of the mesh; None where no lattice was found.
     """
 
-    kind: Kind
+    kind: NameOfKind
     sure: bool
     size: float
     length: float | None
@@ -92,11 +92,11 @@ def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind
     error = np.einsum("ij,ij->i", mesh.vertices - denoised, true.vertex_normals)[used]
     edge = true.mean_edge_length  # that of the input grows with noise
     size = float(np.sqrt(np.mean(error**2)) / edge) if edge > 0 and len(error) else 0.0
-    if size < CLEAN:
+    if size < LEAST_ERROR:
         return ErrorKind(kind="none", sure=True, size=size, length=None, voxel=None)
     length = correlation_length(denoised[used] / edge, error)
     openness = float(np.linalg.norm(mesh.area_vectors.sum(axis=0)) / mesh.area)
-    kind: Kind
+    kind: NameOfKind
     if (lattice := lattice_of_mask(mesh)) is not None:
         kind, sure = "segmentation", True
     elif (lattice := lattice_of_grey_values(mesh)) is not None:
@@ -112,7 +112,7 @@ def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind
     )
 
 
-def _voxel(lattice: Lattice, exponent: int) -> tuple[float, float, float] | None:
+def _voxel(lattice: VoxelLattice, exponent: int) -> tuple[float, float, float] | None:
     a, b, c = np.ldexp(np.linalg.norm(lattice, axis=1), exponent).tolist()
     return (a, b, c) if np.isfinite([a, b, c]).all() else None
 
@@ -133,7 +133,7 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     chosen = np.zeros(len(points), bool)
     chosen[np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64)] = True
     centers = np.flatnonzero(chosen[order])
-    binned = np.zeros((2, len(centers), int(FARTHEST) + 1))
+    binned = np.zeros((2, len(centers), int(CORRELATION_REACH) + 1))
     parallel_for(len(centers), _bins_range, centers, points[order], axis, values[order], *binned, smallest=64)
     counts, sums = binned.sum(axis=1)
     means = sums / np.maximum(counts, 1)
@@ -142,7 +142,7 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     at = np.concatenate([[0.0], known.astype(np.float64)])
     below = np.flatnonzero(correlation < np.exp(-1))
     if len(below) == 0:
-        return FARTHEST
+        return CORRELATION_REACH
     i = int(below[0])
     share = (correlation[i - 1] - np.exp(-1)) / (correlation[i - 1] - correlation[i])
     return float(at[i - 1] + share * (at[i] - at[i - 1]))
@@ -166,9 +166,9 @@ def _bins_range(
     for i in range(start, stop):
         center = centers[i]
         k = center + 1
-        while k < len(points) and points[k, axis] - points[center, axis] <= FARTHEST:
+        while k < len(points) and points[k, axis] - points[center, axis] <= CORRELATION_REACH:
             squared = squared_distance(row(points, k), row(points, center))
-            if squared <= FARTHEST * FARTHEST:
+            if squared <= CORRELATION_REACH * CORRELATION_REACH:
                 distance = int(np.rint(np.sqrt(squared)))  # the first neighbours are in bin 1
                 counts[i, distance] += 1
                 sums[i, distance] += values[center] * values[k]

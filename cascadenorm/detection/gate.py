@@ -19,7 +19,7 @@ THRESHOLD = 0.55
 REPEATED = 0.5
 """Share of the 16 most frequent shapes of triangles from which a closed component may be the surface of a binary mask.
 Parts with sides along the lattice of the mask look tessellated to the trees."""
-SMALL = 0.005
+SMALL_SHARE = 0.005
 """Components with a smaller share of the faces of the mesh are judged together."""
 
 
@@ -76,14 +76,14 @@ class Judged(NamedTuple):
 
 
 def judged(gate: Gate, mesh: Mesh) -> Judged:
-    """Judge each connected component of a mesh; those with a share of the faces below SMALL together.
+    """Judge each connected component of a mesh; those with a share of the faces below SMALL_SHARE together.
 
     Closed components whose triangles repeat few shapes are also measured surfaces if they have the steps of a mask (see
     `is_segmentation`).
     """
     components = mesh.topology.face_components
     counts = np.bincount(components, minlength=int(mesh.topology.components.max()) + 1)
-    small = counts < SMALL * len(components)
+    small = counts < SMALL_SHARE * len(components)
     group = np.where(small, len(counts), np.arange(len(counts)))[components]
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))

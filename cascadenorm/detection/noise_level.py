@@ -9,12 +9,12 @@ from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, 
 from cascadenorm.mesh.vectors import add, dot, length, row, squared_distance
 
 SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
-FEWEST = 30  # edges below which nothing is said
+FEWEST_EDGES = 30  # edges below which nothing is said
 START = 0.2  # share of the differences that are surely no creases
 CLIP = 1.5  # standard deviations beyond which a difference may belong to a crease
 _NORMAL = NormalDist()
 KEPT_VARIANCE = 1 - 2 * CLIP * _NORMAL.pdf(CLIP) / (2 * _NORMAL.cdf(CLIP) - 1)  # of a Gaussian that is cut off there
-ROUNDS = 50
+CLIPPING_ROUNDS = 50
 
 
 def noise_level(mesh: Mesh) -> float | None:
@@ -39,12 +39,12 @@ def noise_level(mesh: Mesh) -> float | None:
     In mean edge lengths; None where there are too few edges away from the boundary
     """
     edges = _inner_edges(mesh)
-    if len(edges) < FEWEST:
+    if len(edges) < FEWEST_EDGES:
         return None
     edges = edges[np.linspace(0, len(edges) - 1, min(SAMPLES, len(edges))).astype(np.int64)]
     differences = _differences_along(mesh, edges)
     known = differences[np.isfinite(differences)]
-    return _clipped_deviation(known) / mesh.mean_edge_length if len(known) >= FEWEST else None
+    return _clipped_deviation(known) / mesh.mean_edge_length if len(known) >= FEWEST_EDGES else None
 
 
 def local_noise(mesh: Mesh) -> NDArray[np.float64]:
@@ -98,7 +98,7 @@ def _clipped_deviation(differences: NDArray[np.float64]) -> float:
     """Standard deviation about 0 of the Gaussian that the smaller differences come from."""
     sizes = np.abs(differences)
     deviation = float(np.quantile(sizes, START) / _NORMAL.inv_cdf(0.5 + START / 2))
-    for _ in range(ROUNDS):
+    for _ in range(CLIPPING_ROUNDS):
         within = sizes[sizes <= CLIP * deviation]
         deviation = float(np.sqrt(np.square(within).mean() / KEPT_VARIANCE)) if len(within) else 0.0
     return deviation

@@ -7,9 +7,10 @@ COPLANAR = 3e-6
 
 Coordinates in single precision come within a tenth of it; measured ones hardly ever do.
 """
-SMALL = 1e-3  # of the median edge length: the height is less than that too, where a far vertex makes the diagonal long
+SMALL_HEIGHT = 1e-3
+"""Of the median edge length: the height is less than that too, where a far vertex makes the diagonal long."""
 
 
 def rounding(mesh: Mesh) -> float:
     """Largest height of a vertex over a plane that rounding explains."""
-    return min(COPLANAR * mesh.diagonal, SMALL * mesh.median_edge_length)
+    return min(COPLANAR * mesh.diagonal, SMALL_HEIGHT * mesh.median_edge_length)

@@ -23,7 +23,7 @@ LATTICE = 0.5
 """Share of the edges that the most frequent vectors hold (see `lattice_share`), from which a mesh lies on a lattice.
 
 Decimated meshes and surface nets have fewer than those of marching cubes, which have 0.95."""
-STEPS = 0.2
+CANCELLING_SHARE = 0.2
 """Share of the bends that cancel within two rings, from which a mesh has steps: a step has an edge of either sign."""
 IN_PLANES = 0.03
 """Share of the vertices whose faces all lie in one plane, as on the treads of steps; CAD kernels make none."""
@@ -38,7 +38,7 @@ def is_segmentation(mesh: Mesh) -> bool:
     if lattice_share(mesh) < LATTICE:
         return False
     steps = _step_share(mesh)
-    return steps >= ALL_STEPS or (steps >= STEPS and _share_in_planes(mesh) >= IN_PLANES)
+    return steps >= ALL_STEPS or (steps >= CANCELLING_SHARE and _share_in_planes(mesh) >= IN_PLANES)
 
 
 def has_voxel_faces(mesh: Mesh) -> bool:

@@ -8,20 +8,20 @@ from cascadenorm.mesh.vectors import dot, length, row, subtract
 
 HIGH = 1.5
 """Height of a spike above the mean of its neighbours, in mean distances of the neighbours from it, at least."""
-MOST_NEIGHBORS = 10
+MOST_SPIKE_NEIGHBORS = 10
 """Neighbours of a spike, at most: the tip of a tessellated cone has more."""
-FLAT = 0.6
+FLAT_BASE = 0.6
 """Length of the mean normal of the faces around the neighbours, at least: the surface beneath a spike is nearly flat.
 Faces count alike, or those of a neighbouring spike would outweigh all others."""
 UPRIGHT = 0.6
 """Cosine of the angle between a spike and the normal of the surface beneath it, at least."""
-ROUNDS = 3
+SPIKE_ROUNDS = 3
 """Passes in which spikes are removed."""
 NOISE = 0.02
 """Noise of the mesh in mean edge lengths, at least: without any noise a spike counts as shape."""
 
 
-def spikes(mesh: Mesh) -> Bools:
+def noise_spikes(mesh: Mesh) -> Bools:
     """Tell which vertices are spikes.
 
     A spike rises from a neighbourhood that is nearly flat without it, higher than its base is wide. There are none on
@@ -54,8 +54,8 @@ def without_spikes(mesh: Mesh) -> Mesh:
 
     Nothing moves on a mesh without significant noise.
     """
-    for done in range(ROUNDS):
-        found = spikes(mesh)
+    for done in range(SPIKE_ROUNDS):
+        found = noise_spikes(mesh)
         if not found.any() or (done == 0 and (noise_level(mesh) or 0.0) < NOISE):
             break
         vertices = mesh.vertices.copy()
@@ -82,7 +82,7 @@ def _high_range(start: int, stop: int, vertices: Vectors, neighbors: Csr, vertex
         around = neighbors.indices[neighbors.indptr[i] : neighbors.indptr[i + 1]]
         faces = vertex_faces.indptr[i + 1] - vertex_faces.indptr[i]
         out[i] = False
-        if not 3 <= len(around) <= MOST_NEIGHBORS or faces != len(around):
+        if not 3 <= len(around) <= MOST_SPIKE_NEIGHBORS or faces != len(around):
             continue
         middle = _mean(vertices, around)
         radius = 0.0
@@ -119,7 +119,7 @@ def _standing_range(
                     total[d] += normals[f, d]
                 count += 1
         size = np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)
-        if size < FLAT * count or size == 0.0:
+        if size < FLAT_BASE * count or size == 0.0:
             out[c] = False
             continue
         up = subtract(row(vertices, i), _mean(vertices, around))

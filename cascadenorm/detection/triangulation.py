@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Floats, Mesh, angles_between, any_in_rows
 
-MOST_FACES = 20_000
+SAMPLED_FACES = 20_000
 """Faces that are looked at; a component with more is sampled."""
 VALENCES = range(3, 9)
-FLAT = 0.02, 0.2
+COPLANAR_DEGREES = 0.02, 0.2
 """Degrees between neighbouring faces below which they count as coplanar, and as nearly coplanar."""
-FREQUENT = 4, 16
+FREQUENT_SHAPES = 4, 16
 """Numbers of the most frequent shapes of triangles whose share is measured; lattices repeat few shapes."""
 SAME = 0.01
 """Mean lengths by which sides of triangles of the same shape differ at most."""
@@ -27,8 +27,8 @@ FIGURES = (
     "valence above 8",
     *(f"smallest angle at {share:.0%}" for share in (0.05, 0.25, 0.5, 0.75)),
     *(f"largest angle at {share:.0%}" for share in (0.25, 0.5, 0.75, 0.95)),
-    *(f"most frequent {count} shapes" for count in FREQUENT),
-    *(f"bends below {bend}°" for bend in FLAT),
+    *(f"most frequent {count} shapes" for count in FREQUENT_SHAPES),
+    *(f"bends below {bend}°" for bend in COPLANAR_DEGREES),
     "faces inside planes",
     *(f"bend at {share:.0%}" for share in (0.1, 0.25, 0.5, 0.75, 0.9)),
 )
@@ -45,14 +45,14 @@ def triangulation_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
     mesh
         Mesh with m faces.
     faces
-        (k,) numbers of the faces, at least one. Of more than MOST_FACES a sample is used.
+        (k,) numbers of the faces, at least one. Of more than SAMPLED_FACES a sample is used.
 
     Returns
     -------
     (32,) figures in the order of FIGURES.
     """
-    if len(faces) > MOST_FACES:
-        faces = np.sort(np.random.default_rng(0).choice(faces, MOST_FACES, replace=False))
+    if len(faces) > SAMPLED_FACES:
+        faces = np.sort(np.random.default_rng(0).choice(faces, SAMPLED_FACES, replace=False))
     corners = mesh.vertices[mesh.faces[faces]]
     sides = np.roll(corners, -1, axis=1) - corners
     lengths = np.linalg.norm(sides, axis=2)
@@ -94,7 +94,7 @@ def _shape_figures(lengths: Floats) -> Floats:
     shapes = np.minimum(np.round(np.sort(lengths, axis=1) / (SAME * mean)), MOST_STEPS - 1).astype(np.int64)
     keys = (shapes[:, 0] * MOST_STEPS + shapes[:, 1]) * MOST_STEPS + shapes[:, 2]
     counts = np.sort(np.unique(keys, return_counts=True)[1])[::-1]
-    return np.array([counts[:count].sum() / len(lengths) for count in FREQUENT])
+    return np.array([counts[:count].sum() / len(lengths) for count in FREQUENT_SHAPES])
 
 
 def _bend_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
@@ -104,11 +104,11 @@ def _bend_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
     has_normal = any_in_rows(normals != 0)
     known = (across >= 0) & has_normal[across] & has_normal[faces][:, None]
     if not known.any():
-        return np.array([*np.ones(len(FLAT)), 1.0, *np.zeros(5)])
+        return np.array([*np.ones(len(COPLANAR_DEGREES)), 1.0, *np.zeros(5)])
     rows, columns = np.nonzero(known)
     bends = np.zeros(across.shape)
     bends[known] = np.degrees(angles_between(normals[faces[rows]], normals[across[rows, columns]]))
-    inside = (bends < FLAT[1]).all(axis=1).mean()
+    inside = (bends < COPLANAR_DEGREES[1]).all(axis=1).mean()
     bends = bends[known]
-    shares = [(bends < limit).mean() for limit in FLAT]
+    shares = [(bends < limit).mean() for limit in COPLANAR_DEGREES]
     return np.array([*shares, inside, *np.quantile(bends, [0.1, 0.25, 0.5, 0.75, 0.9])])

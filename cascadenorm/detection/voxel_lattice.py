@@ -8,22 +8,22 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import Vector, row, subtract
 
-Lattice = NDArray[np.float64]
+VoxelLattice = NDArray[np.float64]
 """(3, 3), its rows the edges of a voxel."""
 
 MOST_EDGES = 20_000
 """Edges that are looked at, evenly spaced in their order."""
-STEP = 2e-3
+SAME_VECTOR = 2e-3
 """Mean edge lengths: differences between vertices that agree to this are the same."""
 RESOLUTION = 0.02
 """Median edge lengths: edges that agree to this are the same where a lattice is only suspected."""
-FARTHEST = 1e6  # multiples of it that are told apart: three numbers below 2^20 make one key
-FREQUENT = 64
+MOST_MULTIPLES = 1e6  # multiples of it that are told apart: three numbers below 2^20 make one key
+FREQUENT_VECTORS = 64
 """Vectors that hold nearly all edges of a mesh on a lattice: binary marching cubes have some fifty."""
-FEWEST = 1000  # edges of a mesh that can be told to lie on a lattice
+FEWEST_LATTICE_EDGES = 1000  # edges of a mesh that can be told to lie on a lattice
 DIRECTIONS = 80
 """Kinds of edges at most; marching cubes make about 50 on a mask, counting both directions once."""
-COVERED = 0.9
+COVERED_EDGES = 0.9
 """Share of the edges that these have to be."""
 IN_CELLS = 0.05
 """Share of the vertices that may lie in the middle of cells, where marching cubes put one if cells are ambiguous."""
@@ -34,15 +34,15 @@ ON_NODES = 0.5
 def lattice_share(mesh: Mesh) -> float:
     """Share of the edges that the most frequent vectors hold; near 1 where vertices lie on a lattice, else near 0."""
     edges, size = mesh.topology.edges, RESOLUTION * mesh.median_edge_length
-    if len(edges) < FEWEST or size == 0:
+    if len(edges) < FEWEST_LATTICE_EDGES or size == 0:
         return 0.0
     keys = np.empty(len(edges), np.int64)
     parallel_for(len(edges), _edge_key_range, mesh.vertices, edges, size, keys)
     counts = np.unique(keys, return_counts=True)[1]
-    return float(np.sort(counts)[-FREQUENT:].sum() / len(edges))
+    return float(np.sort(counts)[-FREQUENT_VECTORS:].sum() / len(edges))
 
 
-def lattice_of_mask(mesh: Mesh) -> Lattice | None:
+def lattice_of_mask(mesh: Mesh) -> VoxelLattice | None:
     """Find the voxels of a binary mask that marching cubes meshed, at any rotation; None for any other mesh.
 
     Vertices lie in the middle of the edges of the lattice, so that edges of the mesh are sums of halves of these, of
@@ -68,10 +68,10 @@ def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
     """Vectors along edges, each direction once; None where there are too many kinds."""
     ends = mesh.topology.edges[:: max(1, len(mesh.topology.edges) // MOST_EDGES)]
     vectors = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
-    keys, sign = _keys(vectors, STEP * edge)
+    keys, sign = _keys(vectors, SAME_VECTOR * edge)
     _, number, counts = np.unique(keys, return_inverse=True, return_counts=True)
     common = np.argsort(-counts, kind="stable")[:DIRECTIONS]
-    if counts[common].sum() < COVERED * len(keys):
+    if counts[common].sum() < COVERED_EDGES * len(keys):
         return None
     totals = scatter_add(number.ravel(), vectors * sign, len(counts))
     return np.asarray((totals / counts[:, None])[common])
@@ -94,7 +94,7 @@ def _key(vector: Vector, size: float) -> tuple[int, int]:
     """Number of a vector, and its sign: that of its first coordinate that is not zero."""
     key = sign = 0
     for d in range(3):
-        cell = int(np.rint(min(max(vector[d] / size, -FARTHEST), FARTHEST)))
+        cell = int(np.rint(min(max(vector[d] / size, -MOST_MULTIPLES), MOST_MULTIPLES)))
         if sign == 0:
             sign = int(np.sign(cell))
         key = key * (1 << 21) + cell * sign
@@ -115,14 +115,14 @@ def _edge_key_range(start: int, stop: int, vertices: Vectors, edges: Ints32, siz
 
 def _different(vectors: Vectors, edge: float) -> Vectors:
     """Vectors of which none is zero or another's negative, shortest first."""
-    _, first = np.unique(_keys(vectors, 4 * STEP * edge)[0], return_index=True)
+    _, first = np.unique(_keys(vectors, 4 * SAME_VECTOR * edge)[0], return_index=True)
     kept = vectors[first]
     lengths = np.linalg.norm(kept, axis=1)
     kept, lengths = kept[lengths > 0.1 * edge], lengths[lengths > 0.1 * edge]
     return np.asarray(kept[np.argsort(lengths, kind="stable")])
 
 
-def _orthogonal_triples(vectors: Vectors) -> list[Lattice]:
+def _orthogonal_triples(vectors: Vectors) -> list[VoxelLattice]:
     """Triples of perpendicular vectors among the shortest, by the volume that they span."""
     few = vectors[:200]
     lengths = np.linalg.norm(few, axis=1)
@@ -136,7 +136,7 @@ def _orthogonal_triples(vectors: Vectors) -> list[Lattice]:
     return [few[list(triple)] for triple in triples[:2000]]
 
 
-def _in_the_middle_of_edges(offsets: Vectors, lattice: Lattice) -> bool:
+def _in_the_middle_of_edges(offsets: Vectors, lattice: VoxelLattice) -> bool:
     """Whether vertices, relative to one of them, lie where the middles of the edges of a lattice do."""
     halves = 2 * offsets @ np.linalg.inv(lattice)
     near = np.round(halves)
@@ -149,7 +149,7 @@ def _in_the_middle_of_edges(offsets: Vectors, lattice: Lattice) -> bool:
     return bool((np.abs(places[:, None] - places[None]).sum(axis=2)[np.triu_indices(3, 1)] == 2).all())
 
 
-def lattice_of_grey_values(mesh: Mesh) -> Lattice | None:
+def lattice_of_grey_values(mesh: Mesh) -> VoxelLattice | None:
     """Find the voxels of a grey volume that lies along the axes; None for any other mesh.
 
     Marching cubes put each vertex on an edge of the lattice, where two of its coordinates are those of nodes.
@@ -166,11 +166,11 @@ def lattice_of_grey_values(mesh: Mesh) -> Lattice | None:
 
 def _comb(values: NDArray[np.float64], edge: float) -> float | None:
     """Spacing of the values that many vertices share, if these are evenly spaced and most vertices have one."""
-    cells, counts = np.unique(np.round(values / (STEP * edge)).astype(np.int64), return_counts=True)
+    cells, counts = np.unique(np.round(values / (SAME_VECTOR * edge)).astype(np.int64), return_counts=True)
     shared = counts > 8 * max(1.0, np.median(counts))
     if shared.sum() < 4 or counts[shared].sum() < ON_NODES * len(values):
         return None
-    gaps = np.diff(cells[shared]) * STEP * edge
+    gaps = np.diff(cells[shared]) * SAME_VECTOR * edge
     gaps = gaps[gaps > 0.2 * edge]
     if len(gaps) < 3:
         return None

@@ -15,16 +15,16 @@ from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
 from cascadenorm.evaluation.records import Records
-from cascadenorm.evaluation.runs import COLUMNS, NOISY, Failure, Result, Run, forget, run
-from cascadenorm.execution.cluster import LOCAL, folder_of_names
+from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, forget, run
+from cascadenorm.execution.cluster import LOCAL_CLUSTER, folder_of_names
 from cascadenorm.execution.cluster_map import side_by_side_on
 from cascadenorm.execution.process_map import side_by_side
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.metrics import Measures
-from cascadenorm.io.pairs import Pair, Places, find_pairs
+from cascadenorm.io.pairs import FilePair, Paths, find_pairs
 from cascadenorm.registry import find
 
-__all__ = ["COLUMNS", "DEFAULT_METHODS", "NOISY", "Evaluation", "Failure", "Result", "evaluate"]
+__all__ = ["COLUMNS", "DEFAULT_METHODS", "NOISY", "Evaluation", "FailedRun", "RunResult", "evaluate"]
 
 DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
 
@@ -40,9 +40,9 @@ class Evaluation(NamedTuple):
         Where the meshes are kept, if anywhere.
     """
 
-    results: list[Result]
-    failures: list[Failure]
-    pairs: Sequence[Pair] = ()
+    results: list[RunResult]
+    failures: list[FailedRun]
+    pairs: Sequence[FilePair] = ()
     records: Records | None = None
 
     @property
@@ -62,13 +62,13 @@ class Evaluation(NamedTuple):
         return {name for name in counts if counts[name] < max(counts.values())}
 
     @property
-    def means(self) -> list[Result]:
+    def means(self) -> list[RunResult]:
         """The mean of each method over the pairs that have a value."""
         return [_mean(name, [result for result in self.results if result.method == name]) for name in self.methods]
 
 
 def evaluate(
-    folders: Places | Iterable[Pair | str | PathLike[str]],
+    folders: Paths | Iterable[FilePair | str | PathLike[str]],
     *,
     methods: str | Sequence[str] = DEFAULT_METHODS,
     results: Mapping[str, str | PathLike[str]] | None = None,
@@ -144,7 +144,7 @@ def evaluate(
     _check_numbers(workers, noise, seeds)
     if not timeout > 0:
         raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
-    if noise is not None and keep is None and scheduler not in (None, LOCAL):
+    if noise is not None and keep is None and scheduler not in (None, LOCAL_CLUSTER):
         raise ParameterError("must be a folder that all workers see: the noisy meshes go there", parameter="keep")
     pairs = _pairs(folders)
     places = {name: Path(place) for name, place in (results or {}).items()}
@@ -153,11 +153,11 @@ def evaluate(
     records = Records(Path(keep)) if keep is not None else None
     rows = _rows(methods, settings, places, programs, timeout)
     with TemporaryDirectory() as scratch:
-        unread: list[tuple[Pair, Exception]] = []
+        unread: list[tuple[FilePair, Exception]] = []
         if noise is not None:
             pairs, unread = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
         runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
-        done = Evaluation([], [Failure(pair.name, None, error) for pair, error in unread], pairs, records)
+        done = Evaluation([], [FailedRun(pair.name, None, error) for pair, error in unread], pairs, records)
         folder = folder_of_names(_names(pairs, places, keep), [*settings.values(), *chain(*programs.values())])
         with side_by_side_on(scheduler, workers=workers, folder=folder):
             _work_off(runs, done, workers, progress)
@@ -165,19 +165,21 @@ def evaluate(
 
 
 def _names(
-    pairs: Sequence[Pair], places: Mapping[str, Path], keep: str | PathLike[str] | None
+    pairs: Sequence[FilePair], places: Mapping[str, Path], keep: str | PathLike[str] | None
 ) -> list[str | PathLike[str]]:
     """Return the files and folders of an evaluation."""
     files = [file for pair in pairs for file in (pair.noisy, pair.clean)]
     return [*files, *places.values(), *([] if keep is None else [keep])]
 
 
-def _pairs(folders: Places | Iterable[Pair | str | PathLike[str]]) -> list[Pair]:
+def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[FilePair]:
     if isinstance(folders, str | PathLike):
         return find_pairs(folders)
     given = list(folders)
-    pairs = [one for one in given if isinstance(one, Pair)]
-    return pairs + (find_pairs([one for one in given if not isinstance(one, Pair)]) if len(pairs) < len(given) else [])
+    pairs = [one for one in given if isinstance(one, FilePair)]
+    return pairs + (
+        find_pairs([one for one in given if not isinstance(one, FilePair)]) if len(pairs) < len(given) else []
+    )
 
 
 def _rows(
@@ -205,7 +207,7 @@ def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Pro
             for number, task in enumerate(runs):
                 progress("evaluating", number, len(runs), f"{task.pair.name}: {task.name}")
                 out = next(found)
-                if isinstance(out, Result):
+                if isinstance(out, RunResult):
                     done.results.append(out)
                 elif out.method is not None or out.pair not in unread:
                     unread |= {out.pair} if out.method is None else set()
@@ -235,7 +237,7 @@ def _check_names(names: Sequence[str], methods: Sequence[str]) -> None:
             raise ParameterError(f"the results are named {name!r}, which is not a file name: choose another name")
 
 
-def _check_results(places: Mapping[str, Path], pairs: Sequence[Pair]) -> None:
+def _check_results(places: Mapping[str, Path], pairs: Sequence[FilePair]) -> None:
     """Refuse results that have no folder, or pairs that cannot be told apart by name."""
     for place in places.values():
         if not place.is_dir():
@@ -247,9 +249,9 @@ def _check_results(places: Mapping[str, Path], pairs: Sequence[Pair]) -> None:
             )
 
 
-def _mean(method: str, results: Sequence[Result]) -> Result:
+def _mean(method: str, results: Sequence[RunResult]) -> RunResult:
     means = {field.name: _average([getattr(result.measures, field.name) for result in results]) for field in MEASURES}
-    return Result(
+    return RunResult(
         pair="mean",
         method=method,
         measures=Measures(**means),  # type: ignore[arg-type]

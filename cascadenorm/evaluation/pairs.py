@@ -8,12 +8,12 @@ import numpy as np
 
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.io.interop import as_mesh, save_mesh
-from cascadenorm.io.pairs import Pair
+from cascadenorm.io.pairs import FilePair
 
 
 def with_noise(
-    pairs: Sequence[Pair], folder: Path, *, level: float, seeds: int
-) -> tuple[list[Pair], list[tuple[Pair, Exception]]]:
+    pairs: Sequence[FilePair], folder: Path, *, level: float, seeds: int
+) -> tuple[list[FilePair], list[tuple[FilePair, Exception]]]:
     """Write meshes with Gaussian noise along the normals of each clean mesh.
 
     Parameters
@@ -29,8 +29,8 @@ def with_noise(
     -------
     The new pairs, and those whose clean mesh cannot be read, each with the reason
     """
-    made: list[Pair] = []
-    unread: list[tuple[Pair, Exception]] = []
+    made: list[FilePair] = []
+    unread: list[tuple[FilePair, Exception]] = []
     for pair in pairs:
         try:
             clean = as_mesh(pair.clean)
@@ -44,5 +44,5 @@ def with_noise(
             noise = displacements(clean, "normal", level=level, rng=np.random.default_rng(seed))
             file = place / f"noisy-{level:g}-{seed}.ply"
             save_mesh(file, clean.moved(clean.vertices + noise), force=True)
-            made.append(Pair(name, file, pair.clean, seed))
+            made.append(FilePair(name, file, pair.clean, seed))
     return made, unread

@@ -38,7 +38,7 @@ with open(sys.argv[1], "w", encoding="utf-8") as file:
 """A small process that starts the program: the memory of a child counts from that of its parent on."""
 
 
-class Outcome(NamedTuple):
+class ProgramResult(NamedTuple):
     """The mesh that a program wrote, how long it took, and the memory that it needed at most."""
 
     mesh: Mesh
@@ -75,7 +75,7 @@ def command_words(command: str, *, windows: bool) -> list[str]:
     return list(reader)
 
 
-def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S) -> Outcome:
+def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S) -> ProgramResult:
     """Run a command on a mesh file.
 
     Parameters
@@ -119,7 +119,7 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
         written = next(path for place, path in files.items() if place.startswith("{out"))
         if not written.exists():
             raise DenoiseError(f"{words[0]} wrote no file {written.name}")
-        return Outcome(as_mesh(written), seconds, memory)
+        return ProgramResult(as_mesh(written), seconds, memory)
 
 
 def _run_within(command: Sequence[str], timeout: float, name: str) -> subprocess.CompletedProcess[str]:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.io.pairs import Pair
+from cascadenorm.io.pairs import FilePair
 
 Split = Literal["train", "test"]
 SPLITS: tuple[Split, ...] = ("train", "test")
@@ -22,7 +22,7 @@ class Listed(NamedTuple):
     noisy, clean
         Paths in the copy.
     digests
-        Of the two meshes, as `mesh_digest` gives them; empty where they are not known.
+        Of the two meshes, as `geometry_digest` gives them; empty where they are not known.
     """
 
     noisy: str
@@ -117,7 +117,7 @@ def public_set(name: str) -> PublicSet:
     return PUBLIC_SETS[name]
 
 
-def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test") -> list[Pair]:
+def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test") -> list[FilePair]:
     """Return the pairs of a public set in a copy of one's own, as its paper splits it, by name.
 
     Parameters
@@ -148,25 +148,25 @@ def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test")
     return [_checked(wanted, pair, root, title) for title, pair in wanted.listed.items()]
 
 
-def mesh_digest(path: Path) -> str:
+def geometry_digest(path: Path) -> str:
     """Return a digest of a mesh that is the same in every format: of positions in single precision, and of faces."""
     mesh = as_mesh(path)
     parts = mesh.vertices.astype("<f4").tobytes(), mesh.faces.astype("<i4").tobytes()
     return hashlib.sha256(b"".join(parts)).hexdigest()[:16]
 
 
-def _checked(wanted: PublicSet, pair: Listed, root: Path, title: str) -> Pair:
+def _checked(wanted: PublicSet, pair: Listed, root: Path, title: str) -> FilePair:
     noisy, clean = files = (root / pair.noisy, root / pair.clean)
     for file in files:
         if not file.is_file():
             raise ReadError(f"{file} is missing", hint=f"get the set: {wanted.place}")
     for file, digest in zip(files, pair.digests, strict=bool(pair.digests)):
-        if mesh_digest(file) != digest:
+        if geometry_digest(file) != digest:
             raise ReadError(f"{file} differs from the published mesh", hint=f"get it again: {wanted.place}")
-    return Pair(title, noisy, clean)
+    return FilePair(title, noisy, clean)
 
 
-def _split_pairs(wanted: PublicSet, root: Path, split: str) -> list[Pair]:
+def _split_pairs(wanted: PublicSet, root: Path, split: str) -> list[FilePair]:
     """Find the folder of the set in the copy, or the copy itself, and pair what has the same name in it."""
     place = next((one for one in (root / wanted.folder, root) if (one / split).is_dir()), None)
     if place is None:
@@ -177,7 +177,7 @@ def _split_pairs(wanted: PublicSet, root: Path, split: str) -> list[Pair]:
         stem = file.stem.rpartition("_n")[0]
         if stem not in originals:
             raise ReadError(f"{file} has no clean mesh original/{stem}.obj", hint=f"get the set: {wanted.place}")
-        pairs.append(Pair(file.stem, file, originals[stem]))
+        pairs.append(FilePair(file.stem, file, originals[stem]))
     if not pairs:
         raise ReadError(f"{place / split} holds no meshes in noisy", hint=f"get the set: {wanted.place}")
     return pairs

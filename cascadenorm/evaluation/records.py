@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from cascadenorm.io.atomic import make_folder, write_atomically
 from cascadenorm.io.digests import file_digest, source_digest
 from cascadenorm.io.interop import save_mesh
-from cascadenorm.io.pairs import Pair
+from cascadenorm.io.pairs import FilePair
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find
@@ -27,7 +27,7 @@ class Records(NamedTuple):
 
     def key(
         self,
-        pair: Pair,
+        pair: FilePair,
         name: str,
         settings: Mapping[str, Any] | None,
         command: Sequence[str],
@@ -52,7 +52,7 @@ class Records(NamedTuple):
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
-    def known(self, pair: Pair, name: str, key: str) -> dict[str, Any] | None:
+    def known(self, pair: FilePair, name: str, key: str) -> dict[str, Any] | None:
         """Return the row of a result that was kept under that key, or None."""
         path = self.mesh_file(pair.name, name)
         try:
@@ -62,7 +62,7 @@ class Records(NamedTuple):
         matches = isinstance(kept, dict) and kept.get("key") == key and path.exists()
         return dict(kept["row"]) if matches else None
 
-    def keep(self, pair: Pair, name: str, key: str, mesh: Mesh, row: Mapping[str, Any]) -> None:
+    def keep(self, pair: FilePair, name: str, key: str, mesh: Mesh, row: Mapping[str, Any]) -> None:
         """Keep a mesh, and then its row, which says that both are complete."""
         path = self.mesh_file(pair.name, name)
         make_folder(path.parent)

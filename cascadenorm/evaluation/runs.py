@@ -17,7 +17,7 @@ from cascadenorm.evaluation.records import Records
 from cascadenorm.execution.memory import peak_memory
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.io.pairs import Pair, result_file
+from cascadenorm.io.pairs import FilePair, result_file
 from cascadenorm.mesh import Mesh
 
 NOISY = "noisy"
@@ -25,7 +25,7 @@ NOISY = "noisy"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class RunResult:
     """A method, or another program, on a pair.
 
     Parameters
@@ -55,7 +55,7 @@ COLUMNS = ("pair", "method", *(field.name for field in fields(Measures)), "secon
 """Names in a row of a result."""
 
 
-class Failure(NamedTuple):
+class FailedRun(NamedTuple):
     """A pair, or a method on it, that could not be measured."""
 
     pair: str
@@ -82,7 +82,7 @@ class Run(NamedTuple):
         Where the mesh and its measures are kept, if anywhere.
     """
 
-    pair: Pair
+    pair: FilePair
     name: str
     settings: Mapping[str, Any] | None = None
     command: Sequence[str] = ()
@@ -91,7 +91,7 @@ class Run(NamedTuple):
     records: Records | None = None
 
 
-def run(task: Run) -> Result | Failure:
+def run(task: Run) -> RunResult | FailedRun:
     """Do one run, or take it from the records; a pair that cannot be read is a failure without a method.
 
     Whatever a reader or a method ends in is listed, and the rest goes on; a folder of records that cannot be written
@@ -101,7 +101,7 @@ def run(task: Run) -> Result | Failure:
     try:
         noisy, clean = _meshes(pair)
     except Exception as error:  # a damaged file, or a package that is missing for its format
-        return Failure(pair.name, None, error)
+        return FailedRun(pair.name, None, error)
     try:
         file = result_file(task.results, pair) if task.results else None
         key = records.key(pair, name, task.settings, task.command, file) if records else ""
@@ -110,7 +110,7 @@ def run(task: Run) -> Result | Failure:
             return _from_record(pair.name, name, known)
         mesh, seconds, memory = _denoised(task, noisy, file)
         same = np.array_equal(mesh.faces, clean.faces)
-        result = Result(
+        result = RunResult(
             pair=pair.name,
             method=name,
             measures=measure(mesh, clean),
@@ -123,12 +123,12 @@ def run(task: Run) -> Result | Failure:
     except OutputError:
         raise
     except Exception as error:
-        return Failure(pair.name, name, error)
+        return FailedRun(pair.name, name, error)
     return result
 
 
 @lru_cache(maxsize=1)
-def _meshes(pair: Pair) -> tuple[Mesh, Mesh]:
+def _meshes(pair: FilePair) -> tuple[Mesh, Mesh]:
     """The noisy and the clean mesh; those of the last pair are kept for its next method."""
     return as_mesh(pair.noisy), as_mesh(pair.clean)
 
@@ -163,7 +163,7 @@ def _denoised(task: Run, noisy: Mesh, file: Path | None) -> tuple[Mesh, float, f
     return mesh, seconds, peak.megabytes
 
 
-def _from_record(pair: str, name: str, row: Mapping[str, Any]) -> Result:
+def _from_record(pair: str, name: str, row: Mapping[str, Any]) -> RunResult:
     measures = Measures(**{field.name: row[field.name] for field in fields(Measures)})
     others = {key: row[key] for key in ("seconds", "memory_mb", "same_faces")}
-    return Result(pair=pair, method=name, measures=measures, **others)
+    return RunResult(pair=pair, method=name, measures=measures, **others)

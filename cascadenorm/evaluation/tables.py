@@ -7,7 +7,7 @@ from statistics import mean, stdev
 from typing import NamedTuple
 
 from cascadenorm.evaluation.harness import Evaluation
-from cascadenorm.evaluation.runs import COLUMNS, NOISY, Result
+from cascadenorm.evaluation.runs import COLUMNS, NOISY, RunResult
 
 
 class Column(NamedTuple):
@@ -30,7 +30,7 @@ class Column(NamedTuple):
     title: str
     unit: str
     digits: int
-    value: Callable[[Result], float | None]
+    value: Callable[[RunResult], float | None]
     off: Callable[[float], float] = abs
     none: str = "–"
 
@@ -52,7 +52,7 @@ NARROW = tuple(column for column in COLUMNS_SHOWN if column.title not in ("E_a b
 """What fits into a terminal."""
 
 
-SPREAD = ("E_a", "E_a by area", "E_v", "Hausdorff")
+SPREAD_COLUMNS = ("E_a", "E_a by area", "E_v", "Hausdorff")
 """Titles of the columns whose spread over seeds is told."""
 
 
@@ -90,7 +90,11 @@ def by_pair(done: Evaluation, column: Column = COLUMNS_SHOWN[0]) -> Table:
 
 
 def by_method(
-    results: Sequence[Result], title: str, columns: Sequence[Column] = COLUMNS_SHOWN, *, apart: Set[str] = frozenset()
+    results: Sequence[RunResult],
+    title: str,
+    columns: Sequence[Column] = COLUMNS_SHOWN,
+    *,
+    apart: Set[str] = frozenset(),
 ) -> Table:
     """Return figures, a row a method; those that stand apart are marked, and none of theirs is the best."""
     head = tuple(f"{column.title} ({column.unit})" if column.unit else column.title for column in columns)
@@ -108,12 +112,12 @@ def of_means(done: Evaluation, title: str, columns: Sequence[Column] = COLUMNS_S
 def all_tables(done: Evaluation) -> list[Table]:
     """Return the tables of an evaluation: normal errors pair by pair, means, and the spread over several seeds."""
     several = len(set(done.seeds.values())) > 1
-    return [by_pair(done), of_means(done, "Means over the pairs"), *([spread(done)] if several else [])]
+    return [by_pair(done), of_means(done, "Means over the pairs"), *([spread_table(done)] if several else [])]
 
 
-def spread(done: Evaluation) -> Table:
+def spread_table(done: Evaluation) -> Table:
     """Return mean ± standard deviation over the seeds of what is the mean over the pairs of a seed, a row a method."""
-    shown = [column for column in COLUMNS_SHOWN if column.title in SPREAD]
+    shown = [column for column in COLUMNS_SHOWN if column.title in SPREAD_COLUMNS]
     rows = []
     for method in done.methods:
         cells = [Cell(method)]
@@ -132,7 +136,7 @@ def spread(done: Evaluation) -> Table:
     return Table(f"Mean ± standard deviation over {len(set(done.seeds.values()))} seeds", ("method", *head), rows)
 
 
-def _cells(column: Column, results: Sequence[Result | None], apart: Set[str] = frozenset()) -> list[Cell]:
+def _cells(column: Column, results: Sequence[RunResult | None], apart: Set[str] = frozenset()) -> list[Cell]:
     """Write the values; the best of those that do not stand apart, as they are written, are marked if there are two."""
     apart = {NOISY, *apart}
     values = [None if one is None else column.value(one) for one in results]

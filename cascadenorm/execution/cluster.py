@@ -13,13 +13,13 @@ from cascadenorm.execution.child_processes import interrupts_blocked
 if TYPE_CHECKING:
     from distributed import Client
 
-LOCAL = "local"
+LOCAL_CLUSTER = "local"
 """The name of a cluster on this machine, in place of the address of a scheduler."""
 
 POLL = 1.0
 """Seconds between two looks at which workers are there."""
 
-PATIENCE = 300.0
+WORKER_TIMEOUT_S = 300.0
 """Seconds to wait while a cluster has no worker that can be used."""
 
 ANSWER = 30.0
@@ -63,7 +63,7 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
     with ExitStack() as stack:
         stack.enter_context(_silent("distributed"))
         stack.enter_context(dask.config.set(LARGE_TASKS))
-        if scheduler == LOCAL:
+        if scheduler == LOCAL_CLUSTER:
             stack.enter_context(dask.config.set(OWN_CLUSTER))
             with interrupts_blocked():  # Ctrl-C is for this process to answer
                 address = stack.enter_context(
@@ -107,7 +107,7 @@ def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[obje
 
 def without_scheduler(scheduler: str, error: Exception, hint: str = "") -> WorkerError:
     """Return the error of a connection that is lost."""
-    return WorkerError(f"the scheduler at {scheduler} does not answer any more: {in_words(error)}", hint=hint)
+    return WorkerError(f"the scheduler at {scheduler} does not answer any more: {dask_message(error)}", hint=hint)
 
 
 def without_workers(scheduler: str, seconds: float) -> WorkerError:
@@ -115,7 +115,7 @@ def without_workers(scheduler: str, seconds: float) -> WorkerError:
     return WorkerError(f"the cluster at {scheduler} has had no worker for {seconds:.0f} seconds")
 
 
-def in_words(error: Exception) -> str:
+def dask_message(error: Exception) -> str:
     """Return the text of an error of Dask's, or its name where it has none."""
     return str(error) or type(error).__name__
 

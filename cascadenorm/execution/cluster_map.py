@@ -16,11 +16,11 @@ from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import ParameterError, WorkerError
 from cascadenorm.execution.cluster import (
     ANSWER,
-    LOCAL,
-    PATIENCE,
+    LOCAL_CLUSTER,
     POLL,
+    WORKER_TIMEOUT_S,
     connected,
-    in_words,
+    dask_message,
     without_scheduler,
     without_workers,
 )
@@ -74,7 +74,7 @@ def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[
     WorkerError
         An item has ended several workers, the scheduler or all workers are gone, or a worker cannot be used.
     """
-    if scheduler != LOCAL and workers > 1:
+    if scheduler != LOCAL_CLUSTER and workers > 1:
         raise ParameterError(
             f"is {workers}; at {scheduler} all workers of the cluster work", parameter="workers", hint="leave it out"
         )
@@ -152,13 +152,13 @@ def _result(client: "Client", scheduler: str, future: "Future[Any]") -> Any:
             raise
         except Exception as error:  # whatever Dask raises
             raise WorkerError(
-                f"the cluster at {scheduler} did not do the work: {in_words(error)}",
+                f"the cluster at {scheduler} did not do the work: {dask_message(error)}",
                 hint="where workers have ended, memory may be short there",
             ) from None
         now = time.monotonic()
         in_use = now if _workers(client, scheduler) else in_use
-        if now > in_use + PATIENCE:
-            raise without_workers(scheduler, PATIENCE)
+        if now > in_use + WORKER_TIMEOUT_S:
+            raise without_workers(scheduler, WORKER_TIMEOUT_S)
 
 
 def _workers(client: "Client", scheduler: str) -> int:

@@ -19,14 +19,14 @@ from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.child_processes import interrupts_blocked
 
-Job = TypeVar("Job")
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 GRACE = 5.0
 """Seconds that a process has to remove its temporary files."""
 
 
-class Worker(Generic[Job, Result]):
+class Worker(Generic[Item, Result]):
     """A process that does jobs, one after the other.
 
     Parameters
@@ -37,14 +37,14 @@ class Worker(Generic[Job, Result]):
     It ignores Ctrl-C, which is for the parent to answer, and ends when the parent is gone.
     """
 
-    def __init__(self, work: Callable[[Job], Result]) -> None:
+    def __init__(self, work: Callable[[Item], Result]) -> None:
         self.link, there = get_context("spawn").Pipe()
         self._process = get_context("spawn").Process(target=_serve, args=(there, work), daemon=True)
         with interrupts_blocked():
             self._process.start()
         there.close()
 
-    def begin(self, job: Job, threads: int) -> None:
+    def begin(self, job: Item, threads: int) -> None:
         """Begin a job, in which kernels and libraries use that many threads; the process may have ended meanwhile."""
         try:
             self.link.send((job, threads))
@@ -83,14 +83,14 @@ class Worker(Generic[Job, Result]):
             worker._process.join()
 
 
-def first_ready(workers: "Sequence[Worker[Job, Result]]", seconds: float | None) -> "list[Worker[Job, Result]]":
+def first_ready(workers: "Sequence[Worker[Item, Result]]", seconds: float | None) -> "list[Worker[Item, Result]]":
     """Wait until one of the workers has a result or has ended, or for so many seconds; return those that have."""
     closed = [worker for worker in workers if worker.link.closed]
     ready = closed or wait([worker.link for worker in workers], seconds)
     return closed or [worker for worker in workers if worker.link in ready]
 
 
-def _serve(link: Connection, work: Callable[[Job], Result]) -> None:
+def _serve(link: Connection, work: Callable[[Item], Result]) -> None:
     """Do the jobs that arrive until the parent ends."""
     signal.signal(signal.SIGTERM, _terminated)
     Thread(target=_end_with_parent, daemon=True).start()

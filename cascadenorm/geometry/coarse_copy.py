@@ -12,7 +12,7 @@ from cascadenorm.mesh.vectors import Vector, add, dot, row, scaled, subtract
 
 LEAST_CLUSTERS = 100
 """Clusters on each connected component, if it has so many vertices, however long the edges of the copy shall be."""
-HALVINGS = 4
+EDGE_HALVINGS = 4
 """How often, at most, the edges are halved where the copy would be torn or folded, as on a tube that is thinner."""
 EVEN = 3
 """Passes that even out the correction of a copy that is too small, so that steps in the copy do not become sharper."""
@@ -114,11 +114,11 @@ def coarse_copy(mesh: Mesh, length: float) -> CoarseCopy | None:
     The copy; None where no three clusters meet.
     """
     spacing, faces = _spacing(mesh, length), _distinct(mesh.faces)
-    for halving in range(HALVINGS + 1):
+    for halving in range(EDGE_HALVINGS + 1):
         labels = vertex_clusters(mesh, spacing)
         triangles, twice = _triangles(labels[faces])
         torn = _torn(mesh, labels, triangles, twice)
-        if halving == HALVINGS or not torn.any():
+        if halving == EDGE_HALVINGS or not torn.any():
             break
         spacing = np.where((labels >= 0) & torn[labels], spacing / 2, spacing)
     if not len(triangles):

@@ -11,9 +11,9 @@ import numpy as np
 from cascadenorm.mesh import Csr, Floats, Vectors, kernel, parallel_for
 
 MOST_ITERATIONS = 400  # for one system; the next one starts where they end, so more change nothing
-BLOCK = 1024
+SUM_BLOCK = 1024
 """Rows that are added up in turn, whatever the number of threads, on which the bytes do not depend then."""
-SMALLEST = 8
+LEAST_BLOCKS = 8
 """Blocks for which a thread is worth its start."""
 
 
@@ -28,8 +28,8 @@ def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors
     whether the bound was reached
     """
     inverse, residual, image = np.empty(len(x)), np.empty_like(x), np.empty_like(x)
-    direction, sums = np.zeros_like(x), np.empty((-(-len(x) // BLOCK), 2))
-    blockwise = partial(parallel_for, len(sums), smallest=SMALLEST)
+    direction, sums = np.zeros_like(x), np.empty((-(-len(x) // SUM_BLOCK), 2))
+    blockwise = partial(parallel_for, len(sums), smallest=LEAST_BLOCKS)
     blockwise(_begin, pattern, values, right, x, inverse, residual, sums)
     before = np.inf
     for iteration in range(most):
@@ -58,7 +58,7 @@ def _begin(
     """Find the residual of the start, one over the diagonal, and what `_advance` sums."""
     for block in range(start, stop):
         squared = energy = 0.0
-        for i in range(block * BLOCK, min((block + 1) * BLOCK, len(x))):
+        for i in range(block * SUM_BLOCK, min((block + 1) * SUM_BLOCK, len(x))):
             for d in range(3):
                 residual[i, d] = right[i, d]
             for k in range(pattern.indptr[i], pattern.indptr[i + 1]):
@@ -75,7 +75,7 @@ def _begin(
 @kernel
 def _turn(start: int, stop: int, inverse: Floats, residual: Vectors, share: float, direction: Vectors) -> None:
     """Turn the steepest descent so that it does not undo the steps before."""
-    rows = slice(start * BLOCK, stop * BLOCK)
+    rows = slice(start * SUM_BLOCK, stop * SUM_BLOCK)
     weights, descents, directions = inverse[rows], residual[rows], direction[rows]
     for i in range(len(weights)):
         for d in range(3):
@@ -88,7 +88,7 @@ def _multiply(
 ) -> None:
     """Multiply the direction by the matrix; sum its curvature."""
     for block in range(start, stop):
-        rows = slice(block * BLOCK, (block + 1) * BLOCK)
+        rows = slice(block * SUM_BLOCK, (block + 1) * SUM_BLOCK)
         starts, directions, images = pattern.indptr[rows.start :], direction[rows], image[rows]
         curvature = 0.0
         for i in range(len(images)):
@@ -117,7 +117,7 @@ def _advance(
 ) -> None:
     """Go along the direction to the least residual; sum its squares, and these over the diagonal."""
     for block in range(start, stop):
-        rows = slice(block * BLOCK, (block + 1) * BLOCK)
+        rows = slice(block * SUM_BLOCK, (block + 1) * SUM_BLOCK)
         weights, directions, images = inverse[rows], direction[rows], image[rows]
         places, residuals = x[rows], residual[rows]
         squared = energy = 0.0

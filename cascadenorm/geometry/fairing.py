@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.laplacians import Laplacian, Order, Region, Weights, laplacian_of
+from cascadenorm.geometry.laplacians import Laplacian, Order, VertexMask, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver, solver_of_rings
 from cascadenorm.mesh import Mesh, Vectors, first_places
 
 
-def fair(mesh: Mesh, region: Region, *, order: Order = 2, weights: Weights = "cotan", iterations: int = 2) -> Vectors:
+def fair(
+    mesh: Mesh, region: VertexMask, *, order: Order = 2, weights: Weights = "cotan", iterations: int = 2
+) -> Vectors:
     """Replace the vertices of a region by the solution of Δ^order x = 0 that the vertices around it hold.
 
     Parameters
@@ -51,7 +53,7 @@ def fair(mesh: Mesh, region: Region, *, order: Order = 2, weights: Weights = "co
     return mesh.vertices.copy()
 
 
-def blend(mesh: Mesh, seam: Region, *, width: int = 3, order: Order = 2, iterations: int = 2) -> Vectors:
+def blend(mesh: Mesh, seam: VertexMask, *, width: int = 3, order: Order = 2, iterations: int = 2) -> Vectors:
     """Round the join of two parts: replace the vertices within `width` rings of a seam by a fair surface.
 
     Parameters
@@ -72,7 +74,7 @@ def blend(mesh: Mesh, seam: Region, *, width: int = 3, order: Order = 2, iterati
     return fair(mesh, grown(mesh, seam, rings=width), order=order, iterations=iterations)
 
 
-def grown(mesh: Mesh, region: Region, *, rings: int) -> Region:
+def grown(mesh: Mesh, region: VertexMask, *, rings: int) -> VertexMask:
     """Return the region and the vertices within that many edges of it."""
     region, (i, j) = region.copy(), mesh.topology.edges.T
     for _ in range(rings):
@@ -98,7 +100,7 @@ def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: 
     return energy, solver_of_rings(matrix, root, laplacian.mass[inside], positions, order=order)
 
 
-def _refuse_what_nothing_holds(mesh: Mesh, free: Region) -> None:
+def _refuse_what_nothing_holds(mesh: Mesh, free: VertexMask) -> None:
     held = np.zeros(len(free), bool)  # by component
     held[mesh.topology.components[~free]] = True
     loose = free & ~held[mesh.topology.components]

@@ -5,17 +5,14 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.detection.noise_level import local_noise
 from cascadenorm.geometry.curvature import mean_curvature
 from cascadenorm.geometry.metrics import angles_at_faces, errors
-from cascadenorm.mesh import Mesh, MeshError
+from cascadenorm.mesh import Floats, Mesh, MeshError
 
 USUAL = 0.98
 """Share of the values that the colours cover at first."""
-
-Values = NDArray[np.float64]
 
 
 class Quantity(NamedTuple):
@@ -66,7 +63,7 @@ class Field(NamedTuple):
     """
 
     name: str
-    values: Mapping[str, Values]
+    values: Mapping[str, Floats]
     own: Quantity | None = None
 
     @property
@@ -84,7 +81,7 @@ class Field(NamedTuple):
 
 
 def fields(
-    meshes: Mapping[str, Mesh], unit: float, *, known: Mapping[str, Mapping[str, Values]] = MappingProxyType({})
+    meshes: Mapping[str, Mesh], unit: float, *, known: Mapping[str, Mapping[str, Floats]] = MappingProxyType({})
 ) -> list[Field]:
     """Return the quantities that can be computed from the meshes of a report.
 
@@ -99,7 +96,7 @@ def fields(
     """
     noise, curvature = known.get("noise", {}), known.get("curvature", {})
     judged = {key: mesh for key, mesh in meshes.items() if key != "truth"}
-    found: dict[str, dict[str, Values]] = {}
+    found: dict[str, dict[str, Floats]] = {}
     if {"before", "after"} <= set(meshes) and np.array_equal(meshes["before"].faces, meshes["after"].faces):
         changes = _changes(meshes["before"], meshes["after"], unit)
         found |= {name: {"before": values, "after": values} for name, values in changes.items()}
@@ -135,7 +132,7 @@ def field(name: str, meshes: Mapping[str, Mesh], other: Mesh, unit: float) -> Fi
     return Field(name, {key: _values(name, key, mesh, other, unit) for key, mesh in meshes.items()})
 
 
-def _values(name: str, key: str, mesh: Mesh, other: Mesh, unit: float) -> Values:
+def _values(name: str, key: str, mesh: Mesh, other: Mesh, unit: float) -> Floats:
     against = QUANTITIES[name].against
     if against == "truth":
         return _errors(mesh, other, unit)[name]
@@ -147,13 +144,13 @@ def _values(name: str, key: str, mesh: Mesh, other: Mesh, unit: float) -> Values
     return local_noise(mesh) if name == "noise" else mean_curvature(mesh) / unit
 
 
-def _errors(mesh: Mesh, truth: Mesh, unit: float) -> dict[str, Values]:
+def _errors(mesh: Mesh, truth: Mesh, unit: float) -> dict[str, Floats]:
     """How far faces and vertices are off."""
     away = errors(mesh, truth)
     return {"normal-error": away.angles, "distance": away.distances * unit}
 
 
-def _changes(before: Mesh, after: Mesh, unit: float) -> dict[str, Values]:
+def _changes(before: Mesh, after: Mesh, unit: float) -> dict[str, Floats]:
     """How far the faces have turned and the vertices have moved."""
     moves = (after.vertices - before.vertices) * unit
     return {

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import dot, length, row
 
-HALVINGS = 8
+STEP_HALVINGS = 8
 """Of the displacement of a vertex whose face would flip, before it returns to where it was."""
-STEEPEST = math.sqrt(0.5)
+STEEPEST_NORMAL = math.sqrt(0.5)
 """Cosine of the angle to the mean normal around it, 45°, up to which no face may flip, however noisy the mesh."""
-TINY = float(np.finfo(float).tiny)
+LEAST_FLOAT = float(np.finfo(float).tiny)
 
 
 def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] | None = None) -> Vectors:
@@ -57,14 +57,14 @@ def halved_where_flipped(
     moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
     flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
     back = np.unique(mesh.faces[flipped])
-    halvings[back] = np.minimum(halvings[back] + 1, HALVINGS + 1)
+    halvings[back] = np.minimum(halvings[back] + 1, STEP_HALVINGS + 1)
     return np.asarray(flipped)
 
 
 def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8]) -> Vectors:
-    """Return vertices with their displacements halved so often, and dropped after HALVINGS of them."""
+    """Return vertices with their displacements halved so often, and dropped after STEP_HALVINGS of them."""
     moved, back = vertices.copy(), np.flatnonzero(halvings)
-    share = np.where(halvings[back] > HALVINGS, 0.0, 0.5 ** halvings[back].astype(np.float64))
+    share = np.where(halvings[back] > STEP_HALVINGS, 0.0, 0.5 ** halvings[back].astype(np.float64))
     moved[back] = mesh.vertices[back] + share[:, None] * (vertices[back] - mesh.vertices[back])
     return moved
 
@@ -99,6 +99,6 @@ def _folded_range(start: int, stop: int, sums: Floats, normals: Vectors, out: Bo
     for f in range(start, stop):
         around = row(sums, f)
         size = length(around)
-        share = size / max(sums[f, 3], TINY)
+        share = size / max(sums[f, 3], LEAST_FLOAT)
         scatter = np.sqrt(max(1 - share * share, 0.0))
-        out[f] = dot(around, row(normals, f)) < min(scatter, STEEPEST) * size
+        out[f] = dot(around, row(normals, f)) < min(scatter, STEEPEST_NORMAL) * size

@@ -1,13 +1,10 @@
-"""Geodesic distances: the lengths of shortest paths along a surface, exactly or by the heat method."""
-
-from typing import Literal
+"""Geodesic distances by the heat method: the lengths of shortest paths along a surface."""
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.geometry.geodesic_windows import ExactDistances
 from cascadenorm.geometry.laplacians import cotangent_laplacian_of, face_cotangents
 from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import (
@@ -27,13 +24,12 @@ from cascadenorm.mesh import (
 LEAST_HEAT = 1e-300
 """Share of the largest heat below which its gradient is not trusted: then it flows for longer."""
 
-GeodesicMethod = Literal["heat", "exact"]
 
-
-def geodesic_distances(
-    vertices: ArrayLike, faces: ArrayLike, sources: ArrayLike, *, method: GeodesicMethod = "heat"
-) -> Floats:
+def geodesic_distances(vertices: ArrayLike, faces: ArrayLike, sources: ArrayLike) -> Floats:
     """Return the distance along the surface from each vertex to the nearest source.
+
+    The heat method (Crane, Weischedel, Wardetzky 2013) takes two sparse solves. From one source it is off by 1 to 3 %
+    on average, from several by more, most if they are few edges apart.
 
     Parameters
     ----------
@@ -43,11 +39,6 @@ def geodesic_distances(
         (m, 3) integers in 0 … n - 1; an edge may have any number of faces, of any orientation.
     sources
         Number of a vertex, or (s,) of several.
-    method
-        "heat" (Crane, Weischedel, Wardetzky 2013) takes two sparse solves; from one source it is off by 1 to 3 % on
-        average, from several by more, most if they are few edges apart. "exact" propagates windows (Chen & Han 1990;
-        Xin & Wang 2009): up to rounding the length of the shortest path on the mesh. For 160,000 vertices that takes
-        seconds where the surface is noisy and up to a minute where it is smooth, since many paths are nearly as short.
 
     Returns
     -------
@@ -56,20 +47,14 @@ def geodesic_distances(
     Raises
     ------
     MeshError
-        No valid mesh, or, for "heat", one whose faces all lie in one place.
+        No valid mesh, or one whose faces all lie in one place.
     ParameterError
-        There is no source, or one that does not exist; an unknown method.
+        There is no source, or one that does not exist.
     """
-    if method not in ("heat", "exact"):
-        raise ParameterError(f"is {method!r}; it must be heat or exact", parameter="method")
     mesh = Mesh(vertices, faces)
     chosen = _checked_sources(sources, len(mesh.vertices))
     framed, exponent = in_frame(without_lines(mesh))
-    if method == "heat":
-        return np.asarray(np.ldexp(heat_distances(framed, chosen), exponent))
-    exact = ExactDistances(framed)
-    exact.add(chosen)
-    return np.asarray(np.ldexp(exact.values, exponent))
+    return np.asarray(np.ldexp(heat_distances(framed, chosen), exponent))
 
 
 def heat_distances(mesh: Mesh, sources: Ints) -> Floats:

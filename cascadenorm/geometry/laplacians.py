@@ -18,7 +18,7 @@ from cascadenorm.mesh import Floats, Mesh, Vectors, kernel, parallel_for, scatte
 Weights = Literal["uniform", "cotan"]
 Order = Literal[1, 2, 3]
 """Power of the Laplacian: 1 membrane or plain diffusion, 2 thin plate, 3 minimum variation."""
-Region = NDArray[np.bool_]
+VertexMask = NDArray[np.bool_]
 """(n,) bool, vertices."""
 MOLLIFICATION = 1e-3
 """Slack of the triangle inequality, in mean edge lengths (Sharp & Crane 2020); less ruins powers of the Laplacian."""

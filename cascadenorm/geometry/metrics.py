@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.nearest import Surface
+from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.geometry.volume import is_closed
 from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, scaled_alike
 
-SMALLEST = 1e-90
+LEAST_SIZE = 1e-90
 """Size of a mesh, as a share of the other's, whose cube is still a number."""
 
 
@@ -84,8 +84,8 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     """
     mesh, reference = scaled_alike(mesh, reference)  # which changes no measure
     sizes = sorted([mesh.diagonal, reference.diagonal])
-    if 0 < sizes[0] < SMALLEST * sizes[1]:
-        raise MeshError(f"one mesh is over {1 / SMALLEST:.0e} times as large as the other: bring them to one unit")
+    if 0 < sizes[0] < LEAST_SIZE * sizes[1]:
+        raise MeshError(f"one mesh is over {1 / LEAST_SIZE:.0e} times as large as the other: bring them to one unit")
     if reference.diagonal == 0 or reference.mean_edge_length == 0:
         raise MeshError("all vertices of the reference mesh are at one place: give a mesh that has an extent")
     away = errors(mesh, reference)
@@ -95,7 +95,7 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
         raise MeshError("no face has an area in both meshes: there are no normals to compare")
     areas = (reference if np.array_equal(mesh.faces, reference.faces) else mesh).areas[known]
     there = away.distances[mesh.topology.used_vertices]
-    back = Surface(mesh).nearest(_used_vertices(reference)).distances
+    back = SurfaceTree(mesh).nearest(_used_vertices(reference)).distances
     return Measures(
         normal_error_deg=float(angles.mean()),
         normal_error_rms_deg=float(np.sqrt(np.square(angles).mean())),
@@ -126,7 +126,7 @@ class Errors(NamedTuple):
 
 def errors(mesh: Mesh, reference: Mesh) -> Errors:
     """Measure each face and vertex of a mesh against the true one, as `measure` does; both of about unit size."""
-    surface = Surface(reference)
+    surface = SurfaceTree(reference)
     distances = np.full(len(mesh.vertices), np.nan)
     distances[mesh.topology.used_vertices] = surface.nearest(_used_vertices(mesh)).distances
     ours, theirs = mesh.face_normals, reference.face_normals

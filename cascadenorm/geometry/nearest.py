@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
-LEAF = 4  # triangles in a box of the lowest level
+LEAF_TRIANGLES = 4  # triangles in a box of the lowest level
 CURVE_BITS = 16  # cells along each axis of the curve that orders the triangles, as a power of two
 
 
@@ -19,7 +19,7 @@ class Nearest(NamedTuple):
     faces: NDArray[np.int64]
 
 
-class Surface:
+class SurfaceTree:
     """The triangles of a mesh in a complete binary tree of boxes, ordered along a space-filling curve.
 
     Parameters
@@ -35,17 +35,17 @@ class Surface:
         (m, 3, 3) their corners, in that order.
     boxes
         (b, 2, 3) lower and upper corner of the boxes; node i lies over 2i + 1 and 2i + 2, and the lowest level, the
-        last (b + 1) / 2, holds LEAF faces each.
+        last (b + 1) / 2, holds LEAF_TRIANGLES faces each.
     """
 
     def __init__(self, mesh: Mesh) -> None:
         self.order = np.argsort(_curve(mesh.centroids), kind="stable")
         self.corners = mesh.corners[self.order]
-        leaves = 1 << max(0, int(np.ceil(np.log2(-(-len(self.corners) // LEAF)))))
+        leaves = 1 << max(0, int(np.ceil(np.log2(-(-len(self.corners) // LEAF_TRIANGLES)))))
         self.boxes = np.empty((2 * leaves - 1, 2, 3))
         lowest = self.boxes[leaves - 1 :]
         lowest[:, 0], lowest[:, 1] = np.inf, -np.inf
-        starts = np.arange(0, len(self.corners), LEAF)
+        starts = np.arange(0, len(self.corners), LEAF_TRIANGLES)
         lowest[: len(starts), 0] = np.minimum.reduceat(self.corners.min(axis=1), starts)
         lowest[: len(starts), 1] = np.maximum.reduceat(self.corners.max(axis=1), starts)
         while leaves > 1:
@@ -102,8 +102,8 @@ def _search(
                 top += 2
                 continue
             # a leaf: of triangles equally near the one with the smallest number is kept
-            first = (node - first_leaf) * LEAF
-            for t in range(first, min(first + LEAF, len(corners))):
+            first = (node - first_leaf) * LEAF_TRIANGLES
+            for t in range(first, min(first + LEAF_TRIANGLES, len(corners))):
                 distance = _triangle_distance2(p, corners[t])
                 if distance < best or (distance == best and order[t] < face):
                     best, face = distance, order[t]

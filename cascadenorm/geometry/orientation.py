@@ -9,7 +9,7 @@ from cascadenorm.mesh import Bools, Csr, Floats, Index, Ints32, Mesh, Vectors, k
 from cascadenorm.mesh.vectors import cross, dot, row, subtract
 
 
-class Patches(NamedTuple):
+class OrientedPatches(NamedTuple):
     """What is connected across edges of two faces.
 
     Parameters
@@ -53,17 +53,17 @@ def oriented(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, faces)
 
 
-def patches(mesh: Mesh) -> Patches:
+def oriented_patches(mesh: Mesh) -> OrientedPatches:
     """Find the patches of a mesh, as `oriented` describes them."""
     count, around = len(mesh.faces), mesh.topology.edge_faces
     found = np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool)
     single_sided = _join(mesh.faces, mesh.topology.edges, around, *found)
-    return Patches(*found, bool(single_sided))
+    return OrientedPatches(*found, bool(single_sided))
 
 
 def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
     """Return which faces have to be flipped, (m,)."""
-    count, (patch, flipped, at_boundary, _) = len(mesh.faces), patches(mesh)
+    count, (patch, flipped, at_boundary, _) = len(mesh.faces), oriented_patches(mesh)
     wanted, volume = np.zeros(count), np.zeros(count)
     _weigh(mesh.vertices, mesh.faces, patch, flipped, wanted, volume)
     wanted[wanted == 0] = 1.0

@@ -10,18 +10,15 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.geometry.conjugate_gradients import conjugate_gradients
-from cascadenorm.mesh import Csr, Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread
+from cascadenorm.mesh import Csr, Floats, Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread
 
 DIRECT_LIMIT = 1_000_000  # unknowns of a matrix with about 7 entries a row: some 2 GB of factors
 DENSE_LIMIT = 10_000_000  # entries of a matrix of two or three rings that is still factorised: some 3 GB of factors
-LEAF = 8  # unknowns that are not split further
+LEAF_UNKNOWNS = 8  # unknowns that are not split further
 FEW = 300  # iterations of conjugate gradients, which take about as long as a factorisation
-TOLERANCE = 1e-11  # relative residual of the iterative solutions
-
-Vector = NDArray[np.float64]
+SOLVER_TOLERANCE = 1e-11  # relative residual of the iterative solutions
 
 
 class Factorisation:
@@ -40,11 +37,11 @@ class Factorisation:
         The matrix is singular.
     """
 
-    def __init__(self, matrix: Any, positions: Vector) -> None:
+    def __init__(self, matrix: Any, positions: Floats) -> None:
         assert positions.shape == (matrix.shape[0], 3)
         matrix = scipy.sparse.csr_array(matrix)
         self.order = np.empty(len(positions), np.int64)
-        _nested_dissection(matrix.indptr, matrix.indices, np.ascontiguousarray(positions), LEAF, self.order)
+        _nested_dissection(matrix.indptr, matrix.indices, np.ascontiguousarray(positions), LEAF_UNKNOWNS, self.order)
         ordered = scipy.sparse.csc_array(matrix[self.order][:, self.order])
         try:
             with one_blas_thread():
@@ -57,7 +54,7 @@ class Factorisation:
                 "some faces have no area, or a component has no fixed vertex; remove them, or choose another method"
             ) from None
 
-    def solve(self, right: Vector) -> Vector:
+    def solve(self, right: Floats) -> Floats:
         """Return the solution for one right-hand side (n,) or for several, (n, c)."""
         solution = np.empty(right.shape)
         with one_blas_thread():
@@ -65,26 +62,26 @@ class Factorisation:
         return solution
 
 
-def solver(matrix: Any, positions: Vector) -> Callable[[Vector], Vector]:
+def solver(matrix: Any, positions: Floats) -> Callable[[Floats], Floats]:
     """Return a function that solves with a matrix of one ring: factorised, or by conjugate gradients if it is huge."""
     if len(positions) <= DIRECT_LIMIT:
         return Factorisation(matrix, positions).solve
     return lambda right: solve_once(matrix, right)
 
 
-def solver_of_steps(matrix: Any, positions: Vector) -> Callable[[Vector], Vector]:
+def solver_of_steps(matrix: Any, positions: Floats) -> Callable[[Floats], Floats]:
     """Return a function that solves with the matrix of an implicit step, for (n, c) with at most 3 columns.
 
     By conjugate gradients, which take few iterations where the step is short, on all threads. Where they take more
     than FEW, the matrix is factorised as by `solver`, for all further right-hand sides too.
     """
-    pattern, prepared = Csr.of(matrix), list[Callable[[Vector], Vector]]()
+    pattern, prepared = Csr.of(matrix), list[Callable[[Floats], Floats]]()
 
-    def solve(right: Vector) -> Vector:
+    def solve(right: Floats) -> Floats:
         if not prepared:
             columns, solution = np.zeros((2, len(right), 3))
             columns[:, : right.shape[1]] = right
-            bound = TOLERANCE**2 * np.square(right).sum()
+            bound = SOLVER_TOLERANCE**2 * np.square(right).sum()
             if conjugate_gradients(pattern, matrix.data, columns, solution, bound, FEW):
                 return solution[:, : right.shape[1]]
             prepared.append(solver(matrix, positions))
@@ -94,8 +91,8 @@ def solver_of_steps(matrix: Any, positions: Vector) -> Callable[[Vector], Vector
 
 
 def solver_of_rings(
-    matrix: Any, root: Any, mass: Vector, positions: Vector, *, order: int
-) -> Callable[[Vector], Vector]:
+    matrix: Any, root: Any, mass: Floats, positions: Floats, *, order: int
+) -> Callable[[Floats], Floats]:
     """Return a function that solves with a matrix of two or three rings, which is about root (M⁻¹ root)^(order - 1).
 
     Middling matrices are factorised. The factors of larger ones would fill too much memory: there only the root, of
@@ -105,7 +102,7 @@ def solver_of_rings(
         return Factorisation(matrix, positions).solve
     solve_root = solver(root, positions)
 
-    def precondition(residual: Vector) -> Vector:
+    def precondition(residual: Floats) -> Floats:
         residual = solve_root(residual)
         for _ in range(order - 1):
             residual = solve_root(mass * residual)
@@ -114,13 +111,13 @@ def solver_of_rings(
     return lambda right: solve_preconditioned(matrix, right, precondition)
 
 
-def solve_once(matrix: Any, right: Vector) -> Vector:
+def solve_once(matrix: Any, right: Floats) -> Floats:
     """Solve with a matrix that is needed only once, and whose factors would be large."""
     inverse_diagonal = 1.0 / matrix.diagonal()
     return solve_preconditioned(matrix, right, lambda residual: inverse_diagonal * residual)
 
 
-def solve_preconditioned(matrix: Any, right: Vector, precondition: Callable[[Vector], Vector]) -> Vector:
+def solve_preconditioned(matrix: Any, right: Floats, precondition: Callable[[Floats], Floats]) -> Floats:
     """Solve for each column of `right` by preconditioned conjugate gradients, to a relative residual of 1e-11.
 
     By scipy, from zero, with any matrix and preconditioner.
@@ -129,7 +126,7 @@ def solve_preconditioned(matrix: Any, right: Vector, precondition: Callable[[Vec
         return np.stack([solve_preconditioned(matrix, column, precondition) for column in right.T.copy()], axis=1)
     with one_blas_thread():
         solution, unsolved = scipy.sparse.linalg.cg(
-            matrix, right, rtol=TOLERANCE, M=scipy.sparse.linalg.LinearOperator(matrix.shape, precondition)
+            matrix, right, rtol=SOLVER_TOLERANCE, M=scipy.sparse.linalg.LinearOperator(matrix.shape, precondition)
         )
         if unsolved:
             raise MeshError(

@@ -8,7 +8,7 @@ from cascadenorm.mesh.vectors import row, squared_distance
 RADIUS = 0.7
 """Least distance of two seeds over the mean distance of the centroids. Discs thrown at random until no further one fits
 lie √(0.91/0.55) = 1.29 times as far apart; 0.7 instead of 1/1.29 makes up for the boundaries and for the steps."""
-PASSES = 30
+CLUSTER_PASSES = 30
 """Passes over the edges, at most, in which vertices change their cluster."""
 SETTLED = 0.001
 """Share of the vertices that change in a pass, below which the clusters count as settled."""
@@ -39,7 +39,7 @@ def vertex_clusters(mesh: Mesh, spacing: Floats) -> Ints32:
     order = np.random.default_rng(0).permutation(np.flatnonzero(topology.used_vertices))
     _seed(mesh.vertices, around, order, RADIUS * spacing, labels)
     weights = vertex_areas(mesh)
-    _relax(mesh.vertices, weights, topology.edges, labels, PASSES, SETTLED)
+    _relax(mesh.vertices, weights, topology.edges, labels, CLUSTER_PASSES, SETTLED)
     return _connected(labels, around)
 
 

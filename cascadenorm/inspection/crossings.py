@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.nearest import LEAF, Surface
+from cascadenorm.geometry.nearest import LEAF_TRIANGLES, SurfaceTree
 from cascadenorm.mesh import Bools, Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
 MOST_NEAR = 1000  # faces around one face that are looked at before it is given up
-ROUNDING = 1e-14  # a determinant that small, relative to the sides that it is made of, may be zero
+DETERMINANT_ROUNDING = 1e-14  # a determinant that small, relative to the sides that it is made of, may be zero
 
 
 def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -32,7 +32,7 @@ def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
     a, b, c = places[mesh.faces].T
     proper = np.flatnonzero((a != b) & (b != c) & (c != a))
     if len(proper):
-        surface = Surface(Mesh(mesh.vertices, mesh.faces[proper]))
+        surface = SurfaceTree(Mesh(mesh.vertices, mesh.faces[proper]))
         order = proper[surface.order]
         named, found = np.ascontiguousarray(places[mesh.faces[order]]), np.empty(len(order), bool)
         parallel_for(len(order), _crossing, surface.corners, named, surface.boxes, found)
@@ -63,8 +63,8 @@ def _crossing(start: int, stop: int, corners: Floats, named: Ints, boxes: Floats
                 stack[top], stack[top + 1] = 2 * node + 2, 2 * node + 1
                 top += 2
                 continue
-            first = (node - first_leaf) * LEAF
-            for g in range(first, min(first + LEAF, len(corners))):
+            first = (node - first_leaf) * LEAF_TRIANGLES
+            for g in range(first, min(first + LEAF_TRIANGLES, len(corners))):
                 near += 1
                 if g != f and _cross(corners[f], named[f], corners[g], named[g]):
                     found[f] = True
@@ -115,7 +115,7 @@ def _side(a: Vector, b: Vector, c: Vector, d: Vector) -> int:
     u, v, w = subtract(b, a), subtract(c, a), subtract(d, a)
     determinant = dot(w, cross(u, v))
     size = _sum_of_sizes(u) * _sum_of_sizes(v) * _sum_of_sizes(w)
-    if abs(determinant) <= ROUNDING * size:
+    if abs(determinant) <= DETERMINANT_ROUNDING * size:
         return 0
     return 1 if determinant > 0 else -1
 

@@ -9,7 +9,7 @@ from cascadenorm.mesh import Mesh, Topology, connected_components, scatter_add
 
 Mask = NDArray[np.bool_]
 
-FLAT = 1e-12
+FLAT_HEIGHT = 1e-12
 """A face whose height is smaller than this share of its longest side has no area but by rounding."""
 SPIKE = np.radians(150)
 """Sum of the angles of the faces at a vertex, 360° in a plane, below which it is a spike: a cone of half-angle 25°."""
@@ -39,7 +39,7 @@ def boundary_loop_count(topology: Topology) -> int:
 
 def thin_faces(mesh: Mesh) -> tuple[Mask, Mask]:
     """Return which faces have no area but by rounding, and which others are slivers; each (m,)."""
-    flat = mesh.heights <= FLAT * mesh.longest_edges
+    flat = mesh.heights <= FLAT_HEIGHT * mesh.longest_edges
     return np.asarray(flat), np.asarray(~flat & (mesh.heights < THIN * mesh.longest_edges))
 
 

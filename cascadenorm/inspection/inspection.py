@@ -22,7 +22,7 @@ from cascadenorm.inspection.defects import (
 )
 from cascadenorm.inspection.enclosed import enclosed
 from cascadenorm.inspection.faults import MOST_FACES_CROSSED
-from cascadenorm.inspection.source import Found, Given, taken
+from cascadenorm.inspection.source import Found, GivenMesh, taken
 from cascadenorm.learned.methods import Treated, auto, treated
 from cascadenorm.mesh import (
     Mesh,
@@ -205,7 +205,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     )
 
 
-def _shape(given: Given, mesh: Mesh, good: NDArray[np.bool_], self_intersections: bool | None) -> dict[str, Any]:
+def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersections: bool | None) -> dict[str, Any]:
     """Everything about the good faces, of which `mesh` is made."""
     small, exponent = in_frame(mesh)
     topology, around = mesh.topology, mesh.topology.edge_faces.counts

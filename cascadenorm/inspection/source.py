@@ -33,7 +33,7 @@ class Found:
     first: tuple[Any, ...]
 
 
-class Given(NamedTuple):
+class GivenMesh(NamedTuple):
     """A mesh as it was handed in.
 
     Parameters
@@ -71,7 +71,7 @@ class Given(NamedTuple):
         return _found(len(edges), self.vertex_numbers[edges], self.counts_from)
 
 
-def taken(mesh: Any, faces: ArrayLike | None) -> Given:
+def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
     """Take what `inspect` takes."""
     if faces is None and (isinstance(mesh, str | PathLike) or hasattr(mesh, "read")):
         name = fspath(mesh) if isinstance(mesh, str | PathLike) else str(getattr(mesh, "name", "the stream"))
@@ -85,7 +85,7 @@ def taken(mesh: Any, faces: ArrayLike | None) -> Given:
         source = type(mesh).__name__
     kind = np.asarray(arrays[0]).dtype
     vertices, corners = vertex_array(arrays[0]), face_array(arrays[1])
-    return Given(
+    return GivenMesh(
         source=source,
         number_type=kind.name if kind.name == "float32" else "float64",
         counts_from=0,
@@ -97,9 +97,9 @@ def taken(mesh: Any, faces: ArrayLike | None) -> Given:
     )
 
 
-def _given_file(file: io.MeshFile, name: str) -> Given:
+def _given_file(file: io.MeshFile, name: str) -> GivenMesh:
     first = np.unique(file.welds, return_index=True)[1]
-    return Given(
+    return GivenMesh(
         source=name,
         number_type=file.positions.dtype.name,
         counts_from=file.counts_from,

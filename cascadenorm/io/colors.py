@@ -1,4 +1,4 @@
-"""Colours of vertices and faces, which formats spell in different ways."""
+"""Colours and texture coordinates of vertices, which formats spell in different ways."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,12 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.text.text import Text
-from cascadenorm.io.text.tokenizer import Places
+from cascadenorm.io.text.tokenizer import Offsets
 
 CHANNELS = ("red", "green", "blue", "alpha")
+TEXTURE = ("s", "t")
+"""Names of texture coordinates among the values of vertices."""
 
 
-def from_words(text: Text, words: Places) -> dict[str, NDArray[Any]]:
+def from_words(text: Text, words: Offsets) -> dict[str, NDArray[Any]]:
     """Return the channels, as bytes, that words (k, 3 or 4) spell as 0 … 255, or as fractions where none reaches 2."""
     values = text.numbers(words)
     fractions = not (values >= 2).any()

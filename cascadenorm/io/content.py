@@ -1,6 +1,6 @@
 """What formats have in common, to turn one into another: positions, polygons, attributes, labels."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -54,6 +54,26 @@ class Content:
             face_values={name: values[~bad] for name, values in self.face_values.items()},
             left_out=(*self.left_out, f"{bad.sum()} faces that reference vertices that do not exist"),
         )
+
+    def lost_as_triangles(
+        self, *, of_vertices: Collection[str] = (), of_faces: Collection[str] = (), single: bool = True
+    ) -> list[str]:
+        """Return what a file of triangles loses of this, in words.
+
+        Parameters
+        ----------
+        of_vertices, of_faces
+            Names of the properties that it keeps.
+        single
+            Whether it holds positions in single precision.
+        """
+        lost = [f"vertex property '{name}'" for name in self.vertex_values if name not in of_vertices]
+        lost += [f"face property '{name}'" for name in self.face_values if name not in of_faces]
+        if (self.polygons.counts != 3).any():
+            lost.append("polygons (cut into triangles)")
+        if single and (self.single_positions() != self.positions).any():
+            lost.append("digits of the positions beyond single precision")
+        return lost
 
     def single_positions(self) -> NDArray[np.float32]:
         """Return the positions in single precision; raises OutputError where one is beyond it."""

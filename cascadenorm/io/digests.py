@@ -12,14 +12,14 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
-BLOCK = 1 << 20
+CHUNK_BYTES = 1 << 20
 
 
 def file_digest(path: Path) -> str:
     """Return the SHA-256 of a file, in hexadecimal."""
     found = hashlib.sha256()
     with path.open("rb") as file:
-        while block := file.read(BLOCK):
+        while block := file.read(CHUNK_BYTES):
             found.update(block)
     return found.hexdigest()
 

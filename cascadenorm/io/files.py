@@ -29,14 +29,13 @@ from cascadenorm.io.gifti import GiftiFile, is_nibabel_installed
 from cascadenorm.io.gltf.glb import GlbFile
 from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
 from cascadenorm.io.obj import ObjFile
-from cascadenorm.io.off import MAGIC, OffFile
+from cascadenorm.io.off import OFF_HEADER, OffFile
 from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile, is_vtk_installed
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.streams import write_stream
-from cascadenorm.io.via_trimesh import NEEDS as TRIMESH_NEEDS
-from cascadenorm.io.via_trimesh import trimesh_formats, trimesh_kind, trimesh_outputs
+from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind, trimesh_outputs
 from cascadenorm.io.vtk import MESHIO, is_installed
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.polygons import Polygons
@@ -327,7 +326,7 @@ def _sniffed(data: bytes) -> str | None:
         return "glb"
     if data.lstrip().startswith(b"{") and b'"asset"' in data:
         return "gltf"
-    if MAGIC.match(data):
+    if OFF_HEADER.match(data):
         return "off"
     if re.match(rb"\s*solid\s", data, re.I):
         return "stl"

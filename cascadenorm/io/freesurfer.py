@@ -55,12 +55,6 @@ class FreeSurferFile(MeshFile):
         """Write the triangles of content."""
         triangles, _ = triangulate(content.positions, content.polygons)
         single = content.single_positions()
-        lost = [f"vertex property '{name}'" for name in content.vertex_values]
-        lost += [f"face property '{name}'" for name in content.face_values]
-        if (content.polygons.counts != 3).any():
-            lost.append("polygons (cut into triangles)")
-        if (single != content.positions).any():
-            lost.append("digits of the positions beyond single precision")
         counts = np.array([len(single), len(triangles)], TRIANGLE)
         head: Any = MAGIC + b"created by cascadenorm\n\n" + counts.tobytes()
-        return [head, single.astype(POINT).tobytes(), triangles.astype(TRIANGLE).tobytes()], lost
+        return [head, single.astype(POINT).tobytes(), triangles.astype(TRIANGLE).tobytes()], content.lost_as_triangles()

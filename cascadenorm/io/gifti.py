@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.unpacking import limited
+from cascadenorm.io.unpacking import limited_expansion
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
 POINTS, TRIANGLES = "NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"
@@ -27,7 +27,7 @@ class GiftiFile(MeshFile):
         from nibabel.gifti import GiftiImage, parse_gifti_fast
 
         try:
-            with limited(len(self.data), parse_gifti_fast):
+            with limited_expansion(len(self.data), parse_gifti_fast):
                 self._image = GiftiImage.from_bytes(self.data)
         except ReadError:
             raise
@@ -62,17 +62,11 @@ class GiftiFile(MeshFile):
 
         triangles, _ = triangulate(content.positions, content.polygons)
         single = content.single_positions()
-        lost = [f"vertex property '{name}'" for name in content.vertex_values]
-        lost += [f"face property '{name}'" for name in content.face_values]
-        if (content.polygons.counts != 3).any():
-            lost.append("polygons (cut into triangles)")
-        if (single != content.positions).any():
-            lost.append("digits of the positions beyond single precision")
         arrays = [
             GiftiDataArray(single, intent=POINTS, datatype="NIFTI_TYPE_FLOAT32"),
             GiftiDataArray(triangles.astype(np.int32), intent=TRIANGLES, datatype="NIFTI_TYPE_INT32"),
         ]
-        return [_bytes_of(GiftiImage(darrays=arrays))], lost
+        return [_bytes_of(GiftiImage(darrays=arrays))], content.lost_as_triangles()
 
 
 def is_nibabel_installed() -> bool:

@@ -11,7 +11,7 @@ from cascadenorm.io.content import Positions
 from cascadenorm.mesh import Mesh
 
 
-class Patches:
+class HolePatches:
     """What is added to a file to close its holes.
 
     Parameters

@@ -25,14 +25,14 @@ def check_expansion(needed: float, size: int, what: str) -> None:
     what
         Subject of the message, in the plural.
     """
-    if needed > allowed(size):
+    if needed > expansion_limit(size):
         raise ReadError(
             f"{what} need {needed / 1e6:,.0f} MB, more than {_expansion():g} times the size of the file",
             hint=f"if it can be trusted, set the environment variable {VARIABLE} to a larger number",
         )
 
 
-def allowed(size: int) -> float:
+def expansion_limit(size: int) -> float:
     """Return how many bytes a file of a size may expand to."""
     return max(ALWAYS, _expansion() * size)
 

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import channels, from_words
+from cascadenorm.io.colors import TEXTURE, channels, from_words
 from cascadenorm.io.content import Content, Labels
-from cascadenorm.io.hole_patches import Patches
+from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.materials import textures
 from cascadenorm.io.references import content_beside, file_beside
 from cascadenorm.io.text.spelling import lines_of, respelled, rows_of
 from cascadenorm.io.text.text import Text, blocks
-from cascadenorm.io.text.tokenizer import Places
+from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, ranges
 
@@ -30,9 +30,8 @@ KEPT_ELSEWHERE = {
     "l": "lines",
     "p": "points",
 }
-TEXTURE = ("s", "t")
 STATES = (b"o", b"g", b"usemtl", b"s")  # what holds for all faces until it is said anew
-LABELS = {"usemtl": "material", "o": "object", "g": "group"}
+LABEL_KEYWORDS = {"usemtl": "material", "o": "object", "g": "group"}
 
 
 class ObjFile(MeshFile):
@@ -58,7 +57,7 @@ class ObjFile(MeshFile):
         corners = self._references(0, self._vertices)
         return text.numbers(self._words), Polygons.from_counts(counts, corners)
 
-    def _references(self, field: int, lines: Places) -> NDArray[np.int64]:
+    def _references(self, field: int, lines: Offsets) -> NDArray[np.int64]:
         """Return what each corner names in its field (of v/vt/vn), counted from 0 among the lines; -1 where nothing."""
         if field and not len(self._slashes):
             return np.full(len(self._corners), -1)
@@ -74,7 +73,7 @@ class ObjFile(MeshFile):
         numbers[~counted_back] -= 1
         return numbers
 
-    def _field(self, field: int, words: Places) -> tuple[Places, Places]:
+    def _field(self, field: int, words: Offsets) -> tuple[Offsets, Offsets]:
         """Return where a field of words begins and ends; it may be empty."""
         starts, ends = self._text.starts[words], self._text.ends[words]
         if not len(self._slashes):
@@ -108,7 +107,7 @@ class ObjFile(MeshFile):
         wanted = self.triangle_polygons[:, None] * count + self.triangles + 1
         return named[order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]]
 
-    def with_patches(self, patches: Patches) -> "ObjFile":
+    def with_patches(self, patches: HolePatches) -> "ObjFile":
         """Return this file with further vertices and triangles at its end; all of its bytes stay.
 
         Colours are blended between those around. A triangle is of the object, group, material and smoothing group of
@@ -195,7 +194,7 @@ class ObjFile(MeshFile):
     def face_labels(self) -> list[Labels]:
         """Return materials, objects and groups; a face that is in several groups has a label for each."""
         labels = []
-        for keyword, kind in LABELS.items():
+        for keyword, kind in LABEL_KEYWORDS.items():
             lines = self._text.lines_with(keyword.encode())
             named = [self._names(line) for line in lines.tolist()]
             rows = [words if kind == "group" else [" ".join(words)] for words in named]

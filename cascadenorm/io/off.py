@@ -13,11 +13,11 @@ from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.content import Content
 from cascadenorm.io.text.spelling import lines_of, respelled, rows_of
 from cascadenorm.io.text.text import Text
-from cascadenorm.io.text.tokenizer import Places
+from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, ranges
 
-MAGIC = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")  # in linear time
+OFF_HEADER = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")  # in linear time
 
 
 class OffFile(MeshFile):
@@ -27,7 +27,7 @@ class OffFile(MeshFile):
 
     def _parse(self) -> tuple[NDArray[np.float64], Polygons]:
         data = self.data
-        magic = MAGIC.match(data)
+        magic = OFF_HEADER.match(data)
         self._flavour = magic[1].decode() if magic else "OFF"
         header = data[magic.end() : magic.end() + 40] if magic else b""
         if "n" in self._flavour or b"BINARY" in header.split(b"\n")[0].split(b"#")[0]:
@@ -83,7 +83,7 @@ class OffFile(MeshFile):
             self.positions, self.polygons, colors, face_colors, tuple(what for what, is_so in left_out.items() if is_so)
         )
 
-    def _colors(self, lines: Places, skipped: Places, *, after: int = 0) -> dict[str, NDArray[np.uint8]]:
+    def _colors(self, lines: Offsets, skipped: Offsets, *, after: int = 0) -> dict[str, NDArray[np.uint8]]:
         """Return the channels that follow the skipped words, if every line has three or four before those after."""
         further = self._text.stop[lines] - self._text.first[lines] - skipped - after
         if not len(lines) or further.min() < 3:

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 from cascadenorm.io import ReadError, is_mesh_name
 
-Places = str | PathLike[str] | Iterable[str | PathLike[str]]
+Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 """One path or several."""
 
 
-class Pair(NamedTuple):
+class FilePair(NamedTuple):
     """Two files of the same surface.
 
     Parameters
@@ -26,7 +26,7 @@ class Pair(NamedTuple):
     seed: int | None = None
 
 
-def find_pairs(folders: Places) -> list[Pair]:
+def find_pairs(folders: Paths) -> list[FilePair]:
     """List the pairs `noisy.*` + `clean.*` in each folder itself and in the folders in it, by name, each once.
 
     Raises
@@ -34,7 +34,7 @@ def find_pairs(folders: Places) -> list[Pair]:
     ReadError
         A folder that does not exist or holds no pair, half a pair, two files of one name.
     """
-    known: dict[Path, Pair] = {}
+    known: dict[Path, FilePair] = {}
     for folder in paths_of(folders):
         if not folder.is_dir():
             raise ReadError(f"{folder} is not a folder: give one that holds noisy.* and clean.*, or folders that do")
@@ -49,7 +49,7 @@ def find_pairs(folders: Places) -> list[Pair]:
     return pairs
 
 
-def result_file(folder: Path, pair: Pair) -> Path:
+def result_file(folder: Path, pair: FilePair) -> Path:
     """Return the mesh `<name of the pair>.*` in a folder of results; raises ReadError unless there is just one."""
     files = sorted(file for file in folder.iterdir() if file.stem == pair.name and is_mesh_name(file))
     if len(files) != 1:
@@ -58,11 +58,11 @@ def result_file(folder: Path, pair: Pair) -> Path:
     return files[0]
 
 
-def paths_of(places: Places) -> list[Path]:
+def paths_of(places: Paths) -> list[Path]:
     return [Path(places)] if isinstance(places, str | PathLike) else [Path(place) for place in places]
 
 
-def _pair(folder: Path) -> Pair | None:
+def _pair(folder: Path) -> FilePair | None:
     """Return the pair in a folder; None where there is neither half of one."""
     if not folder.is_dir():
         return None
@@ -76,4 +76,4 @@ def _pair(folder: Path) -> Pair | None:
             halves[half] = files[0]
     if len(halves) == 1:
         raise ReadError(f"{folder} holds {next(iter(halves.values())).name} only: a pair needs noisy.* and clean.*")
-    return Pair(folder.resolve().name, halves["noisy"], halves["clean"]) if halves else None
+    return FilePair(folder.resolve().name, halves["noisy"], halves["clean"]) if halves else None

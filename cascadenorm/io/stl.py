@@ -12,7 +12,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
 from cascadenorm.io.text.spelling import respelled
 from cascadenorm.io.text.text import Text, blocks
-from cascadenorm.io.text.tokenizer import Places
+from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, largest_coordinate, triangulate, unit_normals
 
@@ -85,12 +85,7 @@ class StlFile(MeshFile):
         single = content.single_positions()
         attribute = content.face_values.get("attribute", np.zeros(len(content.polygons), np.uint16))
         header = bytes(80) + len(triangles).to_bytes(4, "little")
-        lost = [f"vertex property '{name}'" for name in content.vertex_values]
-        lost += [f"face property '{name}'" for name in content.face_values if name != "attribute"]
-        if (content.polygons.counts != 3).any():
-            lost.append("polygons (cut into triangles)")
-        if (single != content.positions).any():
-            lost.append("digits of the positions beyond single precision")
+        lost = content.lost_as_triangles(of_faces=["attribute"])
         lost.append("the order of the vertices")
         largest = largest_coordinate(content.positions)
 
@@ -121,7 +116,7 @@ def _has_records(data: bytes) -> bool:
     return 0 < count * RECORD.itemsize <= len(data) - HEADER and b"\0" in data[: HEADER + RECORD.itemsize]
 
 
-def _facets(text: Text) -> tuple[Places, Places]:
+def _facets(text: Text) -> tuple[Offsets, Offsets]:
     """Return the lines of facets and of their corners; raises ReadError where they do not go together."""
     facets, vertices = text.lines_with(b"facet"), text.lines_with(b"vertex")
     ends, solids, solid_ends = (text.lines_with(word) for word in (b"endfacet", b"solid", b"endsolid"))

@@ -9,10 +9,10 @@ from contextvars import ContextVar
 from types import ModuleType
 from typing import Any
 
-from cascadenorm.io.limits import allowed, check_expansion
+from cascadenorm.io.limits import check_expansion, expansion_limit
 
 _room: ContextVar["_Room | None"] = ContextVar("room", default=None)
-"""What may be unpacked yet, in the block of `limited`."""
+"""What may be unpacked yet, in the block of `limited_expansion`."""
 
 
 class _Room:
@@ -36,7 +36,7 @@ class _Limited:
         room = _room.get()
         if room is None:
             return bytes(self._module.decompress(data))
-        left = int(allowed(room.size)) - room.taken
+        left = int(expansion_limit(room.size)) - room.taken
         unpacked = bytes(self._decompressor().decompress(data, max(left, 0) + 1))
         room.taken += len(unpacked)
         check_expansion(room.taken, room.size, "the compressed arrays of this file")
@@ -47,7 +47,7 @@ LIMITED = {"zlib": _Limited(zlib, zlib.decompressobj), "lzma": _Limited(lzma, lz
 
 
 @contextmanager
-def limited(size: int, reader: ModuleType) -> Iterator[None]:
+def limited_expansion(size: int, reader: ModuleType) -> Iterator[None]:
     """Let a module of a library unpack no more in this block than a file of a size may expand to."""
     for name, stands_for in LIMITED.items():
         if getattr(reader, name, None) is sys.modules[name]:

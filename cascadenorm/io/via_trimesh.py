@@ -17,7 +17,7 @@ from cascadenorm.io.content import Content
 from cascadenorm.io.limits import check_archive, check_expansion
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
-NEEDS = {
+TRIMESH_NEEDS = {
     "3dxml": "lxml networkx",
     "3mf": "lxml networkx",
     "dae": "pycollada",
@@ -106,11 +106,7 @@ class TrimeshFile(MeshFile):
             vertex_colors=np.stack(list(colors.values()), axis=1) if colors else None,
             process=False,
         )
-        lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in colors]
-        lost += [f"face property '{name}'" for name in content.face_values]
-        if (content.polygons.counts != 3).any():
-            lost.append("polygons (cut into triangles)")
-        return [_exported(mesh, cls.format)], lost
+        return [_exported(mesh, cls.format)], content.lost_as_triangles(of_vertices=colors, single=False)
 
 
 def trimesh_kind(format: str) -> type[TrimeshFile] | None:

@@ -16,11 +16,11 @@ from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.unpacking import limited
+from cascadenorm.io.unpacking import limited_expansion
 from cascadenorm.mesh.normals import NORMALS, Normals
 from cascadenorm.mesh.polygons import Polygons
 
-FACES = ("triangle", "quad", "polygon")
+FACE_CELLS = ("triangle", "quad", "polygon")
 BESIDE = ("line", "vertex", "polyline", "poly_vertex")
 GRID = re.compile(rb"^[ \t]*DIMENSIONS((?:[ \t]+\d+)+)", re.M | re.I)
 
@@ -36,7 +36,7 @@ class MeshioFile(MeshFile):
         from meshio.vtu import _vtu
 
         try:
-            with limited(len(self.data), _vtu):
+            with limited_expansion(len(self.data), _vtu):
                 self._grid = self._load()
         except ReadError:
             raise
@@ -45,7 +45,7 @@ class MeshioFile(MeshFile):
         points = np.asarray(self._grid.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ReadError(f"the points of this {self.format} file have {points.shape[-1]} coordinates, not 3")
-        other = sorted({block.type for block in self._grid.cells} - {*FACES, *BESIDE})
+        other = sorted({block.type for block in self._grid.cells} - {*FACE_CELLS, *BESIDE})
         if other:
             raise ReadError(f"the file has cells of type {', '.join(other)}: extract the surface first")
         blocks = [np.asarray(block.data, np.int64) for block in self._faces()]
@@ -56,7 +56,7 @@ class MeshioFile(MeshFile):
         return points.astype(kind), Polygons.from_counts(np.concatenate([none, *counts]), corners)
 
     def _faces(self) -> list[Any]:
-        return [block for block in self._grid.cells if block.type in FACES]
+        return [block for block in self._grid.cells if block.type in FACE_CELLS]
 
     def _load(self) -> Any:
         import meshio
@@ -84,7 +84,7 @@ class MeshioFile(MeshFile):
 
     def _renewed_cell_normals(self, blocks: list[Any]) -> list[Any]:
         """Return normals of cells, a block of them for each block of cells."""
-        faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACES]
+        faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACE_CELLS]
         if any(np.ndim(blocks[i]) != 2 or np.shape(blocks[i])[1] != 3 for i in faces):
             return blocks
         corners = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
@@ -105,7 +105,7 @@ class MeshioFile(MeshFile):
                 values[name] = np.asarray(value)
             else:
                 left_out.append(f"point data '{name}'")
-        faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACES]
+        faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACE_CELLS]
         for name, blocks in self._grid.cell_data.items():
             if all(np.ndim(blocks[i]) == 1 for i in faces):
                 face_values[name] = np.concatenate([np.asarray(blocks[i]) for i in faces])

@@ -1,50 +1,24 @@
 """The cascade: regress normals, recover vertices, and again from what came out (Wang, Liu, Tong 2016)."""
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from os import PathLike, fspath
 from typing import Any
 
 from cascadenorm.baselines.vertex_update import recover_vertices
-from cascadenorm.errors import ParameterError
+from cascadenorm.errors import ConfigError, ParameterError
 from cascadenorm.execution.progress import track
-from cascadenorm.learned.descriptors import (
-    CUTOFF,
-    ITERATED_PASSES,
-    ITERATED_SIGMA_R,
-    LATER_ITERATED_PASSES,
-    LATER_SMOOTH_PASSES,
-    RINGS,
-    SIGMA_R,
-    SIGMA_S,
-    SMOOTH_PASSES,
-    SMOOTH_SIGMA_R,
-)
-from cascadenorm.learned.features import CONTEXT_STEPS, FLOOR
 from cascadenorm.learned.regression import Regression
+from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.stage_normals import stage_normals
-from cascadenorm.learned.stage_settings import CHOICES, StageSettings
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.patches.work import free_derived
 
-FORMAT = "cascadenorm/6"
-CONSTANTS = {
-    "sigma_s": SIGMA_S,
-    "sigma_r": SIGMA_R,
-    "spreads": CUTOFF,
-    "rings": RINGS,
-    "context_steps": CONTEXT_STEPS,
-    "iterated_sigma_r": ITERATED_SIGMA_R,
-    "iterated_64_passes": ITERATED_PASSES,
-    "iterated_16_passes": LATER_ITERATED_PASSES,
-    "smooth_passes": SMOOTH_PASSES,
-    "later_smooth_passes": LATER_SMOOTH_PASSES,
-    "smooth_sigma_r": SMOOTH_SIGMA_R,
-    "floor": FLOOR,
-}
-"""What stands behind the names of a stage's settings: weights serve these numbers alone."""
+CASCADE_FORMATS = ("cascadenorm/7", "cascadenorm/6")
+"""Formats of weights files, the first of which is written. A format stands for the constants in `descriptors` and
+`features` too: add one when a constant changes. The second has the same constants, and other names of weightings."""
+OLD_WEIGHTINGS = {"heights": "uniform", "angles": "inverse-height"}
 
 
 @dataclass(frozen=True)
@@ -82,12 +56,12 @@ class Cascade:
 
     def to_bytes(self) -> bytes:
         """Return the content of a weights file: the same bytes for the same cascade."""
-        return packed({"format": FORMAT, **self.header()}, self.tensors())
+        return packed({"format": CASCADE_FORMATS[0], **self.header()}, self.tensors())
 
     def header(self) -> dict[str, Any]:
         """Return everything but the arrays, as JSON can hold it."""
         settings = [asdict(stage.settings) for stage in self.stages]
-        return {"constants": CONSTANTS, "stages": settings, "card": self.card}
+        return {"stages": settings, "card": self.card}
 
     def tensors(self) -> Arrays:
         """Return the arrays of all stages by name."""
@@ -100,12 +74,12 @@ class Cascade:
         Raises
         ------
         ParameterError
-            The file is missing, or is not a cascade of this format, for the filters of this version.
+            The file is missing, or is not a cascade of a known format.
         """
         header, tensors = unpacked(path)
-        if header.get("format") != FORMAT:
+        if header.get("format") not in CASCADE_FORMATS:
             raise ParameterError(
-                f"{fspath(path)} holds weights of format {header.get('format')!r}; here {FORMAT!r} is read"
+                f"{fspath(path)} holds weights of format {header.get('format')!r}; here {CASCADE_FORMATS[0]!r} is read"
             )
         return cls.from_parts(header, tensors, fspath(path))
 
@@ -123,16 +97,14 @@ class Cascade:
         ParameterError
             The cascade needs something that this version lacks, or an array is missing.
         """
-        if header["constants"] != json.loads(json.dumps(CONSTANTS)):
-            raise ParameterError(f"{source} was trained with other filters than this version has: train it again")
         stages = []
         for s, stage in enumerate(header["stages"]):
-            for name, known in CHOICES.items():
-                if stage[name] not in known:
-                    raise ParameterError(f"{source} needs the {name} {stage[name]!r}, which this version lacks")
+            weighting = OLD_WEIGHTINGS.get(stage["weighting"], stage["weighting"])
             mine = {name.split(".", 1)[1]: a for name, a in tensors.items() if name.startswith(f"stage{s}.")}
             try:
-                stages.append(Regression.from_arrays(StageSettings(**stage), mine))
+                stages.append(Regression.from_arrays(Stage(**{**stage, "weighting": weighting}), mine))
+            except ConfigError as error:
+                raise ParameterError(f"{source} needs what this version lacks: {error}") from None
             except KeyError as error:
                 raise ParameterError(f"{source} lacks {error} of stage {s + 1}: train it again") from None
         return cls(tuple(stages), header["card"])

@@ -1,23 +1,21 @@
-"""Settings of a training, in Python and as TOML; without torch, so that a mistake in them is told at once."""
+"""Settings of a training, in Python and as TOML; without torch, so that a mistake in them is reported at once."""
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from os import PathLike
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-from cascadenorm.baselines.vertex_update import Foldovers, Weighting
 from cascadenorm.data_gen import DatasetConfig
 from cascadenorm.errors import ConfigError as ConfigError
-from cascadenorm.learned.descriptors import DESCRIPTORS, Neighborhood
-from cascadenorm.learned.stage_settings import ACTIVATIONS, CHOICES, StageSettings
+from cascadenorm.learned.stage import Stage
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
-Settings = TypeVar("Settings")
+Config = TypeVar("Config")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +26,6 @@ class Fit:
     ----------
     hidden
         Widths of the hidden layers.
-    activation
-        Of the hidden layers, "tanh" or "silu".
     epochs
         Passes over the training part at most.
     patience
@@ -40,9 +36,8 @@ class Fit:
         Of AdamW, with a cosine schedule and gradients clipped to this norm.
     """
 
-    hidden: tuple[int, ...] = (160,)
-    activation: str = "tanh"
-    epochs: int = 20
+    hidden: tuple[int, ...] = (128, 64)
+    epochs: int = 5
     patience: int = 5
     batch: int = 1024
     learning_rate: float = 2e-3
@@ -52,8 +47,6 @@ class Fit:
     def __post_init__(self) -> None:
         if not self.hidden or min(self.hidden) < 1:
             raise ConfigError(f"fit.hidden is {list(self.hidden)}; it must be the width of one layer or more")
-        if self.activation not in ACTIVATIONS:
-            raise ConfigError(f"fit.activation is {self.activation!r}; it must be one of {', '.join(ACTIVATIONS)}")
         for name in ("epochs", "patience", "batch", "learning_rate", "clip"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"fit.{name} is {getattr(self, name)}; it must be above 0")
@@ -61,48 +54,46 @@ class Fit:
             raise ConfigError(f"fit.weight_decay is {self.weight_decay}; it must be at least 0")
 
 
-DATA = DatasetConfig(
-    count=600,
+VERTEX_STAGES = (
+    Stage(descriptor="iterated-64+smoothed", sweeps=10),
+    Stage(descriptor="iterated-16+smoothed", sweeps=10),
+    Stage(descriptor="iterated-16+smoothed", weighting="inverse-height"),
+)
+VERTEX_DATA = DatasetConfig(
+    count=4000,
     families=(
         "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue",
-        "mounted", "bust", "bumpy", "smooth", "rock", "machined_piece", "grown_piece", "view", "fused",
+        "mounted", "bust", "bumpy", "smooth", "rock", "low_poly", "decimated", "decimated", "subdivided", "structured",
+        "cad_tessellation",
     ),
     min_faces=2000,
     max_faces=20000,
     noise_kinds=(
         "normal", "normal", "normal", "gaussian", "gaussian", "uniform", "impulsive", "impulsive", "varying", "mixed",
-        "sensor",
+        "correlated", "correlated", "quantised", "none", "none", "none",
     ),
-    min_level=0.03,
+    relief=0.27,
+    min_level=0.02,
     max_level=0.7,
 )  # fmt: skip
-"""What a training without settings is trained on."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """Everything that decides what a training makes.
+    """Everything that determines the result of a training; the defaults are those of `configs/vertex.toml`.
 
     Parameters
     ----------
     seed
-        Of the drawn faces, the clusters and the networks; that of the shapes and noise is data.seed.
+        Seed for drawing faces, clustering and initialising networks; that of shapes and noise is data.seed.
     faces_per_mesh
-        Drawn from each mesh, without repetition.
+        Number of faces drawn from each mesh, without repetition.
     clusters
-        Networks in each stage.
-    descriptors
-        What each stage reads, names in DESCRIPTORS; as many stages as entries.
-    neighborhood
-        Which faces the filters B and G add, "rings" or "distance" as published.
+        Number of networks in each stage.
     context
-        Principal directions of the features that are averaged around a face; 0 leaves context features out.
-    last_weighting
-        Of the vertex update after the last stage, "angles" or "heights" as published, which the other stages have.
-    foldovers
-        In the vertex update, "avoid" or "ignore" as published.
-    sweeps
-        Of the vertex update after each stage but the last, which has 20.
+        Number of principal components of the features that are averaged around a face; 0 disables context features.
+    stages
+        The stages, in order.
     fit
         Settings of each network.
     data
@@ -110,46 +101,22 @@ class TrainConfig:
     """
 
     seed: int = 0
-    faces_per_mesh: int = 2500
-    clusters: int = 4
-    descriptors: tuple[str, ...] = ("n+B+G", "n+B", "n+B")
-    neighborhood: Neighborhood = "rings"
+    faces_per_mesh: int = 500
+    clusters: int = 1
     context: int = 24
-    last_weighting: Weighting = "angles"
-    foldovers: Foldovers = "avoid"
-    sweeps: int = StageSettings.sweeps
+    stages: tuple[Stage, ...] = VERTEX_STAGES
     fit: Fit = field(default_factory=Fit)
-    data: DatasetConfig = field(default_factory=lambda: DATA)
+    data: DatasetConfig = field(default_factory=lambda: VERTEX_DATA)
 
     def __post_init__(self) -> None:
-        for name, least in (("faces_per_mesh", 1), ("clusters", 1), ("context", 0), ("sweeps", 0), ("seed", 0)):
+        for name, least in (("faces_per_mesh", 1), ("clusters", 1), ("context", 0), ("seed", 0)):
             if getattr(self, name) < least:
                 raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least {least}")
-        if not self.descriptors or not set(self.descriptors) <= set(DESCRIPTORS):
-            raise ConfigError(f"descriptors are {list(self.descriptors)}; each must be one of {', '.join(DESCRIPTORS)}")
-        for name in ("neighborhood", "last_weighting", "foldovers"):
-            known = CHOICES[name.removeprefix("last_")]
-            if getattr(self, name) not in known:
-                raise ConfigError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
-
-    @property
-    def stages(self) -> tuple[StageSettings, ...]:
-        """Return what each stage does."""
-        last = len(self.descriptors) - 1
-        return tuple(
-            StageSettings(
-                descriptor=descriptor,
-                neighborhood=self.neighborhood,
-                activation=self.fit.activation,
-                weighting=self.last_weighting if number == last else "heights",
-                foldovers=self.foldovers,
-                sweeps=StageSettings.sweeps if number == last else self.sweeps,
-            )
-            for number, descriptor in enumerate(self.descriptors)
-        )
+        if not self.stages:
+            raise ConfigError("stages is empty; a cascade has one stage or more")
 
 
-QUICK = TrainConfig(fit=Fit(epochs=10), data=replace(DATA, count=40))
+QUICK = TrainConfig(faces_per_mesh=2500, fit=Fit(epochs=10), data=replace(VERTEX_DATA, count=40))
 """A training of about a minute, to see that everything works; far from the best result."""
 
 
@@ -174,7 +141,7 @@ def read_config(path: str | PathLike[str]) -> TrainConfig:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def settings_from(base: Settings, table: Mapping[str, Any], *, prefix: str = "") -> Settings:
+def settings_from(base: Config, table: Mapping[str, Any], *, prefix: str = "") -> Config:
     """Change settings, a dataclass, by nested tables.
 
     Raises
@@ -182,22 +149,29 @@ def settings_from(base: Settings, table: Mapping[str, Any], *, prefix: str = "")
     ConfigError
         An unknown key, or a value of the wrong type.
     """
-    hints = get_type_hints(type(base))
-    known = [f.name for f in fields(base)]  # type: ignore[arg-type]  # always a dataclass
-    unknown = [key for key in table if key not in known]
-    if unknown:
+    return replace(base, **_changes(type(base), base, table, prefix))  # type: ignore[type-var]  # always a dataclass
+
+
+def _changes(kind: Any, base: Any, table: Any, prefix: str) -> dict[str, Any]:
+    """Return the fields of a dataclass that a table sets; `base` has their present values, if there are any."""
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"{prefix[:-1]} is {table!r}; it must be a table")
+    hints = get_type_hints(kind)
+    if unknown := [key for key in table if key not in hints]:
         raise ConfigError(
-            f"there is no setting {prefix}{unknown[0]}; {prefix[:-1] or 'the'} settings are {', '.join(known)}"
+            f"there is no setting {prefix}{unknown[0]}; {prefix[:-1] or 'the'} settings are {', '.join(hints)}"
         )
-    changes = {key: _value(hints[key], getattr(base, key), value, prefix + key) for key, value in table.items()}
-    return replace(base, **changes)  # type: ignore[type-var]
+    return {key: _value(hints[key], getattr(base, key, None), value, prefix + key) for key, value in table.items()}
 
 
 def _value(kind: Any, default: Any, value: Any, name: str) -> Any:
-    if is_dataclass(default) and not isinstance(default, type):
-        if not isinstance(value, Mapping):
-            raise ConfigError(f"{name} is {value!r}; it must be a table: [{name}]")
+    if is_dataclass(default):
         return settings_from(default, value, prefix=f"{name}.")
+    if kind is Stage:
+        changes = _changes(Stage, None, value, f"{name}.")
+        if "descriptor" not in changes:
+            raise ConfigError(f"{name} has no descriptor")
+        return Stage(**changes)
     if get_origin(kind) is tuple:
         if not isinstance(value, list):
             raise ConfigError(f"{name} is {value!r}; it must be a list")

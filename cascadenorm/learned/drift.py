@@ -5,10 +5,10 @@ import numpy as np
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.mesh.averages import averaged
 
-PASSES = 64
+DRIFT_PASSES = 64
 
 
-def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = PASSES) -> Vectors:
+def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = DRIFT_PASSES) -> Vectors:
     """Take back of a displacement along the normals what is smooth.
 
     Normals determine vertices up to what varies slowly, and the vertex update leaves such errors. Noise has hardly any:

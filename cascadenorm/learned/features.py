@@ -17,7 +17,7 @@ CONTEXT_STEPS = (0, 1, 3, 7)
 """Rounds of averaging over the neighbours of vertices after which context features are taken."""
 FLOOR = 1e-4
 """Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
-FACES = 128
+PAIRED_FACES = 128
 """Faces whose pairs of normals are compared at a time: their normals fit into the first cache."""
 TILE = 16
 """Faces whose context is transposed at a time: a row of it is a line of the cache."""
@@ -244,10 +244,10 @@ def _pair_range(start: int, stop: int, stack: Floats32, mean: Floats32, scale: F
     Iteration f alone writes out[:, f].
     """
     count = stack.shape[1]
-    axes = np.empty((count, 3, FACES), np.float32)
-    for first in range(start, stop, FACES):
+    axes = np.empty((count, 3, PAIRED_FACES), np.float32)
+    for first in range(start, stop, PAIRED_FACES):
         # some faces at a time, those of one axis of one normal beside each other
-        faces = min(FACES, stop - first)
+        faces = min(PAIRED_FACES, stop - first)
         for f in range(faces):
             for i in range(count):
                 for d in range(3):

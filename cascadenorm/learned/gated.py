@@ -13,7 +13,8 @@ from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Bools, Mesh, Vectors, part_of
 from cascadenorm.registry import ParameterError
 
-FORMAT = "cascadenorm-gated/1"
+GATED_FORMATS = ("cascadenorm-gated/2", "cascadenorm-gated/1")
+"""Formats of weights files, the first of which is written; cascades within them are as in CASCADE_FORMATS."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +56,9 @@ class GatedCascades:
         count = int(mesh.topology.components.max()) + 1
         return Judged(np.full(count, probability == 1), np.full(count, probability))
 
-    def chosen(self, measured: Bools) -> "Chosen":
+    def chosen(self, measured: Bools) -> "ChosenNetworks":
         """Return the networks with the choice for each component, (c,)."""
-        return Chosen(self.vertex, self.surface, measured)
+        return ChosenNetworks(self.vertex, self.surface, measured)
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), of each component from the network that the gate chooses."""
@@ -68,7 +69,7 @@ class GatedCascades:
         parts = {"vertex": self.vertex.tensors(), "surface": self.surface.tensors(), "gate": self.gate.arrays()}
         tensors: Arrays = {f"{part}.{name}": a for part, arrays in parts.items() for name, a in arrays.items()}
         headers = {"vertex": self.vertex.header(), "surface": self.surface.header(), "gate": self.gate_card}
-        return packed({"format": FORMAT, **headers}, tensors)
+        return packed({"format": GATED_FORMATS[0], **headers}, tensors)
 
     @classmethod
     def from_parts(cls, header: Mapping[str, Any], tensors: Arrays, source: str) -> "GatedCascades":
@@ -82,7 +83,7 @@ class GatedCascades:
         )
 
 
-class Chosen(NamedTuple):
+class ChosenNetworks(NamedTuple):
     """Two networks, and which components are treated as measured surfaces, (c,)."""
 
     vertex: Cascade
@@ -115,7 +116,7 @@ def read_model(path: str | PathLike[str]) -> Cascade | GatedCascades:
         The file is missing, or holds no model for the filters of this version.
     """
     header, tensors = unpacked(path)
-    if header.get("format") != FORMAT:
+    if header.get("format") not in GATED_FORMATS:
         return Cascade.load(path)
     try:
         return GatedCascades.from_parts(header, tensors, fspath(path))

@@ -14,7 +14,7 @@ from cascadenorm.detection.segmentation_steps import without_voxel_faces
 from cascadenorm.detection.spikes import without_spikes
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.drift import without_drift
-from cascadenorm.learned.gated import Chosen, GatedCascades, read_model
+from cascadenorm.learned.gated import ChosenNetworks, GatedCascades, read_model
 from cascadenorm.learned.safeguards import safeguarded
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.patches.work import free_derived
@@ -51,7 +51,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     """
     mesh = without_spikes(mesh)
     start = without_voxel_faces(mesh)
-    network: Learned | Chosen = loaded(model, "auto")
+    network: Learned | ChosenNetworks = loaded(model, "auto")
     if isinstance(network, GatedCascades):
         network = network.chosen(network.judged(mesh, treat_as).measured)
     free_derived(mesh)

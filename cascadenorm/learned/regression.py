@@ -1,13 +1,15 @@
 """One stage of the cascade at run time: nearest cluster centre, that cluster's network, the true normal."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.compute.elementary import expf
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
 from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler
-from cascadenorm.learned.stage_settings import ACTIVATIONS, StageSettings
+from cascadenorm.learned.stage import Activation, Stage
 from cascadenorm.mesh import Floats32, Mesh, Vectors, in_blocks, kernel, one_blas_thread, unit
 
 
@@ -31,7 +33,7 @@ class Regression:
         of the k normals.
     """
 
-    settings: StageSettings
+    settings: Stage
     scaler: FeatureScaler
     centers: Array
     layers: tuple[tuple[Array, Array], ...]
@@ -47,7 +49,7 @@ class Regression:
         return {"centers": self.centers, **layers, **scaler}
 
     @classmethod
-    def from_arrays(cls, settings: StageSettings, arrays: dict[str, Array]) -> "Regression":
+    def from_arrays(cls, settings: Stage, arrays: dict[str, Array]) -> "Regression":
         """Rebuild a regression from what `arrays` returned; raises KeyError where one is missing."""
         count = max(1, sum(name.startswith("weight") for name in arrays))
         return cls(
@@ -100,7 +102,7 @@ class Regression:
         *hidden, last = self.layers
         for weight, bias in hidden:
             x = x @ weight[cluster]
-            ACTIVATIONS[self.settings.activation](x, bias[cluster])
+            _ACTIVATIONS[self.settings.activation](x, bias[cluster])
         weight, bias = last
         return np.asarray(x @ weight[cluster] + bias[cluster])
 
@@ -112,7 +114,7 @@ def _weighted_sums(coefficients: Array, stack: Stack) -> Array:
     return out
 
 
-def stage_stack(settings: StageSettings, mesh: Mesh, noisy: Mesh) -> Stack:
+def stage_stack(settings: Stage, mesh: Mesh, noisy: Mesh) -> Stack:
     """Filter the normals of a mesh for a stage, (m, k, 3).
 
     In memory it is (k, m, 3): so a filter writes what it keeps in a third of the time.
@@ -138,3 +140,21 @@ def _add_weighted(coefficients: Floats32, stack: Floats32, out: Floats32) -> Non
             y += coefficients[f, k] * stack[f, k, 1]
             z += coefficients[f, k] * stack[f, k, 2]
         out[f, 0], out[f, 1], out[f, 2] = x, y, z
+
+
+def _tanh(x: Floats32, bias: Floats32) -> None:
+    x += bias
+    np.tanh(x, out=x)
+
+
+@kernel
+def _silu(x: Floats32, bias: Floats32) -> None:
+    """y / (1 + e^-y), y = x + bias."""
+    for i in range(len(x)):
+        for j in range(x.shape[1]):
+            y = x[i, j] + bias[j]
+            x[i, j] = y / (np.float32(1) + expf(-y))
+
+
+_ACTIVATIONS: dict[Activation, Callable[[Floats32, Floats32], None]] = {"tanh": _tanh, "silu": _silu}
+"""What is between the layers of a network, computed in place of x from x and bias."""

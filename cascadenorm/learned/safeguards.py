@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.detection.chords import PASSES, RINGS, chord_residuals, local_noise
+from cascadenorm.detection.chords import CHORD_RINGS, NOISE_PASSES, chord_noise, chord_residuals
 from cascadenorm.detection.segmentation_steps import has_voxel_faces
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
@@ -15,9 +15,9 @@ from cascadenorm.patches.work import moved_in_patches, patching_of
 NOISES = 30.0
 """Times the estimated noise around it that a vertex may move. Of independent noise 4 times are enough; of an error that
 is alike over several edges, or of an edge that a reconstruction has rounded, the estimate sees a fifteenth."""
-FEWEST = 8
+FEWEST_COMPONENT_EDGES = 8
 """Edges with two faces of a component, of which fewer tell nothing of its noise; a tetrahedron has 6."""
-HEIGHTS = 4.0
+FACE_HEIGHTS = 4.0
 """Times the height of the tallest face around it that a vertex may move."""
 
 
@@ -43,7 +43,7 @@ def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
         bounded = within_bounds(mesh, vertices)
     else:
         work = partial(_within_bounds_of_patch, what_is_bounded(mesh))
-        bounded = moved_in_patches(mesh, patching, work, vertices, reach=RINGS + PASSES, components=True)
+        bounded = moved_in_patches(mesh, patching, work, vertices, reach=CHORD_RINGS + NOISE_PASSES, components=True)
     return without_flips(mesh, bounded)
 
 
@@ -82,9 +82,9 @@ class Bounded(NamedTuple):
 def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
     """Return how far each vertex may move.
 
-    The bound is the least of NOISES times the noise estimated around the vertex (see `local_noise`) and HEIGHTS times
-    the height of its tallest face. On components with fewer than FEWEST edges between two faces, around vertices
-    without such an edge, and on the faces of voxels, there is no estimate, and the height alone counts.
+    The bound is the least of NOISES times the noise estimated around the vertex (see `chord_noise`) and FACE_HEIGHTS
+    times the height of its tallest face. On components with fewer than FEWEST_COMPONENT_EDGES edges between two faces,
+    around vertices without such an edge, and on the faces of voxels, there is no estimate, and the height alone counts.
 
     Parameters
     ----------
@@ -100,11 +100,11 @@ def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
     tallest = np.zeros(len(mesh.vertices))
     np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))
     bounded = bounded or what_is_bounded(mesh)
-    noise = local_noise(mesh, chord_residuals(mesh))
+    noise = chord_noise(mesh, chord_residuals(mesh))
     noise[mesh.faces[bounded.untold[mesh.topology.face_components]]] = np.inf
     if bounded.voxel_faces:  # along their edges the normals of both ends agree
         noise[:] = np.inf
-    return np.minimum(NOISES * noise, HEIGHTS * tallest)
+    return np.minimum(NOISES * noise, FACE_HEIGHTS * tallest)
 
 
 def what_is_bounded(mesh: Mesh) -> Bounded:
@@ -112,4 +112,4 @@ def what_is_bounded(mesh: Mesh) -> Bounded:
     topology = mesh.topology
     components = topology.face_components
     edges = np.bincount(components[topology.face_pairs[:, 0]], minlength=int(components.max()) + 1)
-    return Bounded(edges < FEWEST, has_voxel_faces(mesh))
+    return Bounded(edges < FEWEST_COMPONENT_EDGES, has_voxel_faces(mesh))

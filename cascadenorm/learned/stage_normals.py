@@ -11,7 +11,7 @@ from cascadenorm.baselines.normal_filter_bank import faces_added
 from cascadenorm.learned.descriptors import CUTOFF, DESCRIPTORS, SIGMA_S, Stack
 from cascadenorm.learned.features import CONTEXT_STEPS, ComponentSums
 from cascadenorm.learned.regression import Regression, stage_stack
-from cascadenorm.learned.stage_settings import StageSettings
+from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.patches.cutting import MeshPatch
 from cascadenorm.patches.work import EXTRA, Patching, each_patch, patching_of, rows_of_faces
@@ -126,7 +126,7 @@ def _without_context(stage: Regression, patch: MeshPatch, noisy: Vectors) -> Vec
     return stage.normals(patch.mesh, _stack(stage.settings, patch, noisy))
 
 
-def _stack(settings: StageSettings, patch: MeshPatch, noisy: Vectors) -> Stack:
+def _stack(settings: Stage, patch: MeshPatch, noisy: Vectors) -> Stack:
     """Filter the normals of a patch; raises TooNarrow where filters see beyond the halo."""
     filters = DESCRIPTORS[settings.descriptor].filters
     if filters and settings.neighborhood == "distance":
@@ -137,7 +137,7 @@ def _stack(settings: StageSettings, patch: MeshPatch, noisy: Vectors) -> Stack:
     return stage_stack(settings, patch.mesh, patch.mesh.moved(noisy).with_facts(**patch.facts))
 
 
-def _reach(settings: StageSettings) -> int:
+def _reach(settings: Stage) -> int:
     """Return within how many edges of a face its filtered normals see the mesh, or how many to try first."""
     descriptor = DESCRIPTORS[settings.descriptor]
     return BY_DISTANCE if descriptor.filters and settings.neighborhood == "distance" else descriptor.rings

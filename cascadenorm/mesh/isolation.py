@@ -45,8 +45,13 @@ def without_repeated_faces(mesh: Mesh) -> Mesh:
 
 def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, NDArray[np.int32]]:
     """Return some faces of a mesh over the vertices that they use, and the numbers of these vertices, (k,)."""
-    numbers, corners = np.unique(mesh.faces[faces], return_inverse=True)
-    return Mesh(mesh.vertices[numbers], corners.reshape(-1, 3)), numbers
+    return compacted(mesh.vertices, mesh.faces[faces])
+
+
+def compacted(vertices: NDArray[Any], faces: NDArray[np.int32]) -> tuple[Mesh, NDArray[np.int32]]:
+    """Return a mesh of the vertices that faces use, and the numbers of these vertices, (k,)."""
+    numbers, corners = np.unique(faces, return_inverse=True)
+    return Mesh(vertices[numbers], corners.reshape(-1, 3)), numbers
 
 
 def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:

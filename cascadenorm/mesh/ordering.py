@@ -17,12 +17,12 @@ from cascadenorm.mesh.mesh import Mesh
 from cascadenorm.mesh.topology import rows_with
 from cascadenorm.mesh.topology_kernels import sort
 
-LINE = 8  # vertices a cache line holds a part of
+CACHE_LINE = 8  # vertices a cache line holds a part of
 LINES = 512
 POOR = 20.0
 """Cache misses, against the fewest possible, from which a mesh is renumbered: shuffled ones have 30 to 48, those of
 scanners and marching cubes 1 to 17, and 1 once they are renumbered."""
-OUTLIERS = 0.001  # share of the vertices at either end that do not count for the size of the cells
+OUTLIER_VERTICES = 0.001  # share of the vertices at either end that do not count for the size of the cells
 BITS = 21  # of each coordinate in a Morton code
 SPREADS = tuple(
     (np.uint64(shift), np.uint64(mask))
@@ -106,7 +106,7 @@ def cache_misses(mesh: Mesh) -> float:
     The cache has lines of memory with vertices and is direct-mapped: of those that have one number modulo LINES it
     holds the last one used.
     """
-    return _ask(mesh.faces, np.full(LINES, -1, np.int64)) * LINE / len(mesh.vertices)
+    return _ask(mesh.faces, np.full(LINES, -1, np.int64)) * CACHE_LINE / len(mesh.vertices)
 
 
 @kernel
@@ -115,7 +115,7 @@ def _ask(faces: Ints32, held: Ints) -> int:
     missed = 0
     for f in range(len(faces)):
         for corner in range(3):
-            line = faces[f, corner] // LINE
+            line = faces[f, corner] // CACHE_LINE
             if held[line % LINES] != line:
                 held[line % LINES] = line
                 missed += 1
@@ -127,7 +127,7 @@ def morton_codes(points: Vectors) -> NDArray[np.uint64]:
 
     The bits of the three coordinates take turns.
     """
-    lower, upper = np.quantile(points, [OUTLIERS, 1 - OUTLIERS], axis=0)
+    lower, upper = np.quantile(points, [OUTLIER_VERTICES, 1 - OUTLIER_VERTICES], axis=0)
     size = max(float((upper - lower).max()), np.finfo(float).tiny)
     codes = np.empty(len(points), np.uint64)
     parallel_for(len(points), _code_range, points, lower, size, codes)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.compute.arrays import scatter_add
-from cascadenorm.compute.csr import Csr, grouped, joined
+from cascadenorm.compute.csr import Csr, grouped, joined_rows
 from cascadenorm.compute.threads import parallel_for
 from cascadenorm.mesh.connectivity import connected_components
 from cascadenorm.mesh.topology_kernels import (
@@ -59,14 +59,14 @@ class Topology:
             raise ValueError(f"ring is {ring}; it must be at least 1")
         if ring not in self._face_rings:
             parts = parallel_for(len(self.faces), face_ring_range, self.faces, self.vertex_faces, ring)
-            self._face_rings[ring] = joined(len(self.faces), parts)
+            self._face_rings[ring] = joined_rows(len(self.faces), parts)
         return self._face_rings[ring]
 
     @cached_property
     def _edges(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Unique undirected edges, and the edge of each face side; side k joins corners k and k + 1."""
         parts = parallel_for(self.vertex_count, edges_up_range, self.faces, self.vertex_faces)
-        up = joined(self.vertex_count, parts)
+        up = joined_rows(self.vertex_count, parts)
         of_sides = np.empty(self.faces.shape, np.int32)
         parallel_for(self.vertex_count, sides_up_range, self.faces, self.vertex_faces, up, of_sides)
         of_sides.flags.writeable = False  # as faces are: kernels that take both are compiled once

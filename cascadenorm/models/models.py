@@ -12,7 +12,7 @@ from cascadenorm.api.api import denoise
 from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
-from cascadenorm.io.pairs import Places
+from cascadenorm.io.pairs import Paths
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.gated import read_model
@@ -41,7 +41,7 @@ class Denoiser:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Denoiser":
-        """Read a weights file made by `train` or `train_gate`.
+        """Read a weights file made by `train_cascade` or `trained_gate`.
 
         Raises
         ------
@@ -123,8 +123,8 @@ def train(
     config: TrainConfig,
     output: str | PathLike[str],
     *,
-    shapes: Places = (),
-    noisy: Places = (),
+    shapes: Paths = (),
+    noisy: Paths = (),
     force: bool = False,
     threads: int | None = None,
     log: str | PathLike[str] | None = None,
@@ -189,7 +189,7 @@ def train(
     with limit_threads(threads):
         own = training_pairs(shapes, noisy, config.data)
         with recording(lines, events, resumed=resumed) if is_main() else nullcontext(unrecorded) as record:
-            cascade = training.train(config, checkpoint, own=own, progress=progress, record=record)
+            cascade = training.train_cascade(config, checkpoint, own=own, progress=progress, record=record)
     if is_main():
         write_atomically(output, [cascade.to_bytes()], force=force)
     if is_local_main():
@@ -249,6 +249,6 @@ def train_gate(
         raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None
     config = gate_training.GateConfig() if seed is None else gate_training.GateConfig(seed=seed)
     with limit_threads(threads):
-        model = gate_training.train_gate(cascades[0], cascades[1], config, progress=progress)
+        model = gate_training.trained_gate(cascades[0], cascades[1], config, progress=progress)
     write_atomically(output, [model.to_bytes()], force=force)
     return Denoiser(model)

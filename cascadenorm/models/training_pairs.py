@@ -1,25 +1,23 @@
 """Pairs to train on: read from files of one's own, or generated and written to files."""
 
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from cascadenorm.data_gen import OWN, DatasetConfig, Pair, own_pair, write_dataset
-from cascadenorm.data_gen.meshing.patches import patch, patches
+from cascadenorm.data_gen import OWN_FAMILY, DatasetConfig, Pair, own_pair, write_dataset
+from cascadenorm.data_gen.meshing.patches import training_patches
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.execution.cluster_map import side_by_side_on
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
 from cascadenorm.io.interop import as_mesh, save_mesh
-from cascadenorm.io.pairs import Places, find_pairs, paths_of
-from cascadenorm.learned.config import DATA
-from cascadenorm.mesh import Mesh, MeshError, in_frame, scaled_alike
+from cascadenorm.io.pairs import Paths, find_pairs, paths_of
+from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
 
 
-def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list[Pair]:
+def training_pairs(shapes: Paths, noisy: Paths, config: DatasetConfig) -> list[Pair]:
     """Read meshes of one's own to train on: oriented, of about unit size, in patches of at most config.max_faces.
 
     Parameters
@@ -49,17 +47,17 @@ def training_pairs(shapes: Places, noisy: Places, config: DatasetConfig) -> list
         first, true = scaled_alike(first, true)
         true = oriented(true)
         first = Mesh(first.vertices, true.faces)
-        for chosen in patches(true, faces=config.max_faces):
-            clean = patch(true, chosen)
-            made.append(Pair(patch(first, chosen), clean, clean.face_normals, OWN, "none", 0.0))
+        for chosen in training_patches(true, faces=config.max_faces):
+            clean, _ = part_of(true, chosen)
+            made.append(Pair(part_of(first, chosen)[0], clean, clean.face_normals, OWN_FAMILY, "none", 0.0))
     return made
 
 
 def _patches(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
-    return [patch(mesh, chosen) for chosen in patches(mesh, faces=config.max_faces)]
+    return [part_of(mesh, chosen)[0] for chosen in training_patches(mesh, faces=config.max_faces)]
 
 
-def _mesh_files(places: Places) -> list[Path]:
+def _mesh_files(places: Paths) -> list[Path]:
     """List files as they are, and the mesh files in folders by name."""
     files = []
     for place in paths_of(places):
@@ -84,7 +82,7 @@ def write_pairs(
     force: bool = False,
     progress: Progress = silent,
 ) -> None:
-    """Generate pairs as trainings do, each in a folder of its own, and `dataset.json` beside them.
+    """Generate pairs of shapes of all families, each in a folder of its own, and `dataset.json` beside them.
 
     Parameters
     ----------
@@ -117,7 +115,7 @@ def write_pairs(
         raise OutputError(f"{folder} is a file: give the name of a folder")
     if folder.is_dir() and any(folder.iterdir()) and not force:
         raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
-    config = replace(DATA, count=count, seed=seed)
+    config = DatasetConfig(count=count, seed=seed)
     try:
         with side_by_side_on(scheduler, workers=workers, folder=None):
             write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.execution.cluster import LOCAL
+from cascadenorm.execution.cluster import LOCAL_CLUSTER
 from cascadenorm.execution.cluster_map import on_cluster
 from cascadenorm.execution.memory import PROCESS, amount
 from cascadenorm.mesh import thread_count
@@ -73,7 +73,7 @@ def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[N
         with working_in_patches(Patching(size, spare=left - size * PATCH)):
             yield
         return
-    workers = thread_count() if scheduler == LOCAL else 1
+    workers = thread_count() if scheduler == LOCAL_CLUSTER else 1
     with (
         on_cluster(scheduler, workers=workers, folder=None) as each,
         working_in_patches(Patching(min(LARGEST, left // PATCH), each)),

@@ -8,9 +8,10 @@ import scipy
 
 from cascadenorm.mesh import Ints, Mesh, connected_components
 
-ROUNDING = 2.0**-20
+COINCIDENT = 2.0**-20
 """Of the largest coordinate: single precision and six decimal digits come within it."""
-NEAREST = 0.01  # mean edge lengths: vertices that are farther apart than this are two, however large the coordinates
+LEAST_APART = 0.01
+"""Mean edge lengths: vertices that are farther apart than this are two, however large the coordinates."""
 
 
 class Joined(NamedTuple):
@@ -44,7 +45,7 @@ def coincident(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     owner = np.repeat(np.arange(len(meshes)), counts)
     used = np.flatnonzero(np.concatenate([mesh.topology.used_vertices for mesh in meshes]))
     size = float(np.abs(positions[used]).max())
-    tolerance = min(ROUNDING * size, NEAREST * min(mesh.mean_edge_length for mesh in meshes))
+    tolerance = min(COINCIDENT * size, LEAST_APART * min(mesh.mean_edge_length for mesh in meshes))
     pairs = used[scipy.spatial.cKDTree(positions[used]).query_pairs(tolerance, output_type="ndarray")]
     pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
 
@@ -54,7 +55,7 @@ def coincident(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     return first[which.reshape(-1)].astype(np.int64), connected_components(owner[pairs], len(meshes)).astype(np.int64)
 
 
-def joined(meshes: Sequence[Mesh], first: Ints) -> Joined:
+def joined_meshes(meshes: Sequence[Mesh], first: Ints) -> Joined:
     """Join meshes into one.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.geometry.orientation import patches
+from cascadenorm.geometry.orientation import oriented_patches
 from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, kernel, scatter_add
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
@@ -58,7 +58,7 @@ class Shells(NamedTuple):
         return scatter_add(self.faces, signed, len(mesh.faces))
 
 
-def divided(mesh: Mesh) -> tuple[Mesh, Shells | None]:
+def into_shells(mesh: Mesh) -> tuple[Mesh, Shells | None]:
     """Return a mesh, without the second of faces on the same three vertices where regions share walls, and its shells.
 
     See `shells`; a mesh whose regions share no walls is returned as it is.
@@ -94,7 +94,7 @@ def shells(mesh: Mesh) -> Shells | None:
     junctions = _junctions(mesh, distinct)
     if not len(junctions):
         return None
-    wall = np.unique(patches(mesh).patch, return_inverse=True)[1]
+    wall = np.unique(oriented_patches(mesh).patch, return_inverse=True)[1]
     region, meets = _regions_at(mesh, junctions, wall, distinct)
 
     # Components with such an edge

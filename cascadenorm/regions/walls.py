@@ -8,7 +8,7 @@ from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.mesh import Bools, Mesh, Vectors, scatter_add, unit
 from cascadenorm.regions.shells import Shells
 
-SPREAD = 100.0  # of the range weight along junction curves: none, since the steps of voxels look like corners
+JUNCTION_SPREAD = 100.0  # of the range weight along junction curves: none, since the steps of voxels look like corners
 DIRECTION_PASSES, VERTEX_PASSES = 2, 60
 
 
@@ -52,7 +52,7 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     curves = smoothed_curve(
         fitted.vertices,
         BoundaryEdges.of(shells.junctions),
-        spread=SPREAD,
+        spread=JUNCTION_SPREAD,
         passes=DIRECTION_PASSES,
         vertex_passes=VERTEX_PASSES,
     )
@@ -67,4 +67,4 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
 
 
 def _fitted(mesh: Mesh, normals: Vectors, movable: Bools) -> Mesh:
-    return mesh.moved(recover_vertices(mesh, normals, weighting="angles", movable=movable))
+    return mesh.moved(recover_vertices(mesh, normals, weighting="inverse-height", movable=movable))

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import tables
-from cascadenorm.evaluation.harness import Evaluation, Failure, Result
+from cascadenorm.evaluation.harness import Evaluation, FailedRun, RunResult
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.metrics import errors
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.io.pairs import Pair
+from cascadenorm.io.pairs import FilePair
 from cascadenorm.mesh import Mesh, scaled_alike
 from cascadenorm.render import Camera, rasterized, stacked, webp
 from cascadenorm.render.camera import MARGIN, projected
@@ -39,8 +39,8 @@ CROP = 0.22
 class _Shown(NamedTuple):
     """The meshes of a pair by their methods, and the true one."""
 
-    pair: Pair
-    results: list[Result]
+    pair: FilePair
+    results: list[RunResult]
     meshes: list[Mesh]
     clean: Mesh
 
@@ -106,7 +106,7 @@ def report_evaluation(
     write_atomically(Path(output), [plain_page("Evaluation", about, sections).encode()], force=force)
 
 
-def _shown(done: Evaluation, pair: Pair) -> _Shown:
+def _shown(done: Evaluation, pair: FilePair) -> _Shown:
     assert done.records is not None
     results = [result for result in done.results if result.pair == pair.name]
     meshes = [as_mesh(done.records.mesh_file(pair.name, result.method)) for result in results]
@@ -179,6 +179,6 @@ def _bold(rows: Iterable[Sequence[tables.Cell]]) -> set[tuple[int, int]]:
     return {(i, j) for i, row in enumerate(rows, start=1) for j, cell in enumerate(row) if cell.best}
 
 
-def _failures(failures: Sequence[Failure]) -> str:
+def _failures(failures: Sequence[FailedRun]) -> str:
     lines = [(f.pair, f.method or "", str(f.error)) for f in failures]
     return table([("pair", "method", "error"), *lines])

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
-from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures

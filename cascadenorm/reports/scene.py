@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.fields import Field, Values, fields
+from cascadenorm.geometry.fields import Field, fields
 from cascadenorm.io.colors import CHANNELS, channels
-from cascadenorm.mesh import Mesh, Vectors, scale_between, scaled_alike
+from cascadenorm.mesh import Floats, Mesh, Vectors, scale_between, scaled_alike
 from cascadenorm.render import Camera
 from cascadenorm.reports.display import MOST_FACES, Display, display
 from cascadenorm.reports.given import Given
@@ -115,7 +115,7 @@ class Comparison:
         (mesh,) = scaled_alike(self._mesh)
         self._frame = _frame([mesh], scale_between(self._mesh, mesh))
         packed_meshes, self._drawn = _packed_meshes([before], {before.key: mesh}, self._frame)
-        self._known: dict[str, Mapping[str, Values]] = {}
+        self._known: dict[str, Mapping[str, Floats]] = {}
         self.first = {**_about(self._frame, mesh), "meshes": packed_meshes, "fields": [], "places": []}
         """The scene of the mesh alone, without heat maps, so that it is there soon."""
 
@@ -200,7 +200,7 @@ def _packed_meshes(
 
 
 def _fields(
-    meshes: Mapping[str, Mesh], frame: _Frame, known: Mapping[str, Mapping[str, Values]] | None = None
+    meshes: Mapping[str, Mesh], frame: _Frame, known: Mapping[str, Mapping[str, Floats]] | None = None
 ) -> list[Field]:
     with np.errstate(over="ignore"):  # what is too large for a number is no value
         return fields(meshes, frame.unit, known=known or {})

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cascadenorm.api.denoised_files import Denoised, DenoisingSummary
+from cascadenorm.api.opened_files import Denoised, DenoisingSummary
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.inspection import FINDINGS, Inspection, inspect

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.api.apply import in_words
-from cascadenorm.api.denoised_files import Opened, written_file
+from cascadenorm.api.apply import reported_controls
+from cascadenorm.api.opened_files import Opened, written_file
 from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import OutputError
 from cascadenorm.execution.progress import Listener
@@ -106,7 +106,7 @@ def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str
     asked = bench.asked(settings)
     files = {name: str(path) for name, (path, _) in _painted(bench, asked, target).items()}
     named = {**asked.controls, **{name: asked.given.get(name) for name in ("mask", "fixed", "only")}, **files}
-    controls = in_words(cast(Controls, named))
+    controls = reported_controls(cast(Controls, named))
     made = Recipe(bench.name, str(target), asked.method.name, asked.parameters, asked.controls["strength"], controls)
     painted = [Path(path).name for path in files.values()]
     return {"command": command_line(made), "python": python_call(made), "painted": painted}

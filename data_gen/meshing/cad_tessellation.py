@@ -12,12 +12,12 @@ from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.outlines import Loop, chords, circle, rounded, sketch
 from cascadenorm.data_gen.meshing.polygon_triangulation import PolygonError
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError
-from cascadenorm.data_gen.meshing.tessellated_part import Part, Points, Ring
+from cascadenorm.data_gen.meshing.tessellated_part import PartBuilder, Ring
 from cascadenorm.data_gen.shapes.placement import random_rotation
-from cascadenorm.mesh import Mesh, unit
+from cascadenorm.mesh import Floats, Mesh, unit
 
 Maker = Callable[[float, np.random.Generator], Mesh]
-Profile = list[tuple[float, float]]
+WallProfile = list[tuple[float, float]]
 """Offsets outward and heights of the rings along a wall."""
 
 ROUGHEST, FINEST = 0.05, 2e-6
@@ -75,9 +75,9 @@ def _finished(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
     return out
 
 
-def plate(tolerance: float, rng: np.random.Generator) -> Mesh:
+def plate_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
     """A plate of any outline with chamfered or filleted edges, holes, blind and countersunk ones, pins and domes."""
-    part = Part(delaunay=bool(rng.random() < 0.6), rng=rng)
+    part = PartBuilder(delaunay=bool(rng.random() < 0.6), rng=rng)
     outline, height = sketch(1.0, tolerance=tolerance, rng=rng), float(rng.uniform(0.05, 0.6))
     edge = float(rng.choice([0.0, 0.02, 0.05])) * min(1.0, 3 * height)
     upper = _edge(edge, tolerance=tolerance, rng=rng)
@@ -94,19 +94,19 @@ def plate(tolerance: float, rng: np.random.Generator) -> Mesh:
     return part.mesh()
 
 
-def shell(tolerance: float, rng: np.random.Generator) -> Mesh:
+def shell_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
     """A curved sheet between two trimmed freeform surfaces, its inner vertices as dense as the curvature wants them."""
-    part = Part(delaunay=True, rng=rng)  # ears alone would fold over the hills
+    part = PartBuilder(delaunay=True, rng=rng)  # ears alone would fold over the hills
     outline, thickness = sketch(1.0, tolerance=tolerance, rng=rng), float(rng.uniform(0.03, 0.3))
     count, waves = int(rng.integers(1, 4)), rng.normal(size=(3, 2)) * rng.uniform(0.5, 3)
     heights, phases = rng.uniform(0.02, 0.2, 3) * (np.arange(3) < count), rng.uniform(0, 6, 3)
     bend = float((heights * (waves**2).sum(axis=1)).sum())
     spacing = np.sqrt(8 * tolerance / bend)
 
-    def lift(plane: Points) -> Points:
+    def lift(plane: Floats) -> Floats:
         return np.asarray((heights * np.sin(plane @ waves.T + phases)).sum(axis=1))
 
-    def ring(plane: Points, z: float) -> Ring:
+    def ring(plane: Floats, z: float) -> Ring:
         return part.ring(np.column_stack([plane, lift(plane) + z]))
 
     outline = _subdivided(outline, max(spacing, 0.01))
@@ -125,9 +125,9 @@ def shell(tolerance: float, rng: np.random.Generator) -> Mesh:
     return part.mesh()
 
 
-def revolved(tolerance: float, rng: np.random.Generator) -> Mesh:
+def revolved_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
     """A profile of lines and arcs turned about an axis, that it may touch; each circle has chords of its own or not."""
-    part = Part(delaunay=bool(rng.random() < 0.5), rng=rng)
+    part = PartBuilder(delaunay=bool(rng.random() < 0.5), rng=rng)
     count, hollow = int(rng.integers(2, 8)), rng.random() < 0.4
     z = np.cumsum(rng.uniform(0.08, 0.5, count))
     reach = rng.uniform(0.35, 1.0, count)
@@ -152,7 +152,7 @@ def revolved(tolerance: float, rng: np.random.Generator) -> Mesh:
 
 def swept(tolerance: float, rng: np.random.Generator) -> Mesh:
     """A tube or bar along a coil or a wave, closed by planar faces at both ends, or bent to a torus."""
-    part = Part(delaunay=bool(rng.random() < 0.5), rng=rng)
+    part = PartBuilder(delaunay=bool(rng.random() < 0.5), rng=rng)
     closed, turns = rng.random() < 0.3, float(rng.uniform(0.4, 3.0))
     width = float(rng.uniform(0.06, 0.25))
     pitch = float(rng.uniform(2.4, 5)) * width
@@ -179,10 +179,10 @@ def swept(tolerance: float, rng: np.random.Generator) -> Mesh:
     return part.mesh()
 
 
-MAKERS: tuple[Maker, ...] = (plate, plate, plate, shell, revolved, swept)
+MAKERS: tuple[Maker, ...] = (plate_mesh, plate_mesh, plate_mesh, shell_mesh, revolved_mesh, swept)
 
 
-def _edge(size: float, *, tolerance: float, rng: np.random.Generator) -> Profile:
+def _edge(size: float, *, tolerance: float, rng: np.random.Generator) -> WallProfile:
     """Distances inward from the wall and down from the face along a sharp, chamfered or filleted edge, face first."""
     kind = rng.integers(3) if size else 0
     if kind == 0:
@@ -193,15 +193,15 @@ def _edge(size: float, *, tolerance: float, rng: np.random.Generator) -> Profile
     return list(zip(size * (1 - np.sin(angle)), size * (1 - np.cos(angle)), strict=True))
 
 
-def _rings(part: Part, loop: Loop, profile: Profile) -> list[Ring]:
+def _rings(part: PartBuilder, loop: Loop, profile: WallProfile) -> list[Ring]:
     return [part.ring(np.column_stack([loop.offset(d), np.full(len(loop.points), z)])) for d, z in profile]
 
 
-def _places(outline: Loop, *, least: float, rng: np.random.Generator) -> list[tuple[Points, float]]:
+def _places(outline: Loop, *, least: float, rng: np.random.Generator) -> list[tuple[Floats, float]]:
     """Centers and radii of discs within an outline that do not touch it, or one another."""
     shared = rng.random() < 0.5
     usual = float(rng.uniform(0.03, 0.25))
-    found: list[tuple[Points, float]] = []
+    found: list[tuple[Floats, float]] = []
     border = _subdivided(outline, 0.02).points
     for _ in range(int(rng.choice([0, 10, 40, 160]))):
         center = rng.uniform(-1, 1, 2)
@@ -213,7 +213,7 @@ def _places(outline: Loop, *, least: float, rng: np.random.Generator) -> list[tu
     return found
 
 
-def _inside(loop: Points, point: Points) -> bool:
+def _inside(loop: Floats, point: Floats) -> bool:
     x, y = (loop - point).T
     ahead = np.roll(x, -1), np.roll(y, -1)
     turn = np.arctan2(x * ahead[1] - y * ahead[0], x * ahead[0] + y * ahead[1])
@@ -229,8 +229,8 @@ def _subdivided(loop: Loop, spacing: float) -> Loop:
     return Loop(start + share * (end - start), np.repeat(loop.outward, counts, axis=0))
 
 
-def _scattered(outline: Loop, taken: list[Points], spacing: float, *, rng: np.random.Generator) -> Points:
-    """Points of a jittered grid within an outline, off its loops."""
+def _scattered(outline: Loop, taken: list[Floats], spacing: float, *, rng: np.random.Generator) -> Floats:
+    """Floats of a jittered grid within an outline, off its loops."""
     steps = np.arange(-1.2, 1.2, max(spacing, 0.02))
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     grid = grid + rng.uniform(-0.25, 0.25, grid.shape) * spacing
@@ -240,7 +240,7 @@ def _scattered(outline: Loop, taken: list[Points], spacing: float, *, rng: np.ra
     return np.asarray(grid[np.array(clear) & np.array(inside)])
 
 
-def _feature(part: Part, center: Points, room: float, height: float, above: list[Ring], below: list[Ring],
+def _feature(part: PartBuilder, center: Floats, room: float, height: float, above: list[Ring], below: list[Ring],
              *, tolerance: float, rng: np.random.Generator) -> None:  # fmt: skip
     """Add a hole, a pocket, a pin or a dome within a disc, and its loops to the faces above and below."""
     kind = rng.choice(["through", "through", "countersunk", "blind", "pin", "dome"])

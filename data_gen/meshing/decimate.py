@@ -7,10 +7,10 @@ from cascadenorm.data_gen.meshing.half_edges import (
     RING,
     HalfEdges,
     after,
-    area_vector,
     collapse,
     collapse_keeps_manifold,
     distance,
+    doubled_area_vector,
     half_edges_of,
     is_manifold,
     mesh_of,
@@ -60,7 +60,7 @@ def _quadrics(c: HalfEdges) -> Floats:
         if c.origin[h] == -1:
             continue
         p = c.points[c.origin[h]]
-        x, y, z = area_vector(p, c.points[c.origin[h + 1]], c.points[c.origin[h + 2]])
+        x, y, z = doubled_area_vector(p, c.points[c.origin[h + 1]], c.points[c.origin[h + 2]])
         size = length((x, y, z))
         if size == 0.0:
             continue

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.data_gen.meshing.patches import compact
 from cascadenorm.mesh import Ints, Mesh, kernel, scatter_add
+from cascadenorm.mesh.isolation import compacted
 from cascadenorm.mesh.vectors import Three, Vector, cross, length, subtract
 
 SMOOTH, CREASE, CORNER = 0, 1, 2
@@ -77,7 +77,7 @@ def half_edges_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capac
 def mesh_of(half_edges: HalfEdges) -> Mesh:
     """Pack the faces and vertices that are left."""
     faces = half_edges.origin[: 3 * half_edges.used[1]].reshape(-1, 3)
-    return compact(half_edges.points, faces[faces[:, 0] >= 0])
+    return compacted(half_edges.points, faces[faces[:, 0] >= 0])[0]
 
 
 def _kinds(mesh: Mesh, marked_edge: NDArray[np.bool_]) -> NDArray[np.int8]:
@@ -140,7 +140,7 @@ def _fans_are_single(c: HalfEdges, n: int) -> bool:
 
 
 @kernel
-def joined(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
+def are_joined(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
     """Whether an edge joins a and b; True as well where a has too many neighbours to tell."""
     count, _ = leaving(c, a, ring)
     for i in range(count):
@@ -150,7 +150,7 @@ def joined(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
 
 
 @kernel
-def area_vector(p: Three, q: Three, r: Three) -> Vector:
+def doubled_area_vector(p: Three, q: Three, r: Three) -> Vector:
     """Twice the area of a triangle times its normal."""
     return cross(subtract(q, p), subtract(r, p))
 
@@ -165,7 +165,7 @@ def distance(p: Three, q: Three) -> float:
 def shape(p: Three, q: Three, r: Three) -> float:
     """Quality of a triangle: 1 for an equilateral one, 0 for one without area."""
     sides = distance(p, q) ** 2 + distance(q, r) ** 2 + distance(r, p) ** 2
-    quality: float = 2 * np.sqrt(3.0) * length(area_vector(p, q, r)) / max(sides, 1e-300)
+    quality: float = 2 * np.sqrt(3.0) * length(doubled_area_vector(p, q, r)) / max(sides, 1e-300)
     return quality
 
 

@@ -5,11 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Vectors
 
-BLOCK = 4  # lattice cells along a side of the blocks that are skipped or evaluated as one
-STEEPEST = 1.6  # assumed bound on the gradient of a field: blocks that cannot hold the surface under it are skipped
+BLOCK_CELLS = 4  # lattice cells along a side of the blocks that are skipped or evaluated as one
+LARGEST_GRADIENT = 1.6
+"""Assumed bound on the gradient of a field: blocks that cannot hold the surface under it are skipped."""
 
 
 class Lattice(NamedTuple):
@@ -20,7 +21,7 @@ class Lattice(NamedTuple):
     spacing: float
 
 
-def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, jitter: float = 0.0,
+def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing: float, jitter: float = 0.0,
            stretch: ArrayLike = (1.0, 1.0, 1.0), turn: Vectors | None = None, open_boundary: bool = False,
            rng: np.random.Generator) -> Lattice:  # fmt: skip
     """Evaluate a field on a lattice over a box.
@@ -46,11 +47,13 @@ def sample(field: Field, *, lower: ArrayLike, upper: ArrayLike, spacing: float, 
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     if turn is not None and not open_boundary:
         half = np.abs(turn.T) @ half
-    nodes = grid(half, steps, cells=BLOCK)
+    nodes = grid(half, steps, cells=BLOCK_CELLS)
     if jitter > 0:
         nodes += rng.uniform(-jitter, jitter, nodes.shape) * steps
     nodes = (nodes if turn is None else nodes @ turn.T) + middle
-    values = _values(field, nodes, reach=0.5 * STEEPEST * BLOCK * float(np.linalg.norm(steps)) * (1 + jitter))
+    values = _values(
+        field, nodes, reach=0.5 * LARGEST_GRADIENT * BLOCK_CELLS * float(np.linalg.norm(steps)) * (1 + jitter)
+    )
     if not open_boundary:
         boundary = np.ones(values.shape, bool)
         boundary[1:-1, 1:-1, 1:-1] = False
@@ -68,9 +71,9 @@ def grid(half: NDArray[np.float64], steps: NDArray[np.float64], *, cells: int = 
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
-def _values(field: Field, nodes: NDArray[np.float64], *, reach: float) -> Values:
+def _values(field: DistanceField, nodes: NDArray[np.float64], *, reach: float) -> Values:
     """Evaluate at the corners of blocks, then everywhere in the blocks that the surface may pass through."""
-    corners = nodes[::BLOCK, ::BLOCK, ::BLOCK]
+    corners = nodes[::BLOCK_CELLS, ::BLOCK_CELLS, ::BLOCK_CELLS]
     coarse = field(corners.reshape(-1, 3)).reshape(corners.shape[:3])
     blocks: NDArray[np.int_] = np.array(coarse.shape) - 1
     near = np.full(tuple(blocks), np.inf)
@@ -83,13 +86,13 @@ def _values(field: Field, nodes: NDArray[np.float64], *, reach: float) -> Values
                 np.minimum(low, part, out=low)
                 np.maximum(high, part, out=high)
     active = (near < reach) | ((low < 0) & (high >= 0))
-    spread = active.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
+    spread = active.repeat(BLOCK_CELLS, 0).repeat(BLOCK_CELLS, 1).repeat(BLOCK_CELLS, 2)
     wanted = np.zeros(nodes.shape[:3], bool)
     for a in (0, 1):
         for b in (0, 1):
             for c in (0, 1):
                 wanted[a : a + spread.shape[0], b : b + spread.shape[1], c : c + spread.shape[2]] |= spread
     last = [slice(0, count) for count in nodes.shape[:3]]
-    values = coarse.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)[tuple(last)].copy()
+    values = coarse.repeat(BLOCK_CELLS, 0).repeat(BLOCK_CELLS, 1).repeat(BLOCK_CELLS, 2)[tuple(last)].copy()
     values[wanted] = field(nodes[wanted])
     return values

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Points = NDArray[np.float64]
 
-WIDEST = 0.5
+WIDEST_CHORD = 0.5
 """Largest angle of a chord, 29°, however large the tolerance: CAD kernels bound both."""
 
 
@@ -33,7 +33,7 @@ class Loop(NamedTuple):
 
 def chords(radius: float, angle: float, *, tolerance: float) -> int:
     """How many chords an arc takes, so that none is farther than the tolerance from it."""
-    widest = min(WIDEST, 2 * np.arccos(max(1 - tolerance / max(radius, 1e-12), 0.0)))
+    widest = min(WIDEST_CHORD, 2 * np.arccos(max(1 - tolerance / max(radius, 1e-12), 0.0)))
     return max(int(np.ceil(angle / widest - 1e-9)), 1)
 
 

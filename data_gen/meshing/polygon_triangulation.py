@@ -6,10 +6,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-Points = NDArray[np.float64]
+from cascadenorm.mesh import Floats
+
 Triangles = NDArray[np.int64]
 
-FLAT = 1e-9
+FLAT_AREA = 1e-9
 """Twice the area of a triangle, against the square of its longest side, from which it counts as flat."""
 
 
@@ -18,7 +19,7 @@ class PolygonError(ValueError):
 
 
 def triangulated(
-    points: Points, loops: Sequence[NDArray[np.int64]], *, inner: Iterable[int] = (), delaunay: bool = True
+    points: Floats, loops: Sequence[NDArray[np.int64]], *, inner: Iterable[int] = (), delaunay: bool = True
 ) -> Triangles:
     """Triangulate a polygon with holes by its own vertices, and by given ones inside.
 
@@ -53,7 +54,7 @@ def triangulated(
     return _delaunay(points, triangles, loops) if delaunay else np.array(triangles, np.int64)
 
 
-def _bridged(points: Points, order: list[int], hole: NDArray[np.int64], left: list[NDArray[np.int64]]) -> list[int]:
+def _bridged(points: Floats, order: list[int], hole: NDArray[np.int64], left: list[NDArray[np.int64]]) -> list[int]:
     """Join a hole to the polygon around it along the shortest segment that crosses neither it nor the holes left."""
     ring = np.array(order)
     first = np.concatenate([ring, *left])
@@ -69,21 +70,21 @@ def _bridged(points: Points, order: list[int], hole: NDArray[np.int64], left: li
     raise PolygonError("a hole cannot be reached from the outline")
 
 
-def _turn(p: Points, q: Points, r: Points) -> NDArray[np.float64]:
+def _turn(p: Floats, q: Floats, r: Floats) -> NDArray[np.float64]:
     """Twice the signed area of triangles, over the last axis."""
     return np.asarray(
         (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
     )
 
 
-def _in_corner(points: Points, before: int, at: int, after: int, to: int) -> bool:
+def _in_corner(points: Floats, before: int, at: int, after: int, to: int) -> bool:
     """Whether the way from a vertex of the polygon to a point starts inside."""
     p, q, r, x = points[before], points[at], points[after], points[to]
     left, right = _turn(p, q, x) > 0, _turn(q, r, x) > 0
     return bool(left and right if _turn(p, q, r) > 0 else left or right)
 
 
-def _crosses(points: Points, a: int, b: int, first: NDArray[np.int64], second: NDArray[np.int64]) -> bool:
+def _crosses(points: Floats, a: int, b: int, first: NDArray[np.int64], second: NDArray[np.int64]) -> bool:
     """Whether the segment ab meets one of the edges that do not end in a or b."""
     others = (first != a) & (first != b) & (second != a) & (second != b)
     p, q = points[first[others]], points[second[others]]
@@ -92,7 +93,7 @@ def _crosses(points: Points, a: int, b: int, first: NDArray[np.int64], second: N
     return bool(((apart <= 0) & (beside <= 0)).any())
 
 
-def _ears(points: Points, order: list[int], *, best_first: bool) -> list[tuple[int, int, int]]:
+def _ears(points: Floats, order: list[int], *, best_first: bool) -> list[tuple[int, int, int]]:
     """Cut ears off a simple polygon whose bridges are passed twice; by quality, or as they come."""
     count = len(order)
     ring, corner = np.array(order), points[np.array(order)]
@@ -104,7 +105,7 @@ def _ears(points: Points, order: list[int], *, best_first: bool) -> list[tuple[i
     def offer(k: int) -> None:
         version[k] += 1
         quality = _ear_quality(corner, ring, alive, before[k], k, after[k])
-        if quality > FLAT:
+        if quality > FLAT_AREA:
             heapq.heappush(waiting, (-quality if best_first else float(k + count * (version[k] > 1)), k, version[k]))
 
     for k in range(count):
@@ -117,7 +118,7 @@ def _ears(points: Points, order: list[int], *, best_first: bool) -> list[tuple[i
         if not alive[k] or age != version[k]:
             continue
         p, q = before[k], after[k]
-        if _ear_quality(corner, ring, alive, p, k, q) <= FLAT:
+        if _ear_quality(corner, ring, alive, p, k, q) <= FLAT_AREA:
             continue
         triangles.append((int(ring[p]), int(ring[k]), int(ring[q])))
         alive[k] = False
@@ -127,11 +128,11 @@ def _ears(points: Points, order: list[int], *, best_first: bool) -> list[tuple[i
     return triangles
 
 
-def _ear_quality(corner: Points, ring: NDArray[np.int64], alive: NDArray[np.bool_], p: int, k: int, q: int) -> float:
+def _ear_quality(corner: Floats, ring: NDArray[np.int64], alive: NDArray[np.bool_], p: int, k: int, q: int) -> float:
     """Twice the area over the square of the longest side; 0 where the corner is no ear."""
     a, b, c = corner[p], corner[k], corner[q]
     quality = float(_turn(a, b, c)) / max(((b - a) ** 2).sum(), ((c - b) ** 2).sum(), ((a - c) ** 2).sum(), 1e-300)
-    if quality <= FLAT:
+    if quality <= FLAT_AREA:
         return 0.0
     others = alive & (ring != ring[p]) & (ring != ring[k]) & (ring != ring[q])
     x = corner[others]
@@ -139,7 +140,7 @@ def _ear_quality(corner: Points, ring: NDArray[np.int64], alive: NDArray[np.bool
     return 0.0 if inside.any() else quality
 
 
-def _split(points: Points, triangles: list[tuple[int, int, int]], inner: list[int]) -> list[tuple[int, int, int]]:
+def _split(points: Floats, triangles: list[tuple[int, int, int]], inner: list[int]) -> list[tuple[int, int, int]]:
     """Split the triangle about each inner vertex in three."""
     faces = np.zeros((len(triangles) + 2 * len(inner), 3), np.int64)
     count = len(triangles)
@@ -156,7 +157,7 @@ def _split(points: Points, triangles: list[tuple[int, int, int]], inner: list[in
     return [(int(p), int(q), int(r)) for p, q, r in faces]
 
 
-def _delaunay(points: Points, triangles: list[tuple[int, int, int]], loops: Sequence[NDArray[np.int64]]) -> Triangles:
+def _delaunay(points: Floats, triangles: list[tuple[int, int, int]], loops: Sequence[NDArray[np.int64]]) -> Triangles:
     """Flip edges that are not on a loop while the circle through one triangle holds the corner across (Lawson)."""
     faces = [list(triangle) for triangle in triangles]
     fixed = {frozenset(e) for loop in loops for e in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)}
@@ -181,10 +182,10 @@ def _delaunay(points: Points, triangles: list[tuple[int, int, int]], loops: Sequ
     return np.array(faces, np.int64)
 
 
-def _in_circle(a: Points, b: Points, c: Points, d: Points) -> bool:
+def _in_circle(a: Floats, b: Floats, c: Floats, d: Floats) -> bool:
     """Whether d, beyond the edge ab, is inside the circle through abc, and the other diagonal is inside both faces."""
     size = max(((a - b) ** 2).sum(), ((c - d) ** 2).sum())
-    if min(_turn(c, a, d), _turn(d, b, c)) <= FLAT * size:
+    if min(_turn(c, a, d), _turn(d, b, c)) <= FLAT_AREA * size:
         return False
     at_c, at_d = np.dot(a - c, b - c), np.dot(a - d, b - d)
     sine_c, sine_d = _turn(c, a, b), _turn(d, b, a)

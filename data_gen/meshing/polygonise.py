@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cascadenorm.data_gen.meshing.lattice import Lattice
-from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 
-FLAT = 0.08  # planes whose scatter has an eigenvalue below this share of the largest count as one plane, or one edge
+FLAT_SCATTER = 0.08
+"""Planes whose scatter has an eigenvalue below this share of the largest count as one plane, or one edge."""
 SNAP = 0.02  # values closer to zero than this share of the spacing are pushed away, so that crossings stay off nodes
 
 
@@ -35,7 +36,7 @@ class Crossings(NamedTuple):
     cells: NDArray[np.int64]  # (m, 3) cell of each triangle
 
 
-def gradients(field: Field, points: Vectors, *, step: float) -> Vectors:
+def gradients(field: DistanceField, points: Vectors, *, step: float) -> Vectors:
     """Gradients by differences over a tetrahedron (four values a point)."""
     corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
     shifted = points[None] + step * corners[:, None]
@@ -43,7 +44,7 @@ def gradients(field: Field, points: Vectors, *, step: float) -> Vectors:
     return np.asarray(values.T @ corners / (4 * step))
 
 
-def projected(field: Field, points: Vectors, *, size: float, reach: float = 1.0, steps: int = 2) -> Vectors:
+def projected(field: DistanceField, points: Vectors, *, size: float, reach: float = 1.0, steps: int = 2) -> Vectors:
     """Move points along the gradient to where the field vanishes.
 
     Parameters
@@ -62,13 +63,13 @@ def projected(field: Field, points: Vectors, *, size: float, reach: float = 1.0,
     return points
 
 
-def marching_cubes(field: Field, lattice: Lattice) -> Mesh:
+def marching_cubes(field: DistanceField, lattice: Lattice) -> Mesh:
     """Triangles over the crossings of the surface with the lattice's edges."""
     crossings = find_crossings(field, lattice)
     return Mesh(crossings.points, crossings.triangles)
 
 
-def dual_contouring(field: Field, lattice: Lattice) -> Mesh:
+def dual_contouring(field: DistanceField, lattice: Lattice) -> Mesh:
     """Triangles with a vertex for each piece of surface in a cell, on the shape's edge or corner if one is there."""
     crossings = find_crossings(field, lattice)
     sheets, count = _sheets(crossings)
@@ -88,7 +89,7 @@ def off_nodes(values: NDArray[np.float64], spacing: float) -> NDArray[np.float64
     return np.where(values >= 0, np.maximum(values, limit), np.minimum(values, -limit))
 
 
-def find_crossings(field: Field, lattice: Lattice) -> Crossings:
+def find_crossings(field: DistanceField, lattice: Lattice) -> Crossings:
     """Run marching cubes on the lattice, then find each crossing on its edge exactly."""
     from skimage.measure import marching_cubes as march
 
@@ -133,7 +134,7 @@ def _facing(
     return np.cross(b - a, c - a), rise
 
 
-def _roots(field: Field, start: Vectors, stop: Vectors, low: Values, high: Values) -> Values:
+def _roots(field: DistanceField, start: Vectors, stop: Vectors, low: Values, high: Values) -> Values:
     """Share of the way from start to stop at which the field vanishes, by the Illinois rule of false position."""
     share = np.clip(low / np.where(low == high, 1.0, low - high), 0, 1)
     open_ = np.flatnonzero((low < 0) != (high < 0))
@@ -196,7 +197,7 @@ def meeting_points(
     scatter = scatter_add(group, normals[:, :, None] * normals[:, None, :], count)
     right = scatter_add(group, normals * gap[:, None], count)
     size, axes = np.linalg.eigh(scatter)
-    keep = size > FLAT * size[:, 2:]
+    keep = size > FLAT_SCATTER * size[:, 2:]
     inverse = np.divide(1, size, out=np.zeros_like(size), where=keep)
     move = np.einsum("nij,nj,nkj,nk->ni", axes, inverse, axes, right)
     length = np.linalg.norm(move, axis=1, keepdims=True)
@@ -219,7 +220,7 @@ def _quads(crossings: Crossings, sheets: NDArray[np.int32]) -> NDArray[np.int32]
     return ring[(crossings.axes >= 0) & (ring >= 0).all(axis=1)]
 
 
-def _split(field: Field, vertices: Vectors, quads: NDArray[np.int32]) -> NDArray[np.int32]:
+def _split(field: DistanceField, vertices: Vectors, quads: NDArray[np.int32]) -> NDArray[np.int32]:
     """Cut quadrangles along the diagonal whose middle is nearer to the surface, of two alike the shorter."""
     a, b, c, d = np.moveaxis(vertices[quads], 1, 0)
     miss = [np.abs(field(0.5 * (p + q))) for p, q in ((a, c), (b, d))]

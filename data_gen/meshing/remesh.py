@@ -11,13 +11,13 @@ from cascadenorm.data_gen.meshing.half_edges import (
     SMOOTH,
     HalfEdges,
     after,
-    area_vector,
+    are_joined,
     before,
     collapse,
     collapse_keeps_manifold,
     distance,
+    doubled_area_vector,
     flip,
-    joined,
     leaving,
     shape,
     split,
@@ -26,8 +26,8 @@ from cascadenorm.mesh import Floats, Ints, Vectors, kernel
 from cascadenorm.mesh.vectors import add, dot, length
 
 LONG, SHORT = 4 / 3, 4 / 5  # bounds around the target length (Botsch and Kobbelt 2004)
-THIN = 0.06  # triangles of less quality than this are mended
-TINY = 0.12  # edges shorter than this share of the target are noise of the polygoniser, even along creases
+THIN_QUALITY = 0.06  # triangles of less quality than this are mended
+TINY_EDGE = 0.12  # edges shorter than this share of the target are noise of the polygoniser, even along creases
 
 
 def split_long(half_edges: HalfEdges, *, bound: float = LONG) -> None:
@@ -101,7 +101,7 @@ def _collapse_short(c: HalfEdges, bound: float) -> None:
             h = c.twin[h]
             a, b = b, a
         held = c.kind[a] == CORNER or (c.kind[a] == CREASE and not c.marked[h])
-        if held and size > TINY * target:
+        if held and size > TINY_EDGE * target:
             continue
         if not collapse_keeps_manifold(c, h, ring, other):
             continue
@@ -125,7 +125,10 @@ def faces_survive(c: HalfEdges, v: int, gone: int, place: Floats, longest: float
             continue
         if distance(place, c.points[p]) > longest:
             return False
-        old, new = area_vector(c.points[v], c.points[p], c.points[q]), area_vector(place, c.points[p], c.points[q])
+        old, new = (
+            doubled_area_vector(c.points[v], c.points[p], c.points[q]),
+            doubled_area_vector(place, c.points[p], c.points[q]),
+        )
         quality = shape(c.points[v], c.points[p], c.points[q])
         if quality > 0.05 and dot(old, new) < 0.8 * length(old) * length(new):
             return False
@@ -144,7 +147,7 @@ def _flip_edges(c: HalfEdges, by_valence: bool) -> None:
         a, b = c.origin[h], c.origin[after(h)]
         left, right = c.origin[before(h)], c.origin[before(g)]
         pa, pb, pl, pr = c.points[a], c.points[b], c.points[left], c.points[right]
-        one, other = area_vector(pa, pb, pl), area_vector(pb, pa, pr)
+        one, other = doubled_area_vector(pa, pb, pl), doubled_area_vector(pb, pa, pr)
         worst = min(shape(pa, pb, pl), shape(pb, pa, pr))
         if worst > 0.05 and dot(one, other) < 0.9 * np.sqrt(dot(one, one) * dot(other, other)):
             continue
@@ -163,8 +166,8 @@ def _flip_edges(c: HalfEdges, by_valence: bool) -> None:
         elif new_worst <= worst + 1e-9 or leaving(c, a, ring)[0] < 5 or leaving(c, b, ring)[0] < 5:
             continue
         whole = add(one, other)
-        keeps_side = dot(area_vector(pa, pr, pl), whole) > 0 and dot(area_vector(pr, pb, pl), whole) > 0
-        if keeps_side and not joined(c, left, right, ring):
+        keeps_side = dot(doubled_area_vector(pa, pr, pl), whole) > 0 and dot(doubled_area_vector(pr, pb, pl), whole) > 0
+        if keeps_side and not are_joined(c, left, right, ring):
             flip(c, h)
 
 
@@ -192,7 +195,7 @@ def _mend(c: HalfEdges) -> int:
         h = 3 * face
         if c.origin[h] == -1:
             continue
-        if shape(c.points[c.origin[h]], c.points[c.origin[h + 1]], c.points[c.origin[h + 2]]) > THIN:
+        if shape(c.points[c.origin[h]], c.points[c.origin[h + 1]], c.points[c.origin[h + 2]]) > THIN_QUALITY:
             continue
         # a triangle without area: either its shortest edge goes, or its longest one is flipped
         short, long = h, h
@@ -221,9 +224,9 @@ def _mend(c: HalfEdges) -> int:
             continue
         a, b, left, right = c.origin[long], c.origin[after(long)], c.origin[before(long)], c.origin[before(g)]
         pa, pb, pl, pr = c.points[a], c.points[b], c.points[left], c.points[right]
-        beyond = area_vector(pb, pa, pr)
-        least = min(dot(beyond, area_vector(pa, pr, pl)), dot(beyond, area_vector(pr, pb, pl)))
-        if least <= 0 or joined(c, left, right, ring):
+        beyond = doubled_area_vector(pb, pa, pr)
+        least = min(dot(beyond, doubled_area_vector(pa, pr, pl)), dot(beyond, doubled_area_vector(pr, pb, pl)))
+        if least <= 0 or are_joined(c, left, right, ring):
             continue
         if leaving(c, a, ring)[0] < 4 or leaving(c, b, ring)[0] < 4:
             continue
@@ -259,7 +262,7 @@ def _slide(c: HalfEdges, share: float) -> Vectors:
                     goal += q - p
                     total += 1.0
                 continue
-            vector = area_vector(p, q, r)
+            vector = doubled_area_vector(p, q, r)
             normal += np.array(vector)
             area = length(vector)
             wanted = 0.5 * (c.length[c.origin[after(ring[i])]] + c.length[c.origin[before(ring[i])]])

@@ -6,12 +6,11 @@ import numpy as np
 
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.lattice import sample
-from cascadenorm.data_gen.meshing.patches import compact
 from cascadenorm.data_gen.meshing.polygonise import NoSurfaceError, dual_contouring, marching_cubes
 from cascadenorm.data_gen.meshing.untangle import untangled
-from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import random_rotation
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh, Vectors, part_of
 
 HALF_SIDE = 1.6  # shapes are looked for in a cube of this half side
 ROUGH = 0.09  # spacing of the first look
@@ -43,7 +42,7 @@ class UnfitShapeError(ValueError):
     """A random shape that came out empty, not manifold, or in another way not as wanted; draw another one."""
 
 
-def extent_of(field: Field, *, rng: np.random.Generator) -> Extent:
+def extent_of(field: DistanceField, *, rng: np.random.Generator) -> Extent:
     """Look at a field coarsely."""
     lattice = sample(field, lower=[-HALF_SIDE] * 3, upper=[HALF_SIDE] * 3, spacing=ROUGH, rng=rng)
     inside = lattice.values < 0
@@ -66,7 +65,7 @@ def cut_out(extent: Extent, *, share: float, rng: np.random.Generator) -> tuple[
     return Extent(*window, Mesh(rough.vertices, rough.faces[gap <= half])), window
 
 
-def polygonised(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
+def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
                 window: Window | None = None, relative_jitter: float = 0.2) -> Mesh:  # fmt: skip
     """Polygonise a field with about `faces` triangles on a lattice turned and jittered at random.
 
@@ -100,7 +99,7 @@ def largest_components(mesh: Mesh, *, share: float) -> Mesh:
     """Drop components with less than a share of the faces of the largest one, and vertices without faces."""
     label = mesh.topology.face_components
     counts = np.bincount(label)
-    return compact(mesh.vertices, mesh.faces[(counts >= share * counts.max())[label]])
+    return part_of(mesh, (counts >= share * counts.max())[label])[0]
 
 
 def fit(mesh: Mesh) -> None:

@@ -7,18 +7,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.data_gen.meshing.polygon_triangulation import triangulated
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Floats, Mesh
 
 Ring = NDArray[np.int64]
 """Indices of the vertices along a loop, counterclockwise as seen from above, or from where a sweep leads to."""
-Points = NDArray[np.float64]
 
 
-class Part:
+class PartBuilder:
     """A mesh under construction; faces that share a loop share its vertices, so that it is closed in the end."""
 
     def __init__(self, *, delaunay: bool, rng: np.random.Generator) -> None:
-        self._points: list[Points] = []
+        self._points: list[Floats] = []
         self._faces: list[NDArray[np.int64]] = []
         self._count = 0
         self._delaunay = delaunay
@@ -49,7 +48,7 @@ class Part:
         triangles = triangulated(points, loops, inner=np.asarray(inner, np.int64).tolist(), delaunay=self._delaunay)
         self._faces.append(triangles if up else triangles[:, ::-1])
 
-    def end(self, ring: Ring, frame: Points, *, ahead: bool) -> None:
+    def end(self, ring: Ring, frame: Floats, *, ahead: bool) -> None:
         """Close a loop in space by a planar face; `frame` (2, 3) spans its plane."""
         points = np.concatenate(self._points) @ frame.T
         triangles = triangulated(points, [ring], delaunay=self._delaunay)

@@ -11,7 +11,7 @@ from cascadenorm.data_gen.meshing.half_edges import CORNER, SMOOTH, HalfEdges, h
 from cascadenorm.data_gen.meshing.polygonise import gradients, meeting_points, projected
 from cascadenorm.data_gen.meshing.remesh import collapse_short, flip_edges, mend, slide, split_long
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, fit, polygonised
-from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, unit
@@ -23,7 +23,7 @@ JUMP = 0.3  # radians by which the normal jumps at an edge of a shape, at least
 ASTRAY = 0.006  # share of the faces that may turn away from the surface's normal
 
 
-def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
+def tessellate(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
                tessellation: Tessellation | None = None,
                window: tuple[Vectors, Vectors] | None = None) -> Mesh:  # fmt: skip
     """Make a mesh of about `faces` triangles of a field.
@@ -65,7 +65,7 @@ def tessellate(field: Field, extent: Extent, *, faces: int, sharp: bool, rng: np
     return mesh
 
 
-def settle(field: Field, half_edges: HalfEdges) -> None:
+def settle(field: DistanceField, half_edges: HalfEdges) -> None:
     """Move vertices onto the surface, and those of creases and corners onto the surface's own."""
     n = half_edges.used[0]
     alive = half_edges.start[:n] >= 0
@@ -90,7 +90,7 @@ def settle(field: Field, half_edges: HalfEdges) -> None:
     half_edges.points[:n][moved] = places[moved]
 
 
-def creases_of(field: Field, mesh: Mesh) -> NDArray[np.bool_]:
+def creases_of(field: DistanceField, mesh: Mesh) -> NDArray[np.bool_]:
     """Edges of the mesh that lie on an edge of the shape: the surface's normal jumps within a small part of a triangle.
 
     So a narrow fillet is none, however much the mesh bends there.
@@ -108,13 +108,13 @@ def creases_of(field: Field, mesh: Mesh) -> NDArray[np.bool_]:
     return creases
 
 
-def field_normals(field: Field, mesh: Mesh) -> Vectors:
+def field_normals(field: DistanceField, mesh: Mesh) -> Vectors:
     """Normals of the surface where it is nearest to the middles of the faces."""
     spacing = mesh.mean_edge_length
     return unit(gradients(field, projected(field, mesh.centroids, size=0.3 * spacing), step=1e-3 * spacing))
 
 
-def _lattice(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
+def _lattice(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Keep the lattice's stairs and stripes; only slivers go."""
     collapse_short(half_edges, bound=float(rng.uniform(0.25, 0.45)))
     flip_edges(half_edges, rule="delaunay")
@@ -123,7 +123,7 @@ def _lattice(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> N
     settle(field, half_edges)
 
 
-def _relaxed(field: Field, half_edges: HalfEdges, rng: np.random.Generator, rounds: int) -> None:
+def _relaxed(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator, rounds: int) -> None:
     rule: Literal["valence", "delaunay"] = "valence" if rng.random() < 0.6 else "delaunay"
     for round_ in range(rounds):
         split_long(half_edges)
@@ -138,12 +138,12 @@ def _relaxed(field: Field, half_edges: HalfEdges, rng: np.random.Generator, roun
     settle(field, half_edges)
 
 
-def _even(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
+def _even(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Nearly equilateral triangles of one size; the fewer rounds, the less regular."""
     _relaxed(field, half_edges, rng, int(rng.integers(2, 6)))
 
 
-def _graded(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
+def _graded(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Triangles whose size drifts by factors over the shape."""
     base = half_edges.length[0]
     drift = noise(wavelength=float(rng.uniform(0.2, 1.0)), rng=rng)
@@ -153,7 +153,7 @@ def _graded(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> No
         _relaxed(field, half_edges, rng, 2)
 
 
-def _stretched(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
+def _stretched(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Triangles longer in one direction of space than across it."""
     turn = random_rotation(rng=rng)
     factors = np.exp(rng.uniform(-0.6, 0.6, 3))
@@ -164,7 +164,7 @@ def _stretched(field: Field, half_edges: HalfEdges, rng: np.random.Generator) ->
     half_edges.points[:] = half_edges.points @ inverse
 
 
-def _jittered(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
+def _jittered(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Even triangles, then vertices pushed about within the surface."""
     _relaxed(field, half_edges, rng, 3)
     free = np.flatnonzero(half_edges.kind == SMOOTH)
@@ -175,7 +175,7 @@ def _jittered(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> 
     collapse_short(half_edges, bound=0.35)
 
 
-def _decimated(field: Field, half_edges: HalfEdges, rng: np.random.Generator) -> None:
+def _decimated(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Thin out a finer mesh: triangles of all shapes, larger where the surface is flat."""
     wanted = 4 / np.sqrt(3) * half_edges.length[0] ** -2 * _area(half_edges)
     collapse_short(half_edges, bound=0.2)
@@ -191,7 +191,7 @@ def _area(half_edges: HalfEdges) -> float:
     return mesh_of(half_edges).area
 
 
-def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> HalfEdges:
+def _halved(field: DistanceField, mesh: Mesh, *, sharp: bool) -> HalfEdges:
     """Put a vertex on each edge and make four triangles of one."""
     edges, sides = mesh.topology.edges, mesh.topology.face_edges + len(mesh.vertices)
     vertices = np.concatenate([mesh.vertices, mesh.vertices[edges].mean(axis=1)])
@@ -208,7 +208,7 @@ def _halved(field: Field, mesh: Mesh, *, sharp: bool) -> HalfEdges:
     return half_edges
 
 
-_TESSELLATIONS: dict[Tessellation, Callable[[Field, HalfEdges, np.random.Generator], None]] = {
+_TESSELLATIONS: dict[Tessellation, Callable[[DistanceField, HalfEdges, np.random.Generator], None]] = {
     "lattice": _lattice,
     "even": _even,
     "graded": _graded,

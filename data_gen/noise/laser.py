@@ -8,7 +8,7 @@ from cascadenorm.mesh import Mesh, Vectors
 
 LEVELS = 0.04, 0.25  # standard deviation in mean edge lengths
 MOST_WHITE = 0.6  # share of the variance that differs from one vertex to the next
-STEEPEST = 0.2  # cosine between view and normal; steeper parts err as this one does
+STEEPEST_VIEW = 0.2  # cosine between view and normal; steeper parts err as this one does
 RIM = 1.0, 5.0  # times the error at the boundary, against that within the sheet
 RIM_PASSES = 1, 5  # averages over neighbours by which the larger error of the boundary fades away
 
@@ -36,7 +36,7 @@ def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generato
     share = rng.uniform(0, MOST_WHITE)
     wide = blurred(rng.normal(size=len(white)), neighbor_means(mesh), int(rng.choice([1, 2], p=[2 / 3, 1 / 3])))
     error = np.sqrt(share) * white + np.sqrt(1 - share) * wide / wide.std()
-    error *= np.maximum(mesh.vertex_normals @ toward, STEEPEST) ** -rng.uniform(0, 1)
+    error *= np.maximum(mesh.vertex_normals @ toward, STEEPEST_VIEW) ** -rng.uniform(0, 1)
     near = blurred(
         mesh.topology.boundary_vertices.astype(np.float64), neighbor_means(mesh), int(rng.integers(*RIM_PASSES))
     )

@@ -12,7 +12,7 @@ from cascadenorm.data_gen.shapes.patterns import noise as drift
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors
 
-WIDEST = 40  # averages over neighbours of correlated noise, which reaches over some eight edges then
+WIDEST_NOISE = 40  # averages over neighbours of correlated noise, which reaches over some eight edges then
 WHITE_SHARE = 0.15, 0.8  # of the deviation of correlated noise: white noise on top
 FINEST = 0.25  # mean edge lengths: deviation of rounding at most, or triangles collapse
 
@@ -101,10 +101,10 @@ def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
 
 
 def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    """White noise averaged over neighbours up to WIDEST times, scaled back to its deviation."""
+    """White noise averaged over neighbours up to WIDEST_NOISE times, scaled back to its deviation."""
     along = bool(rng.random() < 0.6)
     white = rng.normal(size=(len(mesh.vertices), 1 if along else 3))
-    spread = blurred(white, neighbor_means(mesh), round(float(WIDEST ** rng.random())))
+    spread = blurred(white, neighbor_means(mesh), round(float(WIDEST_NOISE ** rng.random())))
     spread *= deviation / np.sqrt(np.mean(spread**2))
     error = spread * mesh.vertex_normals if along else spread
     return np.asarray(error + _normal(mesh, float(rng.uniform(*WHITE_SHARE)) * deviation, rng))

@@ -11,8 +11,8 @@ from cascadenorm.mesh import Mesh, Vectors
 
 WAVELENGTHS = 3.5, 16.0  # of patterns and sines, in mean edge lengths
 STEEPNESS = 0.01, 0.16  # height of patterns and sines, of their wavelength
-PASSES = 2.0, 40.0  # averages over neighbours of white noise
-HEIGHTS = 0.05, 1.0  # root mean square of averaged white noise, in mean edge lengths
+RELIEF_PASSES = 2.0, 40.0  # averages over neighbours of white noise
+RELIEF_HEIGHTS = 0.05, 1.0  # root mean square of averaged white noise, in mean edge lengths
 
 
 def relief(mesh: Mesh, *, rng: np.random.Generator) -> Vectors:
@@ -30,8 +30,8 @@ def relief(mesh: Mesh, *, rng: np.random.Generator) -> Vectors:
     kind = rng.choice(["averaged", "pattern", "sines"], p=[0.4, 0.36, 0.24])
     if kind == "averaged":
         white = rng.normal(size=len(mesh.vertices))
-        heights = blurred(white, neighbor_means(mesh), round(log_uniform(PASSES, rng=rng)))
-        heights *= log_uniform(HEIGHTS, rng=rng) * mesh.mean_edge_length / np.sqrt(np.mean(heights**2))
+        heights = blurred(white, neighbor_means(mesh), round(log_uniform(RELIEF_PASSES, rng=rng)))
+        heights *= log_uniform(RELIEF_HEIGHTS, rng=rng) * mesh.mean_edge_length / np.sqrt(np.mean(heights**2))
     else:
         wavelength = log_uniform(WAVELENGTHS, rng=rng) * mesh.mean_edge_length
         height = wavelength * log_uniform(STEEPNESS, rng=rng)

@@ -4,13 +4,13 @@ import numpy as np
 from scipy import sparse
 
 from cascadenorm.data_gen.shapes.fields import Values
-from cascadenorm.data_gen.shapes.placement import direction
+from cascadenorm.data_gen.shapes.placement import random_direction
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-WIDEST = 60  # passes of neighbour means that spread noise: over about six pixels
+WIDEST_SENSOR_NOISE = 60  # passes of neighbour means that spread noise: over about six pixels
 LEAST_SHARE = 0.05  # of the variance, for each of white noise, spread noise and rounding
 LEAST_FACING = 1e-3  # of the area of a sheet that faces the camera
-LONGEST = 5.0  # rounding steps are up to so many times as high as for terraces of a pixel
+HIGHEST_STEPS = 5.0  # rounding steps are up to so many times as high as for terraces of a pixel
 
 
 def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
@@ -34,7 +34,7 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
     """
     mean = mesh.area_vectors.sum(axis=0)
     closed = np.linalg.norm(mean) < LEAST_FACING * mesh.area
-    toward = direction(rng=rng) if closed else unit(mean[None])[0]
+    toward = random_direction(rng=rng) if closed else unit(mean[None])[0]
     depth = -mesh.vertices @ toward
     distance = depth + float(rng.uniform(1.5, 6)) * mesh.diagonal - depth.mean()
     return np.asarray(camera_errors(distance, mesh, deviation, rng=rng)[:, None] * toward)
@@ -47,11 +47,12 @@ def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.r
     blur = neighbor_means(pixels)
     shares = LEAST_SHARE + (1 - 3 * LEAST_SHARE) * rng.dirichlet((1, 1, 1))
     white, spread, rounding = deviation * np.sqrt(shares)
-    wide = blurred(rng.normal(size=len(distance)), blur, round(WIDEST ** rng.uniform()))
+    wide = blurred(rng.normal(size=len(distance)), blur, round(WIDEST_SENSOR_NOISE ** rng.uniform()))
     ends = wide[pixels.topology.edges]
     wide /= np.sqrt(0.5 * np.mean((ends[:, 0] - ends[:, 1]) ** 2))
     seen = blurred(distance, blur, int(rng.integers(0, 3))) + white * rng.normal(size=len(distance)) + spread * wide
-    step = np.sqrt(12) * rounding * LONGEST ** rng.uniform() / np.mean(distance) ** 2  # of the disparity 1 / distance
+    # of the disparity 1 / distance
+    step = np.sqrt(12) * rounding * HIGHEST_STEPS ** rng.uniform() / np.mean(distance) ** 2
     phase = float(rng.random())
     rounded = 1 / (step * np.maximum(np.round(1 / (seen * step) + phase) - phase, 0.5))
     return distance - blurred(rounded, blur, int(rng.integers(0, 3)))

@@ -10,8 +10,8 @@ from cascadenorm.data_gen.meshing.polygonise import gradients, off_nodes, projec
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError
 from cascadenorm.data_gen.noise.sensor import camera_errors
 from cascadenorm.data_gen.scanning.measured import Measured
-from cascadenorm.data_gen.scanning.views import DISTANCES, FEWEST, DepthImage, depth_image, largest_sheets
-from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.data_gen.scanning.views import DISTANCES, FEWEST_SHEET_FACES, DepthImage, depth_image, largest_sheets
+from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, angles_between, unit
 
@@ -21,7 +21,7 @@ TURNED = np.pi / 3  # angle between the cameras on one side and the middle one o
 FOLDED = np.radians(5)  # mean angle between the clean mesh and the surface under it, at most
 
 
-def fused(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
+def fused(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
     """Fuse what cameras on one side or all around measure of a field (Curless, Levoy 1996; Newcombe et al. 2011).
 
     Unlike noise on the vertices of a mesh, the error decides where triangles are: vertices stay on the edges of the
@@ -77,7 +77,7 @@ def _tilt(spread: float, *, rng: np.random.Generator) -> Vectors:
 def _measured(image: DepthImage, deviation: float, *, rng: np.random.Generator) -> Values:
     """Depths with the error of a camera, (p * p,), or NaN."""
     faces = image.faces
-    if len(faces) < FEWEST:
+    if len(faces) < FEWEST_SHEET_FACES:
         raise UnfitShapeError("a camera sees next to nothing")
     pixels, corners = np.unique(faces, return_inverse=True)
     measured = np.full(image.depth.shape, np.nan)

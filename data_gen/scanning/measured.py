@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm.data_gen.meshing.polygonise import gradients, projected
-from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 CONVERGED = 0.02  # of the size of a cell: how far from the surface a point that was moved to it may end
-FARTHEST = 3.0  # cells between a face and the part of the surface that it stands for
+FARTHEST_CELLS = 3.0  # cells between a face and the part of the surface that it stands for
 
 
 class Measured(NamedTuple):
@@ -28,7 +28,7 @@ class Measured(NamedTuple):
         return cls(noisy, clean, clean.face_normals)
 
 
-def beneath(field: Field, noisy: Mesh, *, cell: float) -> Measured:
+def beneath(field: DistanceField, noisy: Mesh, *, cell: float) -> Measured:
     """Find the truth of a mesh that does not share its triangles with the shape, as one of voxels.
 
     The truth of a vertex is the nearest point of the shape, found by following the gradient of its field. That of a
@@ -47,6 +47,6 @@ def beneath(field: Field, noisy: Mesh, *, cell: float) -> Measured:
     vertices, feet = np.split(points, [len(noisy.vertices)])
     slope = gradients(field, feet, step=1e-3 * cell)
     found = np.abs(field(feet)) < CONVERGED * cell
-    near = np.linalg.norm(feet - noisy.centroids, axis=1) < FARTHEST * cell
+    near = np.linalg.norm(feet - noisy.centroids, axis=1) < FARTHEST_CELLS * cell
     known = found & near & (np.einsum("ij,ij->i", slope, slope) > 0.1) & (noisy.areas > 0)
     return Measured(noisy, noisy.moved(vertices), np.where(known[:, None], unit(slope), 0.0))

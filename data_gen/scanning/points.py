@@ -11,22 +11,24 @@ from cascadenorm.data_gen.meshing.polygonise import gradients, projected
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.meshing.untangle import untangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
-from cascadenorm.data_gen.scanning.volumes import SMALLEST, marching_cubes
-from cascadenorm.data_gen.shapes.fields import Field, Values
-from cascadenorm.data_gen.shapes.placement import direction
+from cascadenorm.data_gen.scanning.volumes import SMALLEST_COMPONENT, volume_surface
+from cascadenorm.data_gen.shapes.fields import DistanceField, Values
+from cascadenorm.data_gen.shapes.placement import random_direction
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 CELLS = 2.3  # faces of marching cubes, for a surface whose area is that of a cell's side
-MARGIN = 6  # cells around the shape
-OUTLIERS = 0.01  # share of the points, at most
-ROUNDS = 12  # of conjugate gradients
+MARGIN_CELLS = 6  # cells around the shape
+OUTLIER_POINTS = 0.01  # share of the points, at most
+SOLVER_ROUNDS = 12  # of conjugate gradients
 STIFFNESS = 0.05  # of the pull of a point on the grid, at screening 1
 FEWEST, MOST = 1_500, 60_000  # points
 SPARSEST, DENSEST = 0.1, 4.0  # points, in halves of the faces: down to one point for 20 faces
 NOISIER = 0.3  # share of the clouds whose error is up to twice the level
 
 
-def reconstruction(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
+def reconstruction(
+    field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator
+) -> Measured:
     """Reconstruct a shape from points on it with error in place and normal, some of them outliers.
 
     Parameters
@@ -46,15 +48,17 @@ def reconstruction(field: Field, extent: Extent, *, faces: int, level: float, rn
     if rng.random() < NOISIER:
         level *= float(rng.uniform(1, 2))
     points, normals = sampled_points(field, extent.rough, count=count, level=level, size=cell, rng=rng)
-    half = 0.5 * (extent.upper - extent.lower) + MARGIN * cell
+    half = 0.5 * (extent.upper - extent.lower) + MARGIN_CELLS * cell
     nodes = grid(half, np.full(3, cell)) + extent.middle
     screening = float(np.exp(rng.uniform(np.log(0.2), np.log(10))))
     gap = float(np.sqrt(extent.area / count) / cell)  # between points, in cells
     width = max(0.6, gap * float(rng.uniform(0.4, 1.0)))
     volume = poisson(nodes, points, normals, cell=cell, screening=screening, width=width)
-    mesh = marching_cubes(volume)
+    mesh = volume_surface(volume)
     placed = Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces)
-    placed = largest_components(untangled(largest_components(placed, share=SMALLEST)), share=SMALLEST)
+    placed = largest_components(
+        untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT
+    )
     measured = beneath(field, placed, cell=cell)
     if (np.abs(measured.normals).max(axis=1) == 0).mean() > 0.2:
         raise UnfitShapeError("too much of the reconstruction is not near the shape")
@@ -62,7 +66,7 @@ def reconstruction(field: Field, extent: Extent, *, faces: int, level: float, rn
 
 
 def sampled_points(
-    field: Field, rough: Mesh, *, count: int, level: float, size: float, rng: np.random.Generator
+    field: DistanceField, rough: Mesh, *, count: int, level: float, size: float, rng: np.random.Generator
 ) -> tuple[Vectors, Vectors]:
     """Draw points on a shape as scanners leave them: denser in places, off along the normals, some far off.
 
@@ -70,7 +74,7 @@ def sampled_points(
     -------
     two of (n, 3) : points, and unit normals that err by up to some 20 degrees
     """
-    axis = direction(rng=rng)
+    axis = random_direction(rng=rng)
     density = np.exp(float(rng.uniform(0, 1.2)) * (rough.face_normals @ axis))  # one side is seen better
     weights = rough.areas * density
     face = rng.choice(len(weights), count, p=weights / weights.sum())
@@ -81,7 +85,7 @@ def sampled_points(
     gap = np.sqrt(rough.area / count)
     points = points + (level * gap * rng.normal(size=count))[:, None] * normals
     normals = unit(normals + float(rng.uniform(0, 0.35)) * rng.normal(size=normals.shape))
-    astray = rng.random(count) < OUTLIERS * rng.random()
+    astray = rng.random(count) < OUTLIER_POINTS * rng.random()
     points[astray] += 3 * gap * rng.normal(size=(int(astray.sum()), 3))
     return points, normals
 
@@ -146,11 +150,11 @@ def poisson(
 def _conjugate_gradients(
     applied: Callable[[Values], Values], conditioned: Callable[[Values], Values], right: Values
 ) -> Values:
-    """Solve a system in ROUNDS steps from zero, preconditioned by an approximate inverse."""
+    """Solve a system in SOLVER_ROUNDS steps from zero, preconditioned by an approximate inverse."""
     solution, residual = np.zeros(right.size), right
     search: Values = np.zeros(right.size)
     product = 1.0
-    for _ in range(ROUNDS):
+    for _ in range(SOLVER_ROUNDS):
         downhill = conditioned(residual)
         product, before = float(residual @ downhill), product
         search = downhill + product / before * search

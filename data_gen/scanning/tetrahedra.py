@@ -9,10 +9,10 @@ from scipy.ndimage import gaussian_filter
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.volumes import Volume, measured_surface, random_lattice, sampled
-from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.mesh import Mesh
 
-FACES = 8.9  # of marching tetrahedra, for a surface whose area is that of a voxel's side
+FACES_PER_VOXEL_SIDE = 8.9  # of marching tetrahedra, for a surface whose area is that of a voxel's side
 GRAIN = 0.0, 1.0  # voxels over which the error of the distances is spread
 CUTS = {1: ((0, 1), (0, 2), (0, 3)), 3: ((3, 0), (3, 2), (3, 1))}
 """Edges cut where one or three corners of a tetrahedron lie inside; corners inside come first."""
@@ -21,7 +21,7 @@ QUADRILATERAL = ((0, 2), (0, 3), (1, 3), (1, 2))
 
 
 def tetrahedral_surface(
-    field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator
+    field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator
 ) -> Measured:
     """Mesh a distance field with errors at the nodes of a lattice by marching tetrahedra.
 
@@ -37,7 +37,7 @@ def tetrahedral_surface(
     UnfitShapeError
         The field has no surface in the volume.
     """
-    voxel = float(np.sqrt(FACES * extent.area / faces))
+    voxel = float(np.sqrt(FACES_PER_VOXEL_SIDE * extent.area / faces))
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     distance = sampled(field, nodes) / voxel
     grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(*GRAIN)))

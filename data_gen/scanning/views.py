@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from cascadenorm.data_gen.meshing.surface import HALF_SIDE, Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.meshing.untangle import untangled
-from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-STEPS = 70
+VIEW_STEPS = 70
 SEEN = 4.5  # a closed surface has about so many times the area that a view of it covers
 STEEP = 3.5  # triangles with a side longer than this many steps of the grid span a gap in depth and are left out
-FEWEST = 100  # faces of a sheet that shows something
+FEWEST_SHEET_FACES = 100  # faces of a sheet that shows something
 DISTANCES = 4.0, 6.0, 30.0  # of cameras; rays from the last are nearly parallel
 
 
@@ -53,7 +53,7 @@ class DepthImage(NamedTuple):
 
 
 def depth_image(
-    field: Field, middle: Vectors, turn: Vectors, *, distance: float, step: float, ratio: float = 1.0
+    field: DistanceField, middle: Vectors, turn: Vectors, *, distance: float, step: float, ratio: float = 1.0
 ) -> DepthImage:
     """Look at a field from a direction, with rays so far apart where they pass the middle."""
     eye = middle + distance * turn[:, 2]
@@ -66,7 +66,7 @@ def depth_image(
     return DepthImage(eye, turn, distance, pixels, ratio, depth, points)
 
 
-def view(field: Field, extent: Extent, *, faces: int, rng: np.random.Generator, ratio: float = 1.0) -> Mesh:
+def view(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator, ratio: float = 1.0) -> Mesh:
     """Mesh what is visible of a field from a random direction, a vertex a ray; `ratio` is that of the grid's steps."""
     step = float(np.sqrt(extent.area / SEEN / (0.5 * faces) / ratio))
     turn = random_rotation(rng=rng)
@@ -75,12 +75,12 @@ def view(field: Field, extent: Extent, *, faces: int, rng: np.random.Generator, 
     return largest_sheets(image.points, image.faces)
 
 
-def traced(field: Field, eye: Vectors, directions: Vectors, *, start: float, stop: float) -> Values:
+def traced(field: DistanceField, eye: Vectors, directions: Vectors, *, start: float, stop: float) -> Values:
     """Distance along each ray to where the field first vanishes; infinite where it does not."""
     depth = np.full(len(directions), np.inf)
     going = np.arange(len(directions))
     reached = np.full(len(directions), start)
-    for _ in range(STEPS):
+    for _ in range(VIEW_STEPS):
         values = field(eye + reached[:, None] * directions[going])
         there = np.abs(values) < 1e-5
         depth[going[there]] = reached[there]
@@ -94,6 +94,6 @@ def traced(field: Field, eye: Vectors, directions: Vectors, *, start: float, sto
 
 def largest_sheets(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
     """Make a manifold of the larger parts of what is seen."""
-    if len(faces) < FEWEST:
+    if len(faces) < FEWEST_SHEET_FACES:
         raise UnfitShapeError("the view shows next to nothing")
     return largest_components(untangled(largest_components(Mesh(vertices, faces), share=0.05)), share=0.05)

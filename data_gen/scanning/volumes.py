@@ -10,8 +10,8 @@ from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, largest_components
 from cascadenorm.data_gen.meshing.untangle import untangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
-from cascadenorm.data_gen.shapes.fields import Field
-from cascadenorm.data_gen.shapes.placement import direction, random_rotation
+from cascadenorm.data_gen.shapes.fields import DistanceField
+from cascadenorm.data_gen.shapes.placement import random_direction, random_rotation
 from cascadenorm.detection.segmentation_steps import without_voxel_faces
 from cascadenorm.mesh import Mesh, Vectors, scatter_add
 from cascadenorm.mesh.averages import averaged
@@ -19,8 +19,8 @@ from cascadenorm.mesh.averages import averaged
 Volume = NDArray[np.float64]
 """(p, q, r), one value a voxel, above 0.5 inside."""
 
-MARGIN = 3  # voxels around the shape
-SMALLEST = 0.05  # share of the faces of the largest component that others have at least: grain makes islands
+MARGIN_VOXELS = 3  # voxels around the shape
+SMALLEST_COMPONENT = 0.05  # share of the faces of the largest component that others have at least: grain makes islands
 STEPPED = 3.2  # faces of marching cubes on a mask, for a surface whose area is that of a voxel's side
 GREY = 2.3  # the same on grey values
 NETS = 0.7  # the same for surface nets, against marching cubes
@@ -31,7 +31,9 @@ DECIMATED = 0.15  # share of the meshes that are decimated
 ENLARGED = 0.15  # share of the segmentations whose labels or distances are looked up at half the resolution
 
 
-def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator) -> Measured:
+def segmentation(
+    field: DistanceField, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator
+) -> Measured:
     """Mesh a binary mask of the shape: its steps are as high as a voxel.
 
     Parameters
@@ -56,7 +58,7 @@ def segmentation(field: Field, extent: Extent, *, faces: int, slices: bool, rng:
     if voxel_faces:
         mesh = without_voxel_faces(surface_nets(np.round(volume), centered=True))
     else:
-        mesh = surface_nets(volume) if nets else marching_cubes(volume)
+        mesh = surface_nets(volume) if nets else volume_surface(volume)
         if rng.random() < SMOOTHED:
             mesh = mesh.moved(averaged(mesh.vertices, mesh.topology.vertex_neighbors, int(rng.integers(1, 9))))
     return measured_surface(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
@@ -85,7 +87,7 @@ def _enlarged(distance: Volume, *, binary: bool) -> Volume:
     return values.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
 
 
-def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
+def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
     """Mesh a level of a grey volume, in which a point is spread over voxels and the grain is alike in neighbours.
 
     Parameters
@@ -105,7 +107,7 @@ def tomogram(field: Field, extent: Extent, *, faces: int, level: float, rng: np.
     volume = blurred + 0.2 * level * grain / grain.std()
     threshold = 0.5 + float(rng.uniform(-0.08, 0.08))
     volume -= threshold - 0.5
-    mesh = surface_nets(volume) if nets else marching_cubes(volume)
+    mesh = surface_nets(volume) if nets else volume_surface(volume)
     return measured_surface(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
 
 
@@ -115,7 +117,7 @@ def _mesher(*, rng: np.random.Generator) -> tuple[bool, float]:
     return nets, float(rng.uniform(0.3, 0.8)) if rng.random() < DECIMATED else 1.0
 
 
-def marching_cubes(volume: Volume) -> Mesh:
+def volume_surface(volume: Volume) -> Mesh:
     """Mesh where the values pass 0.5, in units of voxels; normals point to lower values."""
     from skimage.measure import marching_cubes
 
@@ -186,7 +188,7 @@ def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
 def random_lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random.Generator) -> tuple[Volume, Vectors]:
     """Nodes (p, q, r, 3) of a lattice turned and shifted at random, and its three edges as rows."""
     turn = _orientation(rng=rng)
-    half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + MARGIN * steps
+    half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + MARGIN_VOXELS * steps
     middle = extent.middle + turn @ (rng.uniform(-0.5, 0.5, 3) * steps)
     return grid(half, steps) @ turn.T + middle, (turn * steps).T
 
@@ -197,16 +199,16 @@ def _orientation(*, rng: np.random.Generator) -> Vectors:
     if chance < 0.35:
         return random_rotation(rng=rng)
     tilt = float(np.exp(rng.uniform(*np.log(TILT)))) if chance < 0.8 else 0.0
-    return np.asarray(Rotation.from_rotvec(tilt * direction(rng=rng), degrees=True).as_matrix())
+    return np.asarray(Rotation.from_rotvec(tilt * random_direction(rng=rng), degrees=True).as_matrix())
 
 
-def sampled(field: Field, nodes: NDArray[np.float64]) -> Volume:
+def sampled(field: DistanceField, nodes: NDArray[np.float64]) -> Volume:
     """Return the values of a field at nodes, (p, q, r)."""
     return field(nodes.reshape(-1, 3)).reshape(nodes.shape[:3])
 
 
 def measured_surface(
-    field: Field,
+    field: DistanceField,
     mesh: Mesh,
     nodes: NDArray[np.float64],
     axes: Vectors,
@@ -217,7 +219,9 @@ def measured_surface(
 ) -> Measured:
     """Place a mesh in units of voxels on its lattice, drop islands, decimate it, and find its truth."""
     placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
-    placed = largest_components(untangled(largest_components(placed, share=SMALLEST)), share=SMALLEST)
+    placed = largest_components(
+        untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT
+    )
     if kept < 1:
         evenness = float(10 ** rng.uniform(-4, -1))
         placed = thinned(placed, faces=round(kept * len(placed.faces)), evenness=evenness)

@@ -4,7 +4,7 @@ import numpy as np
 
 from cascadenorm.data_gen.shapes.fields import (
     Blend,
-    Field,
+    DistanceField,
     box,
     cylinder,
     difference,
@@ -26,7 +26,7 @@ def blend_of(rng: np.random.Generator, *, edge: float, largest: float = 0.15) ->
     return blend, float(rng.uniform(min(2 * edge, 0.8 * largest), largest))
 
 
-def assembly(edge: float, rng: np.random.Generator) -> Field:
+def assembly(edge: float, rng: np.random.Generator) -> DistanceField:
     """A solid to which others are joined, and from which others are cut, at random."""
     total = _solid(rng, size=float(rng.uniform(0.6, 0.85)))
     upright = rng.random() < 0.6  # parts along the axes of the first, as machined ones are, or askew
@@ -44,7 +44,7 @@ def assembly(edge: float, rng: np.random.Generator) -> Field:
     return total
 
 
-def _solid(rng: np.random.Generator, *, size: float) -> Field:
+def _solid(rng: np.random.Generator, *, size: float) -> DistanceField:
     a, b, c = size * rng.uniform(0.5, 1.1, 3)
     kind = rng.integers(8)
     if kind <= 1:
@@ -68,7 +68,7 @@ def _convex_corners(rng: np.random.Generator, *, radius: float) -> Vectors:
     return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def bracket(edge: float, rng: np.random.Generator) -> Field:
+def bracket(edge: float, rng: np.random.Generator) -> DistanceField:
     """Plates at right angles with ribs, bosses and rows of holes, walls thin or thick."""
     wall = max(1.5 * edge, float(rng.uniform(0.06, 0.18)))
     width, depth, height = rng.uniform(0.5, 0.95, 3)
@@ -105,7 +105,7 @@ def bracket(edge: float, rng: np.random.Generator) -> Field:
     return total
 
 
-def wheel(edge: float, rng: np.random.Generator) -> Field:
+def wheel(edge: float, rng: np.random.Generator) -> DistanceField:
     """Gears, pulleys, flanges and knobs: a toothed or lobed disc with hub, bore, keyway, spokes or a ring of holes."""
     radius, thick = float(rng.uniform(0.75, 1.1)), float(rng.uniform(0.1, 0.4))
     teeth = int(rng.integers(5, 1 + min(28, int(2 * np.pi * radius / (8 * edge)))))
@@ -145,7 +145,7 @@ def wheel(edge: float, rng: np.random.Generator) -> Field:
     return total
 
 
-def turned(edge: float, rng: np.random.Generator) -> Field:
+def turned(edge: float, rng: np.random.Generator) -> DistanceField:
     """Lathe work: a stepped, tapered, grooved profile about an axis, with flats, flutes or cross holes."""
     count = int(rng.integers(3, 8))
     heights = np.linspace(-1, 1, count) + rng.uniform(-0.6, 0.6, count) / count
@@ -162,7 +162,7 @@ def turned(edge: float, rng: np.random.Generator) -> Field:
         round_ = float(rng.uniform(2 * edge, 4 * edge))
         total = offset(revolved(polygon(np.array(corners) - [[round_, 0]])), by=round_)
     if rng.random() < 0.6:
-        cut: Field = cylinder(radius=float(rng.uniform(0.04, 0.12)), half_height=2)
+        cut: DistanceField = cylinder(radius=float(rng.uniform(0.04, 0.12)), half_height=2)
         cut = moved(cut, by=[float(rng.uniform(0.3, 0.7)), 0, 0])
         total = difference(total, around(cut, count=int(rng.integers(2, 14))))
     if rng.random() < 0.4:
@@ -177,7 +177,7 @@ def turned(edge: float, rng: np.random.Generator) -> Field:
     return total
 
 
-def plate(edge: float, rng: np.random.Generator) -> Field:
+def plate(edge: float, rng: np.random.Generator) -> DistanceField:
     """A random outline pulled to a height, with pockets, holes and worked boundaries; sometimes bent or tapered."""
     kind = rng.integers(4)
     if kind == 0:
@@ -199,7 +199,7 @@ def plate(edge: float, rng: np.random.Generator) -> Field:
     for _ in range(rng.integers(0, 5)):
         at = np.append(rng.uniform(-0.6, 0.6, 2), 0)
         depth = float(rng.choice([2.0, 0.5 * thick]))
-        hole: Field = cylinder(radius=float(rng.uniform(0.06, 0.25)), half_height=depth)
+        hole: DistanceField = cylinder(radius=float(rng.uniform(0.06, 0.25)), half_height=depth)
         if rng.random() < 0.4:
             hole = box([*rng.uniform(0.08, 0.35, 2), depth])
         total = difference(total, moved(hole, by=at + np.array([0, 0, thick if depth < 1 else 0])))
@@ -220,7 +220,7 @@ def _steps(rng: np.random.Generator) -> Profile:
     return polygon(np.concatenate([top, [[0.9, -0.6], [-0.9, -0.6]]]))
 
 
-def fan(edge: float, rng: np.random.Generator) -> Field:
+def fan(edge: float, rng: np.random.Generator) -> DistanceField:
     """Curved sheet-like parts: blades on a hub, scoops, wedges cut by cylinders."""
     blades = int(rng.integers(2, 6))
     blade = bent(
@@ -250,7 +250,7 @@ def _tilt(angle: float) -> Vectors:
     return np.array([[1.0, 0, 0], [0, cos, -sin], [0, sin, cos]])
 
 
-def tabletop(edge: float, rng: np.random.Generator) -> Field:
+def tabletop(edge: float, rng: np.random.Generator) -> DistanceField:
     """A few plain solids, cones and pyramids among them, some standing on a slab."""
     parts = []
     count = int(rng.integers(1, 4))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cascadenorm.data_gen.shapes.fields import (
-    Field,
+    DistanceField,
     box,
     cylinder,
     difference,
@@ -14,24 +14,24 @@ from cascadenorm.data_gen.shapes.fields import (
     torus,
     union,
 )
-from cascadenorm.data_gen.shapes.placement import direction, moved, random_rotation
+from cascadenorm.data_gen.shapes.placement import moved, random_direction, random_rotation
 from cascadenorm.mesh import Vectors
 
 
-def engraved(edge: float, rng: np.random.Generator) -> Field:
+def engraved(edge: float, rng: np.random.Generator) -> DistanceField:
     """A plain body with cut or raised lines, steps and dimples, down to a few edge lengths wide."""
     body, skin = _plain_body(edge, rng)
     for _ in range(rng.integers(2, 7)):
         width = edge * float(rng.uniform(1.5, 3.5))
         kind = rng.integers(4)
         if kind == 0:
-            plane, level = direction(rng=rng), float(rng.uniform(-0.6, 0.6))
-            tool: Field = _slab(plane, level, width)
+            plane, level = random_direction(rng=rng), float(rng.uniform(-0.6, 0.6))
+            tool: DistanceField = _slab(plane, level, width)
         elif kind == 1:
-            a, b = direction(rng=rng), direction(rng=rng)
+            a, b = random_direction(rng=rng), random_direction(rng=rng)
             tool = limb(0.9 * a, 0.9 * b, radii=(width + 0.1, width + 0.1))
         elif kind == 2:
-            tool = moved(sphere(radius=float(rng.uniform(0.08, 0.3))), by=0.8 * direction(rng=rng))
+            tool = moved(sphere(radius=float(rng.uniform(0.08, 0.3))), by=0.8 * random_direction(rng=rng))
         else:
             tool = moved(box([width, width, 2.0]), by=rng.uniform(-0.5, 0.5, 3), rotation=random_rotation(rng=rng))
         depth = edge * float(rng.uniform(1.5, 3.5))
@@ -44,16 +44,16 @@ def engraved(edge: float, rng: np.random.Generator) -> Field:
     return body
 
 
-def _within(tool: Field, skin: Field, depth: float) -> Field:
+def _within(tool: DistanceField, skin: DistanceField, depth: float) -> DistanceField:
     """The part of a tool that is less than a depth below the skin."""
     return lambda points: np.maximum(tool(points), -skin(points) - depth)
 
 
-def _slab(plane: Vectors, level: float, width: float) -> Field:
+def _slab(plane: Vectors, level: float, width: float) -> DistanceField:
     return lambda points: np.abs(points @ plane - level) - width
 
 
-def _plain_body(edge: float, rng: np.random.Generator) -> tuple[Field, Field]:
+def _plain_body(edge: float, rng: np.random.Generator) -> tuple[DistanceField, DistanceField]:
     kind = rng.integers(4)
     if kind == 0:
         body = sphere(radius=float(rng.uniform(0.7, 0.95)))

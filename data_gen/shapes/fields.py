@@ -12,7 +12,7 @@ from cascadenorm.mesh.vectors import dot, length, row, subtract
 Values = NDArray[np.float64]
 """(n,) float64, one value a point."""
 
-Field = Callable[[Vectors], Values]
+DistanceField = Callable[[Vectors], Values]
 """Positions to signed distances; deformed fields are distances only near the surface, and only roughly."""
 
 Blend = Literal["sharp", "round", "chamfer"]
@@ -24,12 +24,12 @@ def norm(vectors: NDArray[np.float64]) -> Values:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
-def sphere(*, radius: float) -> Field:
+def sphere(*, radius: float) -> DistanceField:
     """Ball around the origin."""
     return lambda points: norm(points) - radius
 
 
-def box(half: ArrayLike) -> Field:
+def box(half: ArrayLike) -> DistanceField:
     """Box around the origin with half edge lengths `half`."""
     half = np.asarray(half, np.float64)
 
@@ -41,7 +41,7 @@ def box(half: ArrayLike) -> Field:
     return distance
 
 
-def ellipsoid(radii: ArrayLike) -> Field:
+def ellipsoid(radii: ArrayLike) -> DistanceField:
     """Ellipsoid around the origin; a distance to first order near its surface."""
     radii = np.asarray(radii, np.float64)
 
@@ -53,7 +53,7 @@ def ellipsoid(radii: ArrayLike) -> Field:
     return distance
 
 
-def superquadric(radii: ArrayLike, *, exponent: float) -> Field:
+def superquadric(radii: ArrayLike, *, exponent: float) -> DistanceField:
     """Points with sum |x / r| ** exponent = 1: 2 is an ellipsoid, 1 an octahedron, large ones near a box."""
     radii = np.asarray(radii, np.float64)
 
@@ -67,7 +67,7 @@ def superquadric(radii: ArrayLike, *, exponent: float) -> Field:
     return distance
 
 
-def cylinder(*, radius: float, half_height: float) -> Field:
+def cylinder(*, radius: float, half_height: float) -> DistanceField:
     """Capped cylinder around the z axis."""
 
     def distance(points: Vectors) -> Values:
@@ -77,17 +77,17 @@ def cylinder(*, radius: float, half_height: float) -> Field:
     return distance
 
 
-def torus(*, major: float, minor: float) -> Field:
+def torus(*, major: float, minor: float) -> DistanceField:
     """Tube of radius `minor` around a circle of radius `major` in the xy plane."""
     return lambda points: np.hypot(norm(points[:, :2]) - major, points[:, 2]) - minor
 
 
-def limb(start: ArrayLike, end: ArrayLike, *, radii: tuple[float, float]) -> Field:
+def limb(start: ArrayLike, end: ArrayLike, *, radii: tuple[float, float]) -> DistanceField:
     """Segment thickened by a radius that goes linearly from one end to the other."""
     return tube(np.stack([np.asarray(start, np.float64), np.asarray(end, np.float64)]), radius=np.array(radii))
 
 
-def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> Field:
+def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> DistanceField:
     """Polyline thickened by a radius, or by one radius a point of the path."""
     ends = np.roll(path, -1, axis=0) if closed else path[1:]
     starts = path if closed else path[:-1]
@@ -104,7 +104,7 @@ def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> Fiel
     return distance
 
 
-def polytope(normals: Vectors, offsets: Values) -> Field:
+def polytope(normals: Vectors, offsets: Values) -> DistanceField:
     """Intersection of half spaces with unit `normals`, each at its offset from the origin."""
 
     def distance(points: Vectors) -> Values:
@@ -115,12 +115,12 @@ def polytope(normals: Vectors, offsets: Values) -> Field:
     return distance
 
 
-def complement(field: Field) -> Field:
+def complement(field: DistanceField) -> DistanceField:
     """Outside becomes inside."""
     return lambda points: -field(points)
 
 
-def union(*fields: Field, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+def union(*fields: DistanceField, blend: Blend = "sharp", radius: float = 0.0) -> DistanceField:
     """Points of any of the fields; the concave edge is left sharp, filled round or filled flat."""
 
     def distance(points: Vectors) -> Values:
@@ -132,12 +132,14 @@ def union(*fields: Field, blend: Blend = "sharp", radius: float = 0.0) -> Field:
     return distance
 
 
-def intersection(*fields: Field, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+def intersection(*fields: DistanceField, blend: Blend = "sharp", radius: float = 0.0) -> DistanceField:
     """Points of all the fields; the convex edge is left sharp, rounded or chamfered."""
     return complement(union(*map(complement, fields), blend=blend, radius=radius))
 
 
-def difference(field: Field, *removed: Field, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+def difference(
+    field: DistanceField, *removed: DistanceField, blend: Blend = "sharp", radius: float = 0.0
+) -> DistanceField:
     """Points of the first field and of none of the others."""
     return intersection(field, *map(complement, removed), blend=blend, radius=radius)
 
@@ -151,7 +153,7 @@ def _join(a: Values, b: Values, blend: Blend, radius: float) -> Values:
     return np.maximum(radius, np.minimum(a, b)) - bite
 
 
-def melted(*fields: Field, radius: float) -> Field:
+def melted(*fields: DistanceField, radius: float) -> DistanceField:
     """Union with a soft, curvature-continuous transition about `radius` wide, as between metaballs."""
 
     def distance(points: Vectors) -> Values:
@@ -165,17 +167,17 @@ def melted(*fields: Field, radius: float) -> Field:
     return distance
 
 
-def offset(field: Field, *, by: float) -> Field:
+def offset(field: DistanceField, *, by: float) -> DistanceField:
     """Grow the shape by a distance: convex edges become round."""
     return lambda points: field(points) - by
 
 
-def shell(field: Field, *, thickness: float) -> Field:
+def shell(field: DistanceField, *, thickness: float) -> DistanceField:
     """Only the skin of the shape, half of `thickness` to either side of the surface."""
     return lambda points: np.abs(field(points)) - 0.5 * thickness
 
 
-def displaced(field: Field, pattern: Field, *, amplitude: float) -> Field:
+def pushed_out(field: DistanceField, pattern: DistanceField, *, amplitude: float) -> DistanceField:
     """Push the surface outward by a pattern times the amplitude."""
     return lambda points: field(points) - amplitude * pattern(points)
 

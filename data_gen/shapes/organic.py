@@ -3,16 +3,16 @@
 import numpy as np
 
 from cascadenorm.data_gen.shapes.fields import (
-    Field,
+    DistanceField,
     Values,
     box,
     complement,
     cylinder,
     difference,
-    displaced,
     ellipsoid,
     limb,
     melted,
+    pushed_out,
     sphere,
     superquadric,
     torus,
@@ -22,11 +22,11 @@ from cascadenorm.data_gen.shapes.fields import (
 from cascadenorm.data_gen.shapes.patterns import Form, cells, crate, labyrinth, masked, noise, stripes
 from cascadenorm.data_gen.shapes.placement import (
     aligned,
-    direction,
     mirrored,
     moved,
+    random_direction,
     random_rotation,
-    scaled,
+    stretched,
     tapered,
     twisted,
     warped,
@@ -34,7 +34,7 @@ from cascadenorm.data_gen.shapes.placement import (
 from cascadenorm.mesh import Vectors
 
 
-def skin(body: Field, *, finest: float, layers: int, rng: np.random.Generator) -> Field:
+def skin(body: DistanceField, *, finest: float, layers: int, rng: np.random.Generator) -> DistanceField:
     """Lay detail of several kinds and scales over a body; `finest` is the shortest wavelength."""
     for _ in range(layers):
         wavelength = float(np.exp(rng.uniform(np.log(finest), np.log(8 * finest))))
@@ -42,11 +42,11 @@ def skin(body: Field, *, finest: float, layers: int, rng: np.random.Generator) -
         if rng.random() < 0.5:
             pattern = masked(pattern, noise(wavelength=float(rng.uniform(0.5, 1.2)), rng=rng))
         steepness = float(np.exp(rng.uniform(np.log(0.1 * steepest), np.log(steepest))))
-        body = displaced(body, pattern, amplitude=steepness * wavelength)
+        body = pushed_out(body, pattern, amplitude=steepness * wavelength)
     return body
 
 
-def _pattern(rng: np.random.Generator, wavelength: float) -> tuple[Field, float]:
+def _pattern(rng: np.random.Generator, wavelength: float) -> tuple[DistanceField, float]:
     """Draw a pattern, and the largest amplitude, in wavelengths, that still looks like something carved or grown."""
     kind = rng.integers(9)
     if kind <= 2:
@@ -66,14 +66,14 @@ def _pattern(rng: np.random.Generator, wavelength: float) -> tuple[Field, float]
     return labyrinth(wavelength=2 * wavelength, spots=spots, steepness=steepness, rng=rng), 0.15
 
 
-def creature(edge: float, rng: np.random.Generator) -> Field:
+def creature(edge: float, rng: np.random.Generator) -> DistanceField:
     """A trunk with limbs, a head and some lumps, melted together; half of them mirror-symmetric; smooth skin."""
     trunk = ellipsoid(rng.uniform([0.3, 0.35, 0.3], [0.5, 0.65, 0.55]))
     parts = [trunk]
     for _ in range(rng.integers(2, 8)):
-        start = 0.35 * direction(rng=rng)
-        middle = start + float(rng.uniform(0.2, 0.5)) * direction(rng=rng) + 0.3 * start
-        end = middle + float(rng.uniform(0.2, 0.45)) * direction(rng=rng)
+        start = 0.35 * random_direction(rng=rng)
+        middle = start + float(rng.uniform(0.2, 0.5)) * random_direction(rng=rng) + 0.3 * start
+        end = middle + float(rng.uniform(0.2, 0.45)) * random_direction(rng=rng)
         thick = np.sort(rng.uniform(0.05, 0.22, 3))[::-1]
         parts += [limb(start, middle, radii=(thick[0], thick[1])), limb(middle, end, radii=(thick[1], thick[2]))]
         if rng.random() < 0.4:
@@ -84,13 +84,13 @@ def creature(edge: float, rng: np.random.Generator) -> Field:
     return _gently_warped(body, rng)
 
 
-def statue(edge: float, rng: np.random.Generator) -> Field:
+def statue(edge: float, rng: np.random.Generator) -> DistanceField:
     """A creature or a lump under folds, hair, scales and pores."""
     body = creature(edge, rng) if rng.random() < 0.6 else _lump(rng)
     return skin(body, finest=4 * edge, layers=int(rng.integers(2, 6)), rng=rng)
 
 
-def mounted(edge: float, rng: np.random.Generator) -> Field:
+def mounted(edge: float, rng: np.random.Generator) -> DistanceField:
     """A statue on a base with sharp edges, or with a flat cut."""
     body = statue(edge, rng)
     height = float(rng.uniform(0.1, 0.25))
@@ -102,7 +102,7 @@ def mounted(edge: float, rng: np.random.Generator) -> Field:
     return union(body, moved(base, by=[0, -0.65, 0]))
 
 
-def _lump(rng: np.random.Generator) -> Field:
+def _lump(rng: np.random.Generator) -> DistanceField:
     parts = [
         moved(ellipsoid(rng.uniform(0.25, 0.6, 3)), by=rng.uniform(-0.4, 0.4, 3), rotation=random_rotation(rng=rng))
         for _ in range(rng.integers(2, 6))
@@ -110,7 +110,7 @@ def _lump(rng: np.random.Generator) -> Field:
     return melted(*parts, radius=float(rng.uniform(0.1, 0.4)))
 
 
-def bust(edge: float, rng: np.random.Generator) -> Field:
+def bust(edge: float, rng: np.random.Generator) -> DistanceField:
     """Head-like: skull, jaw, nose, brows, eyes, lips, ears, neck, with hair on top and fine skin."""
     wide, tall, deep = rng.uniform([0.42, 0.55, 0.5], [0.55, 0.7, 0.6])
     skull = ellipsoid([wide, tall, deep])
@@ -133,13 +133,13 @@ def bust(edge: float, rng: np.random.Generator) -> Field:
     )
     line = float(rng.uniform(0.1, 0.4))
     curls = masked(hair, lambda points: points[:, 1] - line - 0.6 * (points[:, 2] - 0.3), width=0.15)
-    whole = displaced(whole, curls, amplitude=float(rng.uniform(0.005, 0.02)))
+    whole = pushed_out(whole, curls, amplitude=float(rng.uniform(0.005, 0.02)))
     pores = noise(wavelength=edge * float(rng.uniform(6, 20)), octaves=3, rng=rng)
-    whole = displaced(whole, pores, amplitude=float(rng.uniform(0.0, 0.006)))
-    return _gently_warped(moved(scaled(whole, 0.9), by=[0, 0.2, 0]), rng)
+    whole = pushed_out(whole, pores, amplitude=float(rng.uniform(0.0, 0.006)))
+    return _gently_warped(moved(stretched(whole, 0.9), by=[0, 0.2, 0]), rng)
 
 
-def bumpy(edge: float, rng: np.random.Generator) -> Field:
+def bumpy(edge: float, rng: np.random.Generator) -> DistanceField:
     """A plain closed surface under one strong, regular or random relief."""
     kind = rng.integers(4)
     if kind == 0:
@@ -152,10 +152,10 @@ def bumpy(edge: float, rng: np.random.Generator) -> Field:
         body = _knot(rng)
     wavelength = float(np.exp(rng.uniform(np.log(5 * edge), np.log(0.6))))
     pattern, steepest = _pattern(rng, wavelength)
-    return displaced(body, pattern, amplitude=wavelength * steepest * float(rng.uniform(0.3, 1.3)))
+    return pushed_out(body, pattern, amplitude=wavelength * steepest * float(rng.uniform(0.3, 1.3)))
 
 
-def _knot(rng: np.random.Generator) -> Field:
+def _knot(rng: np.random.Generator) -> DistanceField:
     p, q = [(2, 3), (3, 2), (2, 5), (1, 3), (1, 5), (3, 4)][rng.integers(6)]
     t = np.linspace(0, 2 * np.pi, 110, endpoint=False)
     reach = 0.65 + 0.3 * np.cos(q * t)
@@ -164,7 +164,7 @@ def _knot(rng: np.random.Generator) -> Field:
     return tube(path, radius=thick * (1 + 0.3 * np.sin(int(rng.integers(0, 6)) * t)), closed=True)
 
 
-def smooth(edge: float, rng: np.random.Generator) -> Field:
+def smooth(edge: float, rng: np.random.Generator) -> DistanceField:
     """Soft shapes without detail: knots, rings melted together, twisted and tapered superquadrics."""
     kind = rng.integers(4)
     if kind == 0:
@@ -181,16 +181,16 @@ def smooth(edge: float, rng: np.random.Generator) -> Field:
     return _gently_warped(body, rng)
 
 
-def _ring(angle: float, rng: np.random.Generator) -> Field:
+def _ring(angle: float, rng: np.random.Generator) -> DistanceField:
     ring = torus(major=float(rng.uniform(0.35, 0.5)), minor=float(rng.uniform(0.08, 0.16)))
     turn = random_rotation(rng=rng) if rng.random() < 0.3 else None
     return moved(ring, by=[0.45 * np.cos(angle), 0.45 * np.sin(angle), 0], rotation=turn)
 
 
-def rock(edge: float, rng: np.random.Generator) -> Field:
+def rock(edge: float, rng: np.random.Generator) -> DistanceField:
     """Fractured stone: a few planes through a lump, and noise of many octaves."""
     body = _lump(rng)
-    cuts = [(direction(rng=rng), float(rng.uniform(0.3, 0.7))) for _ in range(rng.integers(0, 7))]
+    cuts = [(random_direction(rng=rng), float(rng.uniform(0.3, 0.7))) for _ in range(rng.integers(0, 7))]
 
     def broken(points: Vectors) -> Values:
         values = body(points)
@@ -202,10 +202,10 @@ def rock(edge: float, rng: np.random.Generator) -> Field:
     grain = noise(
         wavelength=float(rng.uniform(0.3, 0.9)), octaves=3, gain=float(rng.uniform(0.35, 0.55)), form=form, rng=rng
     )
-    return displaced(broken, grain, amplitude=float(rng.uniform(0.01, 0.06)))
+    return pushed_out(broken, grain, amplitude=float(rng.uniform(0.01, 0.06)))
 
 
-def _gently_warped(body: Field, rng: np.random.Generator) -> Field:
+def _gently_warped(body: DistanceField, rng: np.random.Generator) -> DistanceField:
     wavelength = float(rng.uniform(0.8, 1.6))
     warps = (
         noise(wavelength=wavelength, rng=rng),

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Floats, Vectors, kernel
 
 Form = Literal["smooth", "ridged", "billowed"]
@@ -17,7 +17,7 @@ def seed_of(rng: np.random.Generator) -> int:
 
 
 def noise(*, wavelength: float, octaves: int = 1, gain: float = 0.5, form: Form = "smooth",
-          rng: np.random.Generator) -> Field:  # fmt: skip
+          rng: np.random.Generator) -> DistanceField:  # fmt: skip
     """Gradient noise; each octave has half the wavelength and `gain` times the size of the one before."""
     seed, code = seed_of(rng), ("smooth", "ridged", "billowed").index(form)
 
@@ -29,7 +29,7 @@ def noise(*, wavelength: float, octaves: int = 1, gain: float = 0.5, form: Form 
     return pattern
 
 
-def cells(*, wavelength: float, kind: Literal["bumps", "cracks"], rng: np.random.Generator) -> Field:
+def cells(*, wavelength: float, kind: Literal["bumps", "cracks"], rng: np.random.Generator) -> DistanceField:
     """Round bumps about scattered points (scales, warts, pebbles), or the cracks half way between them."""
     seed = seed_of(rng)
 
@@ -43,7 +43,7 @@ def cells(*, wavelength: float, kind: Literal["bumps", "cracks"], rng: np.random
     return pattern
 
 
-def stripes(*, wavelength: float, wander: float, sharpness: float, rng: np.random.Generator) -> Field:
+def stripes(*, wavelength: float, wander: float, sharpness: float, rng: np.random.Generator) -> DistanceField:
     """Grooves across a random direction that wander like hair or grain; `sharpness` turns waves into narrow cuts."""
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
@@ -56,7 +56,7 @@ def stripes(*, wavelength: float, wander: float, sharpness: float, rng: np.rando
     return pattern
 
 
-def labyrinth(*, wavelength: float, spots: float, steepness: float, rng: np.random.Generator) -> Field:
+def labyrinth(*, wavelength: float, spots: float, steepness: float, rng: np.random.Generator) -> DistanceField:
     """Plateaus of one width with steep sides, as reaction and diffusion leave them.
 
     A sum of waves of one length and all directions, cut at a level: `spots` = 0 gives a labyrinth, towards ±1 islands.
@@ -76,7 +76,7 @@ def labyrinth(*, wavelength: float, spots: float, steepness: float, rng: np.rand
     return pattern
 
 
-def crate(*, wavelength: float, rng: np.random.Generator) -> Field:
+def crate(*, wavelength: float, rng: np.random.Generator) -> DistanceField:
     """Regular bumps and pits, as of an egg crate: a product of waves at right angles, from a random start."""
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] * (2 * np.pi / wavelength)
     phases = rng.uniform(0, 2 * np.pi, 3)
@@ -89,7 +89,7 @@ def crate(*, wavelength: float, rng: np.random.Generator) -> Field:
     return pattern
 
 
-def masked(pattern: Field, mask: Field, *, width: float = 0.2) -> Field:
+def masked(pattern: DistanceField, mask: DistanceField, *, width: float = 0.2) -> DistanceField:
     """Keep a pattern where another is positive, fading out over `width`."""
     return lambda points: pattern(points) * np.clip(mask(points) / width + 0.5, 0, 1)
 

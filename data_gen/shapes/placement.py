@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cascadenorm.data_gen.shapes.fields import Field, Values
+from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Floats, Vectors, kernel, unit
 from cascadenorm.mesh.vectors import row, subtract
 
@@ -15,12 +15,12 @@ def random_rotation(*, rng: np.random.Generator) -> Vectors:
     return np.asarray(matrix * np.sign(np.linalg.det(matrix)))
 
 
-def direction(*, rng: np.random.Generator) -> Values:
+def random_direction(*, rng: np.random.Generator) -> Values:
     """Unit vector, uniform over the sphere."""
     return np.asarray(unit(rng.normal(size=(1, 3)))[0])
 
 
-def moved(field: Field, *, by: ArrayLike = (0.0, 0.0, 0.0), rotation: Vectors | None = None) -> Field:
+def moved(field: DistanceField, *, by: ArrayLike = (0.0, 0.0, 0.0), rotation: Vectors | None = None) -> DistanceField:
     """Rotate the shape about the origin, then shift it."""
     shift = np.asarray(by, np.float64)
     if rotation is None:
@@ -35,20 +35,20 @@ def moved(field: Field, *, by: ArrayLike = (0.0, 0.0, 0.0), rotation: Vectors | 
     return turned
 
 
-def aligned(field: Field, axis: ArrayLike, *, by: ArrayLike = (0.0, 0.0, 0.0)) -> Field:
+def aligned(field: DistanceField, axis: ArrayLike, *, by: ArrayLike = (0.0, 0.0, 0.0)) -> DistanceField:
     """Turn the shape's z axis to `axis`, then shift it."""
     z = unit(np.asarray(axis, np.float64)[None])[0]
     x = unit(np.cross(z, np.eye(3)[np.abs(z).argmin()])[None])[0]
     return moved(field, by=by, rotation=np.stack([x, np.cross(z, x), z], axis=1))
 
 
-def scaled(field: Field, factors: ArrayLike) -> Field:
+def stretched(field: DistanceField, factors: ArrayLike) -> DistanceField:
     """Stretch the shape along the axes; with unequal factors the distance is a lower bound."""
     factors = np.broadcast_to(np.asarray(factors, np.float64), 3)
     return lambda points: field(points / factors) * factors.min()
 
 
-def around(field: Field, *, count: int) -> Field:
+def around(field: DistanceField, *, count: int) -> DistanceField:
     """Repeat what lies about the positive x axis `count` times around z."""
     sector = 2 * np.pi / count
 
@@ -61,12 +61,12 @@ def around(field: Field, *, count: int) -> Field:
     return repeated
 
 
-def mirrored(field: Field) -> Field:
+def mirrored(field: DistanceField) -> DistanceField:
     """Reflect the half x > 0 to the other side."""
     return lambda points: field(np.stack([np.abs(points[:, 0]), points[:, 1], points[:, 2]], axis=1))
 
 
-def twisted(field: Field, *, rate: float) -> Field:
+def twisted(field: DistanceField, *, rate: float) -> DistanceField:
     """Turn cross sections about z by `rate` radians a unit of height."""
 
     def twist(points: Vectors) -> Values:
@@ -78,7 +78,7 @@ def twisted(field: Field, *, rate: float) -> Field:
     return twist
 
 
-def bent(field: Field, *, curvature: float) -> Field:
+def bent(field: DistanceField, *, curvature: float) -> DistanceField:
     """Bend the x axis into an arc of the given curvature in the xy plane."""
     if abs(curvature) < 1e-6:
         return field
@@ -92,7 +92,7 @@ def bent(field: Field, *, curvature: float) -> Field:
     return bend
 
 
-def tapered(field: Field, *, rate: float) -> Field:
+def tapered(field: DistanceField, *, rate: float) -> DistanceField:
     """Make cross sections grow with height, by exp(rate · z)."""
 
     def taper(points: Vectors) -> Values:
@@ -102,7 +102,9 @@ def tapered(field: Field, *, rate: float) -> Field:
     return taper
 
 
-def warped(field: Field, warps: tuple[Field, Field, Field], *, amplitude: float) -> Field:
+def warped(
+    field: DistanceField, warps: tuple[DistanceField, DistanceField, DistanceField], *, amplitude: float
+) -> DistanceField:
     """Shift space by three scalar patterns before the field looks at it."""
     return lambda points: field(points + amplitude * np.stack([warp(points) for warp in warps], axis=1))
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cascadenorm.data_gen.shapes.fields import (
-    Field,
+    DistanceField,
     Values,
     cylinder,
     difference,
@@ -20,7 +20,7 @@ GOLDEN = (1 + 5**0.5) / 2
 IRREGULAR = 0.06  # deviation of the faces of a polyhedron from those of a regular one, radians in each direction
 
 
-def polyhedron(edge: float, rng: np.random.Generator) -> Field:
+def polyhedron(edge: float, rng: np.random.Generator) -> DistanceField:
     """Convex solids, nearly regular or random, and star-shaped ones; sharp or slightly rounded."""
     kind = rng.integers(5)
     if kind == 0:
@@ -62,7 +62,7 @@ def _regular(rng: np.random.Generator) -> Vectors:
     return unit(normals + IRREGULAR * rng.normal(size=normals.shape))
 
 
-def _star(rng: np.random.Generator) -> Field:
+def _star(rng: np.random.Generator) -> DistanceField:
     """Stellations, which are the points beyond at most one of the planes of a convex solid, and crossed solids."""
     normals = _regular(rng)
     if len(normals) < 8 or rng.random() < 0.4:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.data_gen.shapes.fields import Blend, Field, Values, intersection, norm
+from cascadenorm.data_gen.shapes.fields import Blend, DistanceField, Values, intersection, norm
 from cascadenorm.mesh import Floats, Vectors, kernel
 
 Profile = Callable[[NDArray[np.float64]], Values]
@@ -67,7 +67,7 @@ def lobed(*, radii: Values) -> Profile:
     return distance
 
 
-def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", radius: float = 0.0) -> Field:
+def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", radius: float = 0.0) -> DistanceField:
     """Pull a profile along z; the two boundaries are left sharp, rounded or chamfered."""
 
     def side(points: Vectors) -> Values:
@@ -79,7 +79,7 @@ def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", ra
     return intersection(side, caps, blend=blend, radius=radius)
 
 
-def revolved(profile: Profile) -> Field:
+def revolved(profile: Profile) -> DistanceField:
     """Turn a profile, drawn in radius and height, about the z axis."""
     return lambda points: profile(np.stack([norm(points[:, :2]), points[:, 2]], axis=1))
 

@@ -13,7 +13,7 @@ from cascadenorm.geometry.holes.filling import fill_holes
 from cascadenorm.io.content import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.gltf.gltf import GltfFile
-from cascadenorm.io.hole_patches import Patches
+from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.mesh import Mesh
@@ -121,7 +121,7 @@ def test_new_vertices_and_faces_of_ply_have_values_like_those_around(tmp_path, d
 
 @pytest.mark.parametrize("odd", [np.nan, np.inf])
 def test_values_are_blended_where_they_are_finite_and_else_the_nearest(odd):
-    patches = Patches(cn.io.from_arrays(HOLED.vertices, HOLED.faces), FILLED)
+    patches = HolePatches(cn.io.from_arrays(HOLED.vertices, HOLED.faces), FILLED)
     blended = patches.blended(HEIGHT)
     known = np.concatenate([HEIGHT, blended])
     for vertex in range(COUNT, len(FILLED.vertices)):
@@ -135,7 +135,7 @@ def test_values_are_blended_where_they_are_finite_and_else_the_nearest(odd):
 
 def test_a_hole_of_one_face_needs_no_vertex(tmp_path):
     data = ply_binary("<")
-    whole = PlyFile(data).with_patches(Patches(PlyFile(data), FILLED))
+    whole = PlyFile(data).with_patches(HolePatches(PlyFile(data), FILLED))
     faces = np.delete(whole.mesh.faces, 5, axis=0)
     content = replace(whole.content(), polygons=Polygons.from_rows(faces.astype(np.int64)), face_values={})
     file, done = filled(tmp_path, b"".join(PlyFile.encode(content)[0]), ".ply")

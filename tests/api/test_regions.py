@@ -11,7 +11,7 @@ from cascadenorm.cli import run
 from cascadenorm.errors import MeshError
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
-from cascadenorm.regions.coincidence import coincident, joined
+from cascadenorm.regions.coincidence import coincident, joined_meshes
 
 OPTIONS = {"method": "bilateral-normal", "iterations": 5}
 
@@ -131,7 +131,7 @@ def test_joined_meshes_share_the_vertices_that_coincide():
     first, groups = coincident([one, other])
     np.testing.assert_array_equal(first, [0, 1, 2, 1, 0, 5])
     assert groups[0] == groups[1]
-    whole = joined([one, other], first)
+    whole = joined_meshes([one, other], first)
     np.testing.assert_array_equal(whole.mesh.faces, [(0, 1, 2), (1, 0, 3)])
     np.testing.assert_array_equal(whole.mesh.vertices[whole.vertices[:3]], one.vertices)
 

@@ -3,7 +3,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 from test_anisotropic_diffusion import distance_to_cube
 
-from cascadenorm.baselines.anisotropic_diffusion import smoothed_normals
+from cascadenorm.baselines.anisotropic_diffusion import diffused_vertex_normals
 from cascadenorm.baselines.curvature_flow import mean_curvature_flow
 from cascadenorm.baselines.prescribed_mean_curvature import area_gradient, crease_weights, prescribed_mean_curvature
 from cascadenorm.geometry.laplacians import cotangent_laplacian
@@ -36,7 +36,7 @@ def test_weights_are_one_where_it_is_smooth_small_at_creases_and_zero_at_boundar
     box = cube(8)
     both = box.topology.edge_faces.indices.reshape(-1, 2)
     crease = np.linalg.norm(box.face_normals[both[:, 0]] - box.face_normals[both[:, 1]], axis=1) > 1
-    weights = crease_weights(box, smoothed_normals(box, 0), threshold=0.2)
+    weights = crease_weights(box, diffused_vertex_normals(box, 0), threshold=0.2)
     assert weights[crease].max() < 0.15
     normals = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 0], [0, 1, 0]]) / [[1], [2**0.5], [2**0.5], [1]]
     two = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], [(0, 1, 2), (1, 3, 2)])

@@ -23,10 +23,10 @@ def test_a_face_pulls_by_its_height_but_not_without_end():
     sheet = Mesh([[0, 0, 0], [4, 0, 0], [1, 3, 0], [2, -1e-9, 0]], [[0, 1, 2], [1, 0, 3]])
     np.testing.assert_array_equal(sheet.longest_edges, [np.sqrt(18), 4])
     np.testing.assert_allclose(sheet.heights, [12 / np.sqrt(18), 1e-9])
-    np.testing.assert_allclose(face_weights(sheet, "angles"), [sheet.mean_edge_length / sheet.heights[0], 20])
-    np.testing.assert_array_equal(face_weights(sheet, "heights"), 1)
+    np.testing.assert_allclose(face_weights(sheet, "inverse-height"), [sheet.mean_edge_length / sheet.heights[0], 20])
+    np.testing.assert_array_equal(face_weights(sheet, "uniform"), 1)
     point = Mesh(np.zeros((3, 3)), [[0, 1, 2]])
-    np.testing.assert_array_equal(face_weights(point, "angles"), 1)
+    np.testing.assert_array_equal(face_weights(point, "inverse-height"), 1)
 
 
 @pytest.mark.parametrize("sweeps", [1, 3])

@@ -195,6 +195,6 @@ def test_workers_may_join_and_leave_and_a_batch_without_any_ends(place, monkeypa
         found = denoise_files(source, out, method="laplacian", scheduler=address, progress=leave, retries=3)
         assert left and len(found.lines) == 4 and not found.failures
         assert len(of_batch(out)) == 4
-        monkeypatch.setattr(cluster_processes, "PATIENCE", 1.0)
+        monkeypatch.setattr(cluster_processes, "WORKER_TIMEOUT_S", 1.0)
         with pytest.raises(WorkerError, match="has had no worker for 1 seconds"):  # none of these has a nanny
             denoise_files(source, out, method="taubin", scheduler=address, timeout=1e-4, retries=5)

@@ -10,6 +10,7 @@ from shapes import icosphere, noisy
 
 from cascadenorm.data_gen import DatasetConfig
 from cascadenorm.learned.config import Fit, TrainConfig, read_config
+from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import limit_threads
 
 ROOT = Path(__file__).parents[2]
@@ -23,6 +24,7 @@ TINY = TrainConfig(
     fit=Fit(hidden=(4,), epochs=1),
     data=DatasetConfig(count=2, families=("smooth",), min_faces=1200, max_faces=1250),
 )
+OTHER = (Stage(descriptor="n+B"),)
 SETS = {"balls": [(noisy(icosphere(2), 0.2), icosphere(2).face_normals)]}
 
 
@@ -53,8 +55,8 @@ class Interrupted(Exception):
 
 
 def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(tmp_path, monkeypatch):
-    few = replace(TINY, descriptors=("B",), context=0)
-    rungs = {"one": few, "other": replace(few, descriptors=("n+B",))}
+    few = replace(TINY, stages=(Stage(descriptor="B"),), context=0)
+    rungs = {"one": few, "other": replace(few, stages=OTHER)}
 
     def run(folder: Path) -> str:
         page = folder / "page.md"
@@ -65,7 +67,7 @@ def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(t
     whole, halfway = tmp_path / "whole", tmp_path / "halfway"
     expected = run(whole)
     assert expected.count(" ± ") == 4
-    trainings, train = [], ablation.training.train
+    trainings, train = [], ablation.training.train_cascade
 
     def interrupted(config, *arguments, **settings):
         if len(trainings) == 2:
@@ -73,7 +75,7 @@ def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(t
         trainings.append(config)
         return train(config, *arguments, **settings)
 
-    monkeypatch.setattr(ablation.training, "train", interrupted)
+    monkeypatch.setattr(ablation.training, "train_cascade", interrupted)
     with pytest.raises(Interrupted):
         run(halfway)
     (made,) = halfway.glob("pairs-*")
@@ -81,7 +83,7 @@ def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(t
     assert len(written) == TINY.data.count + 2
     trainings.clear()
     assert run(halfway) == expected
-    assert [config.descriptors for config in trainings] == [("n+B",)] * 2
+    assert [config.stages for config in trainings] == [OTHER] * 2
     assert all(path.stat().st_mtime_ns == time for path, time in written.items())
     for path in halfway.glob("rung*"):
         path.unlink()

@@ -292,7 +292,7 @@ def test_impossible_outputs_are_refused_before_anything_is_read(place, capsys, m
     (place / "circle.ply").symlink_to("circle.ply")
     (place / "astray.ply").symlink_to("nowhere/out.ply")
     before = sorted(place.iterdir())
-    monkeypatch.setattr("cascadenorm.api.denoised_files.io.read", None)
+    monkeypatch.setattr("cascadenorm.api.opened_files.io.read", None)
     for command in ["denoise", "ball.ply", *FAST], ["fill-holes", "ball.ply"]:
         code, line = refused(capsys, *command, "-o", output)
         assert code == 5 and message in line
@@ -301,7 +301,7 @@ def test_impossible_outputs_are_refused_before_anything_is_read(place, capsys, m
 
 def test_read_only_places_are_refused_before_anything_is_read(place, capsys, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # what a read-only volume says, to root as well
-    monkeypatch.setattr("cascadenorm.api.denoised_files.io.read", None)
+    monkeypatch.setattr("cascadenorm.api.opened_files.io.read", None)
     code, line = refused(capsys, "denoise", "ball.ply", *FAST)
     assert code == 5 and "no permission to write in the folder ." in line
 

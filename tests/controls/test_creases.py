@@ -3,7 +3,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.controls.creases import crease_edges, cut
+from cascadenorm.controls.creases import crease_edges, cut_along
 from cascadenorm.mesh import Mesh
 
 BOX = cube(6)
@@ -46,7 +46,7 @@ def test_pairs_of_vertices_are_edges_in_either_order():
 
 
 def test_cutting_a_box_along_its_edges_leaves_six_sheets():
-    sides = cut(BOX, SHARP)
+    sides = cut_along(BOX, SHARP)
     assert len(np.unique(sides.mesh.topology.components)) == 6
     assert len(sides.owners) == 6 * 7 * 7
     np.testing.assert_array_equal(sides.owners[sides.mesh.faces], BOX.faces)
@@ -60,21 +60,21 @@ def test_a_crease_that_ends_leaves_its_ends_whole():
     sheet = grid(4, 4)
     slit = sheet.topology.edges[np.isin(sheet.topology.edges, [7, 12, 17]).all(axis=1)]
     assert len(slit) == 2
-    sides = cut(sheet, crease_edges(sheet, slit))
+    sides = cut_along(sheet, crease_edges(sheet, slit))
     np.testing.assert_array_equal(sides.owners[25:], [12])
-    one = cut(sheet, crease_edges(sheet, slit[:1]))
+    one = cut_along(sheet, crease_edges(sheet, slit[:1]))
     assert one.mesh is sheet and len(one.owners) == 25
 
 
 def test_edges_of_three_faces_can_be_cut():
     fan = Mesh([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
     assert not crease_edges(fan, 0).any()
-    sides = cut(fan, crease_edges(fan, [[1, 0]]))
+    sides = cut_along(fan, crease_edges(fan, [[1, 0]]))
     assert len(sides.owners) == 9 and len(np.unique(sides.mesh.topology.components)) == 3
 
 
 def test_copies_that_move_alike_keep_their_move():
-    sides = cut(BOX, SHARP)
+    sides = cut_along(BOX, SHARP)
     moves = np.random.default_rng(2).normal(size=BOX.vertices.shape)
     out = sides.joined(BOX, (BOX.vertices + moves)[sides.owners])
     np.testing.assert_allclose(out, BOX.vertices + moves, rtol=0, atol=1e-14)
@@ -84,7 +84,7 @@ def test_copies_that_move_alike_keep_their_move():
 def test_sides_meet_where_their_planes_do(angle):
     """Either plane moves along its own normal; what a copy moves within its plane says nothing about the edge."""
     mesh = roof(4, angle)
-    sides = cut(mesh, crease_edges(mesh, angle - 1))
+    sides = cut_along(mesh, crease_edges(mesh, angle - 1))
     half = np.radians(angle) / 2
     left = sides.mesh.centroids[:, 0] < 0
     on_left = np.zeros(len(sides.owners), bool)
@@ -113,7 +113,7 @@ def test_no_creases_are_none():
 @pytest.mark.parametrize("method", METHODS)
 def test_off_the_creases_the_method_gives_what_it_gives_for_the_sides_alone(method):
     rough = noisy(BOX, 0.1, seed=3)
-    sides = cut(rough, SHARP)
+    sides = cut_along(rough, SHARP)
     whole = np.bincount(sides.owners) == 1
     out = cn.denoise(rough, method=method, creases=EDGES[SHARP]).vertices
     alone = cn.denoise(sides.mesh, method=method).vertices[: len(whole)]
@@ -124,7 +124,7 @@ def test_off_the_creases_the_method_gives_what_it_gives_for_the_sides_alone(meth
 def test_a_region_goes_with_the_copies():
     rough, inside = noisy(BOX, 0.1, seed=3), BOX.vertices[:, 0] > 0.5
     out = cn.denoise(rough, method="laplacian", iterations=50, mask=inside, creases=45).vertices
-    sides = cut(rough, crease_edges(rough, 45))
+    sides = cut_along(rough, crease_edges(rough, 45))
     moved = cn.methods()["laplacian"].function(sides.mesh, iterations=50, region=inside[sides.owners])
     whole = np.bincount(sides.owners) == 1
     np.testing.assert_allclose(out[whole], moved[: len(whole)][whole], rtol=0, atol=1e-9)

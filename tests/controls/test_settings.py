@@ -76,7 +76,7 @@ def test_a_new_control_appears_wherever_controls_do(docs, monkeypatch, tmp_path)
         """
 
     assert inspect.signature(work).parameters["glow"].default == 0.0 and "\nglow\n    Shine.\n" in work.__doc__
-    command = options.takes_controls()(lambda **controls: None)
+    command = options.control_options()(lambda **controls: None)
     assert inspect.signature(command).parameters["glow"].default == 0.0
     assert checked({})["glow"] == 0.0 and checked({"glow": "3"})["glow"] == 3.0
     with pytest.raises(cn.ParameterError, match=r"^glow is -1; it must be at least 0$"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cascadenorm.data_gen import FAMILIES
+from cascadenorm.data_gen import SHAPE_FAMILIES
 from cascadenorm.data_gen.meshing.polygonise import gradients
 from cascadenorm.data_gen.shapes import fields, patterns, placement, profiles
 from cascadenorm.data_gen.shapes.polyhedra import _regular
@@ -122,5 +122,5 @@ def test_no_drawn_polyhedron_is_regular():
 
 
 def test_low_poly_meshes_are_closed_and_keep_the_edges_of_a_box():
-    made = FAMILIES["low_poly"].make(faces=2000, rng=np.random.default_rng(3))
+    made = SHAPE_FAMILIES["low_poly"].make(faces=2000, rng=np.random.default_rng(3))
     assert made.noisy is made.clean and made.clean.topology.edge_faces.counts.max() == 2

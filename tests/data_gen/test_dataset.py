@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from cascadenorm.data_gen import FAMILIES, DatasetConfig, clean_mesh, own_pair, pair, write_dataset
+from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, clean_mesh, own_pair, pair, write_dataset
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 
 SMALL = {"min_faces": 1200, "max_faces": 1800}
 QUICK = {**SMALL, "families": ("smooth", "bumpy", "polyhedron")}
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", SHAPE_FAMILIES)
 def test_meshes_of_every_family_are_sound(family):
     config = DatasetConfig(seed=1, families=(family,), **SMALL)
     mesh = clean_mesh(config, 0)
@@ -20,7 +20,7 @@ def test_meshes_of_every_family_are_sound(family):
     assert 700 < len(mesh.faces) < 3000
     assert mesh.areas.min() > 0
     assert len(np.unique(mesh.faces)) == len(mesh.vertices)
-    if FAMILIES[family].closed:
+    if SHAPE_FAMILIES[family].closed:
         assert (mesh.topology.edge_faces.counts == 2).all()
         assert mesh.volume > 0
     elif family not in ("fused", "structured"):  # cameras all around may leave no hole, and a torus has none

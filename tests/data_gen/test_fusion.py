@@ -5,7 +5,7 @@ import contextlib
 import numpy as np
 import pytest
 
-from cascadenorm.data_gen import FAMILIES, DatasetConfig, pair
+from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, pair
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.scanning.fusion import fused
@@ -85,6 +85,6 @@ def test_half_of_the_scans_have_the_error_of_cameras_and_the_others_another():
     made = [pair(config, index) for index in range(8)]
     assert {"sensor"} < {each.noise_kind for each in made}
     for each in made:
-        assert FAMILIES[each.family].seen
+        assert SHAPE_FAMILIES[each.family].seen
         np.testing.assert_array_equal(each.noisy.faces, each.clean.faces)
         assert not np.array_equal(each.noisy.vertices, each.clean.vertices)

@@ -7,7 +7,7 @@ from shapes import signed_volume
 from cascadenorm.data_gen.meshing.surface import extent_of
 from cascadenorm.data_gen.scanning import points
 from cascadenorm.data_gen.scanning.points import poisson, reconstruction, sampled_points
-from cascadenorm.data_gen.scanning.volumes import marching_cubes
+from cascadenorm.data_gen.scanning.volumes import volume_surface
 from cascadenorm.data_gen.shapes import fields
 from cascadenorm.mesh import angles_between
 
@@ -35,7 +35,7 @@ def test_poisson_gives_back_a_ball_from_exact_points():
     axis = cell * (np.arange(40) - 19.5)
     nodes = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
     volume = poisson(nodes, 0.8 * normals, normals, cell=cell, screening=2.0, width=1.0)
-    mesh = marching_cubes(volume)
+    mesh = volume_surface(volume)
     vertices = nodes[0, 0, 0] + cell * mesh.vertices
     radius = np.linalg.norm(vertices, axis=1)
     assert radius.mean() == pytest.approx(0.8, rel=2e-3)

@@ -9,7 +9,7 @@ from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.scanning import volumes
 from cascadenorm.data_gen.scanning.isosurfaces import isosurface
 from cascadenorm.data_gen.scanning.measured import beneath
-from cascadenorm.data_gen.scanning.volumes import marching_cubes, segmentation, surface_nets, tomogram
+from cascadenorm.data_gen.scanning.volumes import segmentation, surface_nets, tomogram, volume_surface
 from cascadenorm.data_gen.shapes import fields
 from cascadenorm.detection.segmentation_steps import has_voxel_faces
 from cascadenorm.mesh import angles_between
@@ -91,7 +91,7 @@ def test_a_tomogram_errs_with_its_grain():
     assert errors[1] > errors[0] + 3
 
 
-@pytest.mark.parametrize("mesher", [marching_cubes, surface_nets])
+@pytest.mark.parametrize("mesher", [volume_surface, surface_nets])
 def test_meshes_of_a_mask_are_closed_outward_and_hold_its_voxels(mesher):
     volume = mask(8.0)
     mesh = mesher(volume)
@@ -122,7 +122,7 @@ def test_surface_nets_are_exact_on_a_plane_of_grey_values():
 
 
 def test_volumes_without_a_surface_are_refused():
-    for mesher in (marching_cubes, surface_nets):
+    for mesher in (volume_surface, surface_nets):
         with pytest.raises(UnfitShapeError):
             mesher(np.zeros((5, 5, 5)))
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from shapes import cylinder, grid, noisy, torus
 
-from cascadenorm.detection.chords import chord_residuals, local_noise
+from cascadenorm.detection.chords import chord_noise, chord_residuals
 from cascadenorm.mesh import Mesh, unit
 
 
@@ -41,7 +41,7 @@ def test_the_error_of_a_smooth_surface_is_of_third_order():
 def test_local_noise_is_that_of_the_vertices(level):
     plane = grid(40, 40)
     rough = noisy(plane, level)
-    estimate = local_noise(rough, chord_residuals(rough)) / plane.mean_edge_length
+    estimate = chord_noise(rough, chord_residuals(rough)) / plane.mean_edge_length
     inner = (np.abs(plane.vertices[:, :2] - 20) < 14).all(axis=1)
     assert estimate[inner].mean() == pytest.approx(1.2 * level, rel=0.3)
     assert estimate[inner].std() < 0.25 * level
@@ -49,4 +49,4 @@ def test_local_noise_is_that_of_the_vertices(level):
 
 def test_there_is_no_estimate_where_no_edge_has_two_faces():
     single = Mesh(np.eye(3), [(0, 1, 2)])
-    assert np.isinf(local_noise(single, chord_residuals(single))).all()
+    assert np.isinf(chord_noise(single, chord_residuals(single))).all()

@@ -6,8 +6,8 @@ from shapes import ball_of_voxels, grid, icosphere, noisy
 from sklearn.ensemble import ExtraTreesClassifier
 
 import cascadenorm as cn
-from cascadenorm.data_gen.scanning.volumes import marching_cubes
-from cascadenorm.detection.gate import SMALL, Gate, judged
+from cascadenorm.data_gen.scanning.volumes import volume_surface
+from cascadenorm.detection.gate import SMALL_SHARE, Gate, judged
 from cascadenorm.detection.triangulation import FIGURES
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.gated import GatedCascades, read_model
@@ -54,13 +54,13 @@ def test_each_component_is_judged_by_its_own_triangles():
 def test_components_that_are_small_beside_the_mesh_are_judged_together():
     closed, sheets = icosphere(1), [Mesh(np.eye(3), [(0, 1, 2)])] * 2
     mesh = side_by_side(icosphere(4), closed, *sheets)
-    assert len(closed.faces) > SMALL * len(mesh.faces) > 2
+    assert len(closed.faces) > SMALL_SHARE * len(mesh.faces) > 2
     assert judged(OPEN, mesh).measured.tolist() == [False, False, True, True]
 
 
 @pytest.mark.parametrize("inside", [ball_of_voxels(9.0), np.ones((7, 8, 9), bool)])
 def test_a_closed_surface_of_a_mask_is_measured_whatever_the_trees_say_unless_it_has_no_steps(inside):
-    mesh = marching_cubes(np.pad(inside, 2).astype(float))
+    mesh = volume_surface(np.pad(inside, 2).astype(float))
     assert judged(OPEN, mesh).measured.tolist() == [inside.min() == 0]
 
 

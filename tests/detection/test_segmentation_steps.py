@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 from shapes import ball_of_voxels, cubes, cylinder, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.data_gen.meshing.tessellated_part import Part
-from cascadenorm.data_gen.scanning.volumes import marching_cubes, surface_nets
+from cascadenorm.data_gen.meshing.tessellated_part import PartBuilder
+from cascadenorm.data_gen.scanning.volumes import surface_nets, volume_surface
 from cascadenorm.detection.error_kind import error_kind
 from cascadenorm.detection.segmentation_steps import has_voxel_faces, is_segmentation
 from cascadenorm.detection.voxel_lattice import lattice_share
@@ -16,7 +16,7 @@ from cascadenorm.mesh import angles_between
 
 @pytest.mark.parametrize("seed", range(3))
 def test_marching_cubes_of_a_mask_are_a_segmentation_in_any_pose(seed):
-    mesh = marching_cubes(ball_of_voxels(11.0).astype(float))
+    mesh = volume_surface(ball_of_voxels(11.0).astype(float))
     mesh = mesh.moved(mesh.vertices @ Rotation.random(random_state=seed).as_matrix().T)
     assert lattice_share(mesh) > 0.99
     assert is_segmentation(mesh)
@@ -59,7 +59,7 @@ def test_a_bracket_on_a_grid_does_not_have_voxel_faces_though_it_lies_on_a_latti
 
 
 def test_a_plate_with_many_equal_holes_is_no_segmentation_though_its_edges_repeat():
-    part = Part(delaunay=True, rng=np.random.default_rng(0))
+    part = PartBuilder(delaunay=True, rng=np.random.default_rng(0))
     angle = 2 * np.pi * np.arange(6) / 6
     hole = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     outline = np.array([[-3, -3], [41, -3], [41, 41], [-3, 41]], float)

@@ -5,7 +5,7 @@ import pytest
 from shapes import cube, cylinder, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
-from cascadenorm.detection.spikes import spikes, without_spikes
+from cascadenorm.detection.spikes import noise_spikes, without_spikes
 from cascadenorm.mesh import Mesh
 
 
@@ -27,7 +27,7 @@ def spiked(mesh: Mesh, count: int, height: float, *, seed: int = 0) -> tuple[Mes
 def test_single_vertices_far_off_are_found_and_no_others(height, seed):
     rough = noisy(icosphere(4), 0.05, seed=seed)
     mesh, chosen = spiked(rough, 12, height, seed=seed)
-    assert np.flatnonzero(spikes(mesh)).tolist() == sorted(chosen)
+    assert np.flatnonzero(noise_spikes(mesh)).tolist() == sorted(chosen)
     left = np.linalg.norm(without_spikes(mesh).vertices - rough.vertices, axis=1) / rough.mean_edge_length
     assert left.max() < 0.6
 
@@ -36,7 +36,7 @@ def test_single_vertices_far_off_are_found_and_no_others(height, seed):
     "mesh", [cube(6), cylinder(40), icosphere(4), noisy(icosphere(4), 0.15), noisy(grid(30, 30), 0.15)]
 )
 def test_shapes_and_plain_noise_have_no_spikes(mesh):
-    assert not spikes(mesh).any()
+    assert not noise_spikes(mesh).any()
     assert without_spikes(mesh) is mesh
 
 
@@ -65,7 +65,7 @@ def test_the_tip_of_a_cone_on_a_rough_plate_is_shape():
         b = 1 + 24 * ring + np.roll(np.arange(24), -1)
         faces += [*zip(a, a + 24, b, strict=True), *zip(b, a + 24, b + 24, strict=True)]
     vertices[25:] += np.random.default_rng(0).normal(scale=0.03, size=(len(vertices) - 25, 3))
-    assert not spikes(Mesh(vertices, faces))[0]
+    assert not noise_spikes(Mesh(vertices, faces))[0]
 
 
 def test_auto_removes_spikes():

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shapes import cube, grid, icosphere, noisy
 
-from cascadenorm.detection.triangulation import FIGURES, MOST_FACES, triangulation_figures
+from cascadenorm.detection.triangulation import FIGURES, SAMPLED_FACES, triangulation_figures
 from cascadenorm.mesh import Mesh
 
 
@@ -64,7 +64,7 @@ def test_size_pose_and_order_do_not_matter(seed):
 
 def test_a_sample_of_a_large_mesh_has_nearly_the_same_figures():
     mesh = noisy(icosphere(6), 0.1)
-    assert len(mesh.faces) > 3 * MOST_FACES
+    assert len(mesh.faces) > 3 * SAMPLED_FACES
     parts = np.array_split(np.random.default_rng(0).permutation(len(mesh.faces)), 5)
     whole = triangulation_figures(mesh, np.arange(len(mesh.faces)))
     means = np.mean([triangulation_figures(mesh, part) for part in parts], axis=0)

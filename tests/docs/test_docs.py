@@ -6,7 +6,7 @@ import json
 import re
 import shlex
 import sys
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from functools import cache
 from pathlib import Path
 from textwrap import dedent
@@ -20,9 +20,10 @@ from cascadenorm import registry
 from cascadenorm.api.api import methods
 from cascadenorm.cli import run
 from cascadenorm.evaluation import public_sets
-from cascadenorm.evaluation.public_sets import PUBLIC_SETS, Listed, mesh_digest
+from cascadenorm.evaluation.public_sets import PUBLIC_SETS, Listed, geometry_digest
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned.config import TrainConfig
+from cascadenorm.learned.stage import Stage
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -230,7 +231,7 @@ def test_the_pairs_of_the_readme_are_collected_from_clones(tmp_path, monkeypatch
     script = importlib.import_module("collect_pairs")
     for name in ("n.obj", "c.obj"):
         save_mesh(tmp_path / name, icosphere(1))
-    digest = mesh_digest(tmp_path / "n.obj")
+    digest = geometry_digest(tmp_path / "n.obj")
     of = {name: replace(one, listed={}) for name, one in PUBLIC_SETS.items()}
     of["guided"].listed["ball"] = Listed("n.obj", "c.obj", (digest, digest))
     monkeypatch.setattr(public_sets, "PUBLIC_SETS", of)
@@ -245,6 +246,7 @@ def test_the_training_page_lists_every_setting_with_its_default():
     text = (ROOT / "docs" / "training.md").read_text(encoding="utf-8")
     found = dict(re.findall(r"^\| `([\w.]+)` \| (.+?) \|", text, re.MULTILINE))
     config = asdict(TrainConfig())
+    config["stages"] = {f.name: f.default for f in fields(Stage) if f.name != "descriptor"}
     flat = {
         f"{key}.{name}" if name else key: inner
         for key, value in config.items()

@@ -581,9 +581,10 @@ def test_listed_pairs_are_checked_by_digests_that_no_format_changes(tmp_path, mo
         single = mesh.moved(mesh.vertices.astype(np.float32).astype(float))
         for suffix in ("obj", "ply", "off"):
             save_mesh(tmp_path / f"{name}.{suffix}", single)
-    digests = tuple(public_sets.mesh_digest(tmp_path / f"{name}.obj") for name in "nc")
+    digests = tuple(public_sets.geometry_digest(tmp_path / f"{name}.obj") for name in "nc")
     assert (
-        digests == tuple(public_sets.mesh_digest(tmp_path / f"{name}.ply") for name in "nc") and len(set(digests)) == 2
+        digests == tuple(public_sets.geometry_digest(tmp_path / f"{name}.ply") for name in "nc")
+        and len(set(digests)) == 2
     )
     guided = replace(public_sets.PUBLIC_SETS["guided"], listed={"ball": public_sets.Listed("n.off", "c.ply", digests)})
     monkeypatch.setitem(public_sets.PUBLIC_SETS, "guided", guided)

@@ -112,7 +112,7 @@ def test_workers_that_cannot_do_the_work_are_named(tmp_path, cluster, monkeypatc
 
 
 def test_a_cluster_without_workers_is_given_up(tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster_map, "PATIENCE", 1.0)
+    monkeypatch.setattr(cluster_map, "WORKER_TIMEOUT_S", 1.0)
     options = {"n_workers": 0, "processes": False, "dashboard_address": "127.0.0.1:0"}
     with LocalCluster(**options) as empty, pytest.raises(WorkerError, match="has had no worker for 1 seconds"):
         write_pairs(tmp_path / "out", count=1, seed=0, scheduler=empty.scheduler_address)

@@ -3,7 +3,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.geometry.coarse_copy import LEAST_CLUSTERS, coarse_copy, foot
-from cascadenorm.geometry.nearest import Surface
+from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.mesh import Mesh
 
 
@@ -99,7 +99,7 @@ def test_three_sheets_along_one_edge_stay_three():
 def test_a_point_and_its_foot_are_as_far_apart_as_the_exact_search_says():
     mesh = noisy(cube(3), 0.3)
     points = np.random.default_rng(0).normal(size=(200, 3)) * 2
-    found = Surface(mesh).nearest(points)
+    found = SurfaceTree(mesh).nearest(points)
     for point, face, distance in zip(points, found.faces, found.distances, strict=True):
         corners = mesh.vertices[mesh.faces[face]]
         *weights, squared = foot(point, *corners)

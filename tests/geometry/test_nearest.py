@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import cube, grid, icosphere
 
-from cascadenorm.geometry.nearest import Surface
+from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.mesh import Mesh, limit_threads
 
 
@@ -34,7 +34,7 @@ def test_equals_the_search_through_all_triangles(seed, count, spread):
     corners[::11] = corners[::11, :1]  # points
     mesh = Mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
     points = np.concatenate([rng.normal(size=(10, 3)) * 3, corners[:5, 0], mesh.centroids[:5]])
-    found = Surface(mesh).nearest(points)
+    found = SurfaceTree(mesh).nearest(points)
     expected = [[distance_to_triangle(point, *triangle) for triangle in corners] for point in points]
     np.testing.assert_allclose(found.distances, np.min(expected, axis=1), atol=1e-7)
     reached = np.take_along_axis(np.array(expected), found.faces[:, None], axis=1)[:, 0]
@@ -45,19 +45,19 @@ def test_distances_to_a_cube_are_those_of_its_formula():
     points = np.random.default_rng(0).uniform(-3, 3, size=(500, 3))
     outside = np.linalg.norm(np.maximum(np.abs(points) - 1, 0), axis=1)
     inside = np.maximum(1 - np.abs(points).max(axis=1), 0)
-    np.testing.assert_allclose(Surface(cube(3)).nearest(points).distances, outside + inside, atol=1e-12)
+    np.testing.assert_allclose(SurfaceTree(cube(3)).nearest(points).distances, outside + inside, atol=1e-12)
 
 
 def test_points_of_the_surface_are_at_no_distance_of_their_own_face():
     mesh = icosphere(3)
-    found = Surface(mesh).nearest(mesh.centroids)
+    found = SurfaceTree(mesh).nearest(mesh.centroids)
     assert found.distances.max() < 1e-15
     np.testing.assert_array_equal(found.faces, np.arange(len(mesh.faces)))
 
 
 def test_among_equally_near_faces_the_first_counts():
     sheet = grid(3, 3)
-    found = Surface(sheet).nearest(sheet.vertices + np.array([0, 0, 2]))
+    found = SurfaceTree(sheet).nearest(sheet.vertices + np.array([0, 0, 2]))
     first = [np.flatnonzero((sheet.faces == i).any(axis=1))[0] for i in range(len(sheet.vertices))]
     np.testing.assert_array_equal(found.faces, first)
 
@@ -66,8 +66,8 @@ def test_among_equally_near_faces_the_first_counts():
 def test_same_bytes_for_any_number_of_threads(threads):
     mesh, points = icosphere(4), np.random.default_rng(1).normal(size=(3000, 3))
     with limit_threads(1):
-        one = Surface(mesh).nearest(points)
+        one = SurfaceTree(mesh).nearest(points)
     with limit_threads(threads):
-        many = Surface(mesh).nearest(points)
+        many = SurfaceTree(mesh).nearest(points)
     assert one.distances.tobytes() == many.distances.tobytes()
     assert one.faces.tobytes() == many.faces.tobytes()

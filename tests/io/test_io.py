@@ -433,7 +433,7 @@ def test_conversion_keeps_the_surface(name, source, target, tmp_path):
 
 @pytest.mark.parametrize("kind", [ObjFile, OffFile, "text"])
 def test_reading_a_text_takes_a_few_times_its_size(kind, monkeypatch):
-    monkeypatch.setattr("cascadenorm.io.text.text.BLOCK", 1 << 12)
+    monkeypatch.setattr("cascadenorm.io.text.text.WORDS_AT_A_TIME", 1 << 12)
     sheet = grid(100, 100)
     content = Content(sheet.vertices / 7, Polygons.from_rows(sheet.faces.astype(np.int64)))
     if kind == "text":

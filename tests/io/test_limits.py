@@ -13,7 +13,7 @@ from shapes import icosphere
 
 import cascadenorm as cn
 from cascadenorm.io import ReadError
-from cascadenorm.io.limits import ALWAYS, VARIABLE, allowed, check_expansion
+from cascadenorm.io.limits import ALWAYS, VARIABLE, check_expansion, expansion_limit
 
 MODEL = (
     '<?xml version="1.0"?><model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
@@ -141,13 +141,13 @@ def test_the_limit_can_be_raised(tmp_path, monkeypatch):
 
 
 def test_small_files_may_expand_to_a_fixed_size_and_large_ones_by_a_factor(monkeypatch):
-    assert allowed(10) == ALWAYS and allowed(ALWAYS) == 200 * ALWAYS
+    assert expansion_limit(10) == ALWAYS and expansion_limit(ALWAYS) == 200 * ALWAYS
     check_expansion(ALWAYS, 10, "they")
     with pytest.raises(ReadError, match="they need 100 MB"):
         check_expansion(ALWAYS + 1, 10, "they")
     monkeypatch.setenv(VARIABLE, "many")
     with pytest.raises(cn.ParameterError, match=re.escape(f"{VARIABLE} is 'many'; it must be a number of at least 1")):
-        allowed(10)
+        expansion_limit(10)
 
 
 def test_an_archive_whose_build_shows_nothing_is_a_library_of_its_meshes(tmp_path):

@@ -7,7 +7,7 @@ from shapes import ball_of_voxels, grid, mean_angle
 import cascadenorm as cn
 from cascadenorm.data_gen import DatasetConfig, pair
 from cascadenorm.data_gen.scanning.tetrahedra import marching_tetrahedra
-from cascadenorm.data_gen.scanning.volumes import marching_cubes
+from cascadenorm.data_gen.scanning.volumes import volume_surface
 from cascadenorm.learned.methods import treated
 from cascadenorm.mesh import Mesh, angles_between, unit
 
@@ -32,14 +32,14 @@ def test_a_noisy_field_meshed_by_marching_tetrahedra_is_denoised():
 
 @pytest.mark.parametrize("radius", [3.5, 8.0])
 def test_a_small_segmented_object_is_denoised_alone_in_its_file(radius):
-    mesh = marching_cubes(ball_of_voxels(radius).astype(float))
+    mesh = volume_surface(ball_of_voxels(radius).astype(float))
     assert angle_to_ball(cn.denoise(mesh), 14.7) < 0.3 * angle_to_ball(mesh, 14.7)
 
 
 def test_a_grey_and_a_binary_surface_in_one_mesh_are_both_denoised():
     distance = np.linalg.norm(nodes(44), axis=-1)
     rough = 0.5 + 18 - distance + np.random.default_rng(0).normal(scale=0.15, size=distance.shape)
-    grey, mask = marching_cubes(rough), marching_cubes((distance < 12).astype(float))
+    grey, mask = volume_surface(rough), volume_surface((distance < 12).astype(float))
     both = Mesh(
         np.concatenate([grey.vertices, mask.vertices]), np.concatenate([grey.faces, mask.faces + len(grey.vertices)])
     )

@@ -14,15 +14,17 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_descriptor
 from cascadenorm.learned.features import FeatureScaler, pairwise_features
+from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training import checkpoints, distributed, training
 from cascadenorm.learned.training.launch import is_local_main, is_main
-from cascadenorm.learned.training.network_training import Faces, angle_sum, chordal_distance, train_network
+from cascadenorm.learned.training.network_training import TrainingFaces, angle_sum, chordal_distance, train_network
 from cascadenorm.learned.training.networks import TorchFeatures
-from cascadenorm.learned.training.training import train
+from cascadenorm.learned.training.training import train_cascade
 from cascadenorm.mesh import limit_threads
 
 TORCHRUN = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2"]
 TWO_PROCESSES = [*TORCHRUN, "-m", "cascadenorm", "train"]
+STAGE = '[[stages]]\ndescriptor = "B"\n'
 TINY = TrainConfig(
     faces_per_mesh=500,
     clusters=2,
@@ -59,10 +61,10 @@ def in_this_process():
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    return train(TINY, tmp_path_factory.mktemp("tiny"))
+    return train_cascade(TINY, tmp_path_factory.mktemp("tiny"))
 
 
-def to_learn_from(clean, level) -> tuple[Faces, FeatureScaler]:
+def to_learn_from(clean, level) -> tuple[TrainingFaces, FeatureScaler]:
     """All faces of a mesh with noise, and a scaler that leaves their features as they are."""
     stack = bilateral_descriptor(noisy(clean, level), "rings")
     inputs = pairwise_features(stack).shape[1]
@@ -71,14 +73,14 @@ def to_learn_from(clean, level) -> tuple[Faces, FeatureScaler]:
         mean=zero, scale=one, projection=np.zeros((inputs, 0), np.float32), context_mean=none, context_scale=none
     )
     context = np.zeros((len(stack), 0), np.float32)
-    return Faces(*map(torch.from_numpy, (stack, context, clean.face_normals.astype(np.float32)))), scaler
+    return TrainingFaces(*map(torch.from_numpy, (stack, context, clean.face_normals.astype(np.float32)))), scaler
 
 
 def test_training_lowers_the_loss():
     faces, scaler = to_learn_from(cube(10), 0.25)
     losses: list[float] = []
     rows, fit = np.arange(len(faces.truth)), Fit(epochs=8, batch=64)
-    train_network(faces, rows, scaler, fit, seed=0, log=lambda *said: losses.append(said[2]))
+    train_network(faces, rows, scaler, fit, "tanh", seed=0, log=lambda *said: losses.append(said[2]))
     assert losses[-1] < 0.95 * losses[0]
 
 
@@ -108,7 +110,7 @@ def test_early_stopping_returns_the_best_pass():
     faces, scaler = to_learn_from(icosphere(2), 0.3)
     seen: list[float] = []
     rows, fit = np.arange(len(faces.truth)), Fit(epochs=200, batch=16, hidden=(64,), patience=3)
-    train_network(faces, rows, scaler, fit, seed=0, log=lambda *said: seen.append(said[2]))
+    train_network(faces, rows, scaler, fit, "tanh", seed=0, log=lambda *said: seen.append(said[2]))
     assert len(seen) < 200
     assert np.argmin(seen) == len(seen) - 1 - fit.patience
 
@@ -120,26 +122,26 @@ def test_a_tiny_training_beats_the_noisy_input(trained):
 
 
 def test_same_seed_same_bytes_and_another_seed_others(trained, tmp_path):
-    assert train(TINY, tmp_path / "again").to_bytes() == trained.to_bytes()
+    assert train_cascade(TINY, tmp_path / "again").to_bytes() == trained.to_bytes()
     other = TrainConfig(**{f.name: getattr(TINY, f.name) for f in fields(TINY)} | {"seed": 1})
-    assert train(other, tmp_path / "other").to_bytes() != trained.to_bytes()
+    assert train_cascade(other, tmp_path / "other").to_bytes() != trained.to_bytes()
 
 
 @pytest.mark.parametrize(("task", "done"), [("noisy/clean pairs", 2), ("stage 1 cluster 2", 3), ("apply stage 2", 1)])
 def test_an_interrupted_training_goes_on_to_the_same_bytes(trained, tmp_path, task, done):
     with pytest.raises(Interrupted):
-        train(TINY, tmp_path, progress=interrupt_at(task, done))
-    assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+        train_cascade(TINY, tmp_path, progress=interrupt_at(task, done))
+    assert train_cascade(TINY, tmp_path).to_bytes() == trained.to_bytes()
 
 
 def test_processes_that_work_side_by_side_change_no_byte(trained, tmp_path):
     with limit_threads(2):
-        assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+        assert train_cascade(TINY, tmp_path).to_bytes() == trained.to_bytes()
 
 
 def test_pairs_that_are_made_are_not_made_again(trained, tmp_path, monkeypatch):
     with pytest.raises(Interrupted):
-        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 2))
+        train_cascade(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 2))
     asked = []
 
     def watched(config, indices, workers):
@@ -147,7 +149,7 @@ def test_pairs_that_are_made_are_not_made_again(trained, tmp_path, monkeypatch):
         return pairs(config, indices, workers=workers)
 
     monkeypatch.setattr(training, "pairs", watched)
-    assert train(TINY, tmp_path).to_bytes() == trained.to_bytes()
+    assert train_cascade(TINY, tmp_path).to_bytes() == trained.to_bytes()
     assert asked == [2, 3]
 
 
@@ -165,7 +167,7 @@ def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path
     settings.write_text(
         "faces_per_mesh = 500\nclusters = 2\n[fit]\nhidden = [16, 8]\nepochs = 15\nbatch = 128\n"
         '[data]\ncount = 4\nfamilies = ["smooth"]\nmin_faces = 1200\nmax_faces = 1500\n'
-        'noise_kinds = ["normal"]\nmin_level = 0.15\nmax_level = 0.3\n'
+        'noise_kinds = ["normal"]\nmin_level = 0.15\nmax_level = 0.3\nrelief = 0.0\n'
     )
     assert read_config(settings) == TINY
     two = trained_by_two(settings)
@@ -181,7 +183,7 @@ def test_two_processes_share_the_meshes_and_end_with_one_model(trained, tmp_path
 def test_a_process_may_have_no_face_of_a_cluster(tmp_path):
     settings = tmp_path / "tiny.toml"
     settings.write_text(
-        'descriptors = ["B"]\nfaces_per_mesh = 40\nclusters = 30\n[fit]\nhidden = [4]\nepochs = 2\n'
+        'faces_per_mesh = 40\nclusters = 30\n[[stages]]\ndescriptor = "B"\n[fit]\nhidden = [4]\nepochs = 2\n'
         '[data]\ncount = 2\nfamilies = ["smooth"]\nmin_faces = 1200\nmax_faces = 1500\n'
     )
     assert trained_by_two(settings).card["faces_trained_on"] == 80
@@ -220,36 +222,41 @@ def test_fewer_meshes_than_processes_are_refused_in_words(tmp_path):
 
 def test_the_folder_of_another_training_is_refused(tmp_path):
     with pytest.raises(Interrupted):
-        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
+        train_cascade(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
     with pytest.raises(ValueError, match="holds a training with other settings"):
-        train(TrainConfig(seed=7), tmp_path)
+        train_cascade(TrainConfig(seed=7), tmp_path)
 
 
 def test_the_folder_of_another_version_is_refused(tmp_path, monkeypatch):
     with pytest.raises(Interrupted):
-        train(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
-    monkeypatch.setattr(checkpoints, "FORMAT", "cascadenorm/another")
+        train_cascade(TINY, tmp_path, progress=interrupt_at("noisy/clean pairs", 1))
+    monkeypatch.setattr(checkpoints, "CASCADE_FORMATS", ("cascadenorm/another",))
     with pytest.raises(ConfigError, match="another version"):
-        train(TINY, tmp_path)
+        train_cascade(TINY, tmp_path)
 
 
 def test_more_directions_than_features_are_all_of_them(tmp_path):
     one = replace(
-        TINY, descriptors=("B",), context=60, fit=Fit(hidden=(4,), epochs=1), data=replace(TINY.data, count=1)
+        TINY,
+        stages=(Stage(descriptor="B"),),
+        context=60,
+        fit=Fit(hidden=(4,), epochs=1),
+        data=replace(TINY.data, count=1),
     )
-    assert train(one, tmp_path).stages[0].scaler.projection.shape == (45, 45)
+    assert train_cascade(one, tmp_path).stages[0].scaler.projection.shape == (45, 45)
 
 
 def test_more_clusters_than_faces_are_refused_in_words(tmp_path):
     few = replace(TINY, faces_per_mesh=1, clusters=5)
     with pytest.raises(ConfigError, match="5 clusters are more than the faces to learn from, 4"):
-        train(few, tmp_path)
+        train_cascade(few, tmp_path)
 
 
 def test_a_training_that_diverges_is_refused():
     faces, scaler = to_learn_from(cube(4), 0.25)
     with pytest.raises(ConfigError, match="the training diverged"):
-        train_network(faces, np.arange(len(faces.truth)), scaler, Fit(epochs=2, batch=16, learning_rate=1e30), seed=0)
+        fit = Fit(epochs=2, batch=16, learning_rate=1e30)
+        train_network(faces, np.arange(len(faces.truth)), scaler, fit, "tanh", seed=0)
 
 
 def test_a_process_that_a_scheduler_has_numbered_is_alone_all_the_same(monkeypatch):
@@ -278,24 +285,24 @@ def test_the_settings_of_cascade_are_those_of_the_paper():
     config = read_config(Path(__file__).parents[2] / "configs" / "cascade.toml")
     assert [stage.descriptor for stage in config.stages] == ["B+G", "B", "B"]
     for stage in config.stages:
-        assert (stage.neighborhood, stage.weighting, stage.foldovers) == ("distance", "heights", "ignore")
+        assert (stage.neighborhood, stage.weighting, stage.foldovers) == ("distance", "uniform", "ignore")
         assert (stage.activation, stage.sweeps) == ("tanh", 20)
     assert (config.clusters, config.context, len(config.fit.hidden)) == (4, 0, 1)
 
 
-def test_the_last_stage_has_all_sweeps_and_a_weighting_of_its_own():
-    stages = TrainConfig(sweeps=7, last_weighting="angles").stages
-    assert [stage.sweeps for stage in stages] == [7, 7, 20]
-    assert [stage.weighting for stage in stages] == ["heights", "heights", "angles"]
+def test_a_training_without_settings_is_that_of_the_vertex_network():
+    assert read_config(Path(__file__).parents[2] / "configs" / "vertex.toml") == TrainConfig()
 
 
 def test_settings_are_read_from_toml(tmp_path):
     path = tmp_path / "some.toml"
     path.write_text(
-        'clusters = 3\ndescriptors = ["B"]\n[fit]\nlearning_rate = 1\n[data]\ncount = 5\nfamilies = ["rock"]\n'
+        'clusters = 3\n[[stages]]\ndescriptor = "B"\nsweeps = 3\n[[stages]]\ndescriptor = "B+G"\n'
+        '[fit]\nlearning_rate = 1\n[data]\ncount = 5\nfamilies = ["rock"]\n'
     )
     config = read_config(path)
-    assert (config.clusters, config.descriptors, config.fit.learning_rate) == (3, ("B",), 1.0)
+    assert config.stages == (Stage(descriptor="B", sweeps=3), Stage(descriptor="B+G"))
+    assert (config.clusters, config.fit.learning_rate) == (3, 1.0)
     assert (config.data.count, config.data.families, config.seed) == (5, ("rock",), TrainConfig().seed)
     assert config.data.max_level == TrainConfig().data.max_level
 
@@ -307,19 +314,25 @@ def test_settings_are_read_from_toml(tmp_path):
         ("[fit]\nwidth = 3", "there is no setting fit.width; fit settings are hidden"),
         ("seed = -1", "seed is -1; it must be at least 0"),
         ("context = -1", "context is -1; it must be at least 0"),
-        ("sweeps = -1", "sweeps is -1; it must be at least 0"),
         ("[fit]\nweight_decay = -1", "weight_decay is -1.0; it must be at least 0"),
         ("[data]\nmin_faces = 1000", "faces are 1000 to 20000; at least 1200"),
         ("fit = 3", "fit is 3; it must be a table"),
         ('clusters = "many"', "clusters is 'many'; it must be of type int"),
         ("clusters = 0", "clusters is 0"),
-        ('descriptors = ["C"]', "descriptors are"),
-        ('neighborhood = "all"', "neighborhood is 'all'; it must be one of distance, rings"),
-        ('last_weighting = "areas"', "last_weighting is 'areas'"),
-        ('foldovers = "mend"', "foldovers is 'mend'; it must be one of avoid, ignore"),
+        ("stages = 3", "stages is 3; it must be a list"),
+        ("stages = []", "stages is empty"),
+        ("stages = [3]", "stages is 3; it must be a table"),
+        ("[[stages]]\nsweeps = 3", "stages has no descriptor"),
+        (STAGE + "sweep = 3", "there is no setting stages.sweep; stages settings are descriptor"),
+        (STAGE + "sweeps = -1", "sweeps is -1; it must be at least 0"),
+        (STAGE + 'sweeps = "many"', "stages.sweeps is 'many'; it must be of type int"),
+        ('[[stages]]\ndescriptor = "C"', "descriptor is 'C'; it must be one of B, B"),
+        (STAGE + 'neighborhood = "all"', "neighborhood is 'all'; it must be one of distance, rings"),
+        (STAGE + 'weighting = "areas"', "weighting is 'areas'; it must be one of uniform, inverse-height"),
+        (STAGE + 'foldovers = "mend"', "foldovers is 'mend'; it must be one of avoid, ignore"),
+        (STAGE + 'activation = "relu"', "activation is 'relu'; it must be one of silu, tanh"),
         ("[fit]\nepochs = 0", "epochs is 0"),
         ("[fit]\nhidden = []", r"fit\.hidden is \[\]"),
-        ('[fit]\nactivation = "relu"', "fit.activation is 'relu'"),
         ('[data]\nfamilies = ["teapot"]', "teapot"),
         ("clusters = = 3", "is not TOML"),
     ],

@@ -80,10 +80,10 @@ def test_misses_are_those_of_a_direct_mapped_cache():
     mesh = Shuffled(LARGE, 5).mesh
     held, misses = {}, 0
     for vertex in mesh.faces.ravel().tolist():
-        line = vertex // ordering.LINE
+        line = vertex // ordering.CACHE_LINE
         misses += held.get(line % ordering.LINES) != line
         held[line % ordering.LINES] = line
-    assert ordering.cache_misses(mesh) == misses * ordering.LINE / len(mesh.vertices)
+    assert ordering.cache_misses(mesh) == misses * ordering.CACHE_LINE / len(mesh.vertices)
 
 
 def test_the_bits_of_the_coordinates_take_turns():

@@ -52,7 +52,10 @@ NETWORKS = {**shipped("auto").networks, "cascade": shipped("cascade")}
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_shipped_weights_have_the_settings_of_their_configuration(name):
     config = read_config(ROOT / "configs" / f"{name}.toml")
-    assert NETWORKS[name].card["config"] == json.loads(json.dumps(asdict(config)))
+    made, expected = NETWORKS[name].card["config"], json.loads(json.dumps(asdict(config)))
+    assert made["data"] == expected["data"]
+    assert {key: made["fit"][key] for key in expected["fit"]} == expected["fit"]
+    assert all(made[key] == expected[key] for key in ("seed", "clusters", "context", "faces_per_mesh"))
     assert tuple(stage.settings for stage in NETWORKS[name].stages) == config.stages
 
 
@@ -70,7 +73,7 @@ def test_the_shipped_cascade_is_the_published_method():
     assert [stage.settings.descriptor for stage in stages] == ["B+G", "B", "B"]
     for stage in stages:
         settings, count = stage.settings, filtered[stage.settings.descriptor]
-        assert (settings.neighborhood, settings.weighting, settings.foldovers) == ("distance", "heights", "ignore")
+        assert (settings.neighborhood, settings.weighting, settings.foldovers) == ("distance", "uniform", "ignore")
         assert settings.activation == "tanh"
         assert len(stage.centers) == 4 and len(stage.layers) == 2
         assert stage.layers[0][0].shape[1] == stage.centers.shape[1] == count * (count - 1) // 2
@@ -89,15 +92,15 @@ def test_each_stage_comes_closer_to_shapes_that_no_training_saw(name):
 
 
 @pytest.mark.parametrize("name", ["vertex", "surface"])
-def test_the_last_stage_of_auto_alone_is_fitted_by_angles(name):
-    assert [stage.settings.weighting for stage in NETWORKS[name].stages] == ["heights", "heights", "angles"]
+def test_the_last_stage_of_auto_alone_weights_faces_by_inverse_heights(name):
+    assert [stage.settings.weighting for stage in NETWORKS[name].stages] == ["uniform", "uniform", "inverse-height"]
 
 
 @pytest.mark.parametrize(
     "update",
     [
         {"weighting": weighting, "foldovers": foldovers, "sweeps": sweeps}
-        for weighting in ("heights", "angles")
+        for weighting in ("uniform", "inverse-height")
         for foldovers in ("avoid", "ignore")
         for sweeps in (3, 20)
     ],
@@ -152,7 +155,7 @@ def test_train_records_each_pass_and_its_curves_are_shown(tmp_path, capsys):
     assert run([*words, "--tensorboard", str(tmp_path / "events")]) == 0
     passes = read_passes(log)
     stages = {done.stage for done in passes}
-    assert stages == set(range(1, len(read_config(settings).descriptors) + 1)) and {1, 2} == {p.cluster for p in passes}
+    assert stages == set(range(1, len(read_config(settings).stages) + 1)) and {1, 2} == {p.cluster for p in passes}
     recorded = [
         [min(p.validation for p in passes if (p.stage, p.cluster) == (stage, cluster)) for cluster in (1, 2)]
         for stage in sorted(stages)

@@ -122,7 +122,7 @@ def test_cascade_agrees_with_the_whole_and_widens_halos(monkeypatch):
 def test_guided_filter_widens_a_halo_that_is_too_narrow(guidance, monkeypatch):
     from cascadenorm.baselines import guided_normal
 
-    monkeypatch.setattr(guided_normal, "REACH", 0)
+    monkeypatch.setattr(guided_normal, "FIRST_REACH", 0)
     given = {"guidance": guidance, "iterations": 2, "sweeps": 2, "radius": 4.0}
     whole, patches = in_patches(RIBBON, 800, method="guided-normal", **given)
     assert patches.tobytes() == whole.tobytes()

@@ -113,9 +113,3 @@ def test_completion_of_commands_and_options_for_shells():
         asked = {"_CASCADENORM_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
         done = subprocess.run(run, env=asked, capture_output=True, text=True, check=True)
         assert done.stdout.strip() == expected
-
-
-@pytest.mark.slow  # builds, installs into a fresh environment, compiles every kernel
-def test_the_commands_of_the_dockerfile_make_a_program_that_denoises(tmp_path):
-    run = [sys.executable, ROOT / "container" / "replay.py", tmp_path / "root"]
-    assert "denoised" in subprocess.run(run, capture_output=True, text=True, check=True).stdout

@@ -12,7 +12,7 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.api import denoised_file
+from cascadenorm.api.api import denoise_file_with_meshes
 from cascadenorm.cli import run
 from cascadenorm.geometry.fields import fields
 from cascadenorm.io.content import Content
@@ -257,7 +257,7 @@ def test_a_report_on_a_denoised_file_has_all_that_makes_it_again(place):
 
 
 def test_learned_methods_name_the_digest_of_their_weights(place):
-    denoised = denoised_file("rough.ply", "out.ply", method="laplacian")
+    denoised = denoise_file_with_meshes("rough.ply", "out.ply", method="laplacian")
     report_denoised("plain.html", denoised)
     assert "weights of" not in text_of(place / "plain.html")
     auto = denoised._replace(summary=denoised.summary.__class__(**{**vars(denoised.summary), "method": "auto"}))

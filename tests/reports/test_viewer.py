@@ -14,7 +14,7 @@ from PIL import Image
 from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.api import denoised_file
+from cascadenorm.api.api import denoise_file_with_meshes
 from cascadenorm.cli import run
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
@@ -397,7 +397,7 @@ def test_on_a_phone_nothing_sticks_out(browser, report):
 @needs_browser
 def test_on_a_phone_settings_and_what_they_mean_are_read_without_scrolling_sideways(browser, tmp_path):
     save_mesh(tmp_path / "rough.ply", CLEAN)
-    report_denoised(tmp_path / "r.html", denoised_file(tmp_path / "rough.ply", tmp_path / "out.ply"))
+    report_denoised(tmp_path / "r.html", denoise_file_with_meshes(tmp_path / "rough.ply", tmp_path / "out.ply"))
     browser.sized(390, 844)
     browser.open(tmp_path / "r.html")
     assert browser.js("return document.querySelector('.prose').getBoundingClientRect().right") <= 390

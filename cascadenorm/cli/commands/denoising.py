@@ -10,20 +10,20 @@ from cascadenorm.cli.app import app
 from cascadenorm.cli.errors import PARTLY, complain, located, warn_of_strength
 from cascadenorm.cli.options import (
     Force,
-    Json,
-    Method,
-    Model,
+    JsonOption,
+    MethodOption,
+    ModelOption,
     ReportFile,
     Scheduler,
     Set,
+    control_options,
     parameter_values,
-    takes_controls,
 )
 from cascadenorm.compute.compile_time import tell_of_compiling
 
 
 @app.command()
-@takes_controls()
+@control_options()
 def denoise(
     source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],
     *,
@@ -31,8 +31,8 @@ def denoise(
         str | None,
         typer.Option("-o", "--output", help="Output file, whose extension selects the format, or - for stdout."),
     ] = None,
-    method: Method = "auto",
-    model: Model = None,
+    method: MethodOption = "auto",
+    model: ModelOption = None,
     settings: Set = None,
     format: Annotated[
         str | None,
@@ -62,7 +62,7 @@ def denoise(
         ),
     ] = None,
     force: Force = False,
-    as_json: Json = False,
+    as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
     """Denoise a mesh file; by default into <stem>_denoised<suffix> beside it."""
@@ -83,7 +83,7 @@ def denoise(
 
         reports.check_report(report, force=force)
     with progress_bars.progress_bar("denoising") as progress:
-        denoised = api.denoised_file(
+        denoised = api.denoise_file_with_meshes(
             sys.stdin.buffer if source == "-" else source,
             sys.stdout.buffer if target == "-" else target,
             method=method,
@@ -103,8 +103,8 @@ def denoise(
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
     if as_json:
-        counts = json_output.faults(denoised.before.mesh, denoised.after.mesh)
-        json_output.print_json("denoise", {**json_output.denoised(done), **counts}, file=out)
+        counts = json_output.faults_json(denoised.before.mesh, denoised.after.mesh)
+        json_output.print_json("denoise", {**json_output.denoised_json(done), **counts}, file=out)
     else:
         tables.print_denoised(done, file=out)
         if report is not None:
@@ -112,7 +112,7 @@ def denoise(
 
 
 @app.command()
-@takes_controls()
+@control_options()
 def batch(
     sources: Annotated[
         list[str],
@@ -122,8 +122,8 @@ def batch(
     output: Annotated[
         str, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results, or a URL in an object store.")
     ],
-    method: Method = "auto",
-    model: Model = None,
+    method: MethodOption = "auto",
+    model: ModelOption = None,
     settings: Set = None,
     format: Annotated[
         str | None,
@@ -156,7 +156,7 @@ def batch(
         Path | None, typer.Option(metavar="FILE", help="What records what is done; else manifest.jsonl in DIR.")
     ] = None,
     force: Force = False,
-    as_json: Json = False,
+    as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
     """Denoise many files into a folder; files already done are skipped, and a failure does not stop the others."""
@@ -184,7 +184,7 @@ def batch(
             **controls,
         )
     if as_json:
-        json_output.print_json("batch", json_output.batch(done))
+        json_output.print_json("batch", json_output.batch_json(done))
     else:
         tables.print_batch(done, output)
     if done.failures:
@@ -192,7 +192,7 @@ def batch(
 
 
 @app.command("denoise-regions")
-@takes_controls()
+@control_options()
 def denoise_regions(
     sources: Annotated[list[str], typer.Argument(metavar="IN...", help="Mesh files.")],
     *,
@@ -202,11 +202,11 @@ def denoise_regions(
             "-o", "--output", metavar="DIR", help="Folder for the results, which keep the names of their inputs."
         ),
     ] = None,
-    method: Method = "auto",
-    model: Model = None,
+    method: MethodOption = "auto",
+    model: ModelOption = None,
     settings: Set = None,
     force: Force = False,
-    as_json: Json = False,
+    as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
     """Denoise mesh files whose walls coincide, as those of a segmentation do: shared walls stay shared."""
@@ -220,7 +220,7 @@ def denoise_regions(
             sources, output, method=method, parameters=parameters, force=force, progress=progress, **controls
         )
     if as_json:
-        json_output.print_json("denoise-regions", {"files": [json_output.denoised(one) for one in done]})
+        json_output.print_json("denoise-regions", {"files": [json_output.denoised_json(one) for one in done]})
     else:
         for one in done:
             tables.print_denoised(one, file=sys.stdout)
@@ -236,7 +236,7 @@ def inspect(
     ] = None,
     report: ReportFile = None,
     force: Force = False,
-    as_json: Json = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Report what a mesh is, its defects and where they are, and how noisy it is."""
     from cascadenorm import inspection
@@ -250,7 +250,7 @@ def inspect(
 
         found = reports.report(report, mesh, self_intersections=self_intersections, force=force).inspections["mesh"]
     if as_json:
-        json_output.print_json("inspect", json_output.inspected(found))
+        json_output.print_json("inspect", json_output.inspected_json(found))
     else:
         tables.print_inspection(found)
         if report is not None:

@@ -60,7 +60,7 @@ Distance = Annotated[
     float | None,
     typer.Option(help="Distance of the camera from the target, in the unit of the meshes; by default all is visible."),
 ]
-Values = Annotated[
+ValuesOption = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
@@ -70,7 +70,7 @@ Values = Annotated[
 Reference = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Mesh to compare with; by default the first mesh.")
 ]
-Limits = Annotated[str | None, typer.Option(metavar="LOW,HIGH", help="Values at the ends of the colours.")]
+Limits = Annotated[str | None, typer.Option(metavar="LOW,HIGH", help="ValuesOption at the ends of the colours.")]
 Crops = Annotated[
     list[str] | None,
     typer.Option(
@@ -95,7 +95,7 @@ def render(
     up: Upward = "y",
     target: Target = None,
     distance: Distance = None,
-    values: Values = None,
+    values: ValuesOption = None,
     reference: Reference = None,
     limits: Limits = None,
     crop: Crops = None,
@@ -114,7 +114,7 @@ def render(
     axis = pictures.upward(up)
     style = Style(
         size=size,
-        direction=pictures.direction(view, up=axis),
+        direction=pictures.view_direction(view, up=axis),
         up=axis,
         target=pictures.numbers("--target", target, 3),
         distance=distance,

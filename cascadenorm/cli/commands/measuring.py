@@ -10,18 +10,18 @@ from cascadenorm.cli.app import app
 from cascadenorm.cli.errors import PARTLY, complain, worded
 from cascadenorm.cli.options import (
     Force,
-    Json,
+    JsonOption,
     ReportFile,
     Scheduler,
     Set,
+    control_options,
     named_values,
     parameter_values,
-    takes_controls,
 )
 
 if TYPE_CHECKING:
     from cascadenorm.evaluation.harness import Evaluation
-    from cascadenorm.io.pairs import Pair
+    from cascadenorm.io.pairs import FilePair
 
 
 @app.command()
@@ -31,7 +31,7 @@ def compare(
     *,
     report: ReportFile = None,
     force: Force = False,
-    as_json: Json = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Measure a mesh against the ground truth."""
     from cascadenorm.api import api
@@ -45,7 +45,7 @@ def compare(
 
         measures = reports.report(report, judged, truth=reference, force=force).measures["mesh"]
     if as_json:
-        json_output.print_json("compare", json_output.compared(mesh, reference, measures))
+        json_output.print_json("compare", json_output.compared_json(mesh, reference, measures))
     else:
         tables.print_measures(measures)
         if report is not None:
@@ -65,7 +65,7 @@ def spectrum(
             help="area multiplies them by the surface area, so that scale does not matter; keep does not.",
         ),
     ] = "area",
-    as_json: Json = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Print the lowest eigenvalues of the Laplacian of a mesh, its shape DNA, and its distance from that of another."""
     from cascadenorm.api import spectra
@@ -76,7 +76,7 @@ def spectrum(
     first, second = (sys.stdin.buffer if name == "-" else name for name in (mesh, other))
     found = spectra.spectrum(first, second, count=count, scale=cast(Literal["area", "keep"], scale))
     if as_json:
-        json_output.print_json("spectrum", json_output.spectrum(mesh, other, found))
+        json_output.print_json("spectrum", json_output.spectrum_json(mesh, other, found))
     else:
         tables.print_spectrum(found)
 
@@ -95,7 +95,7 @@ Copy = Annotated[
     Path | None,
     typer.Option("--from", metavar="DIR", help="Your copy of the public set: a clone or an unpacked archive."),
 ]
-Split = Annotated[str, typer.Option(metavar="test|train", help="Split of the public set, as published.")]
+SplitOption = Annotated[str, typer.Option(metavar="test|train", help="SplitOption of the public set, as published.")]
 Noise = Annotated[
     float | None,
     typer.Option(
@@ -142,13 +142,13 @@ Workers = Annotated[int, typer.Option(min=1, help="Number of processes.")]
 
 
 @app.command()
-@takes_controls("strength", "threads")
+@control_options("strength", "threads")
 def evaluate(
     folders: Folders = None,
     *,
     dataset: Dataset = None,
     copy: Copy = None,
-    split: Split = "test",
+    split: SplitOption = "test",
     noise: Noise = None,
     seeds: Seeds = 1,
     method: Methods = None,
@@ -164,7 +164,7 @@ def evaluate(
     workers: Workers = 1,
     scheduler: Scheduler = None,
     force: Force = False,
-    as_json: Json = False,
+    as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
     """Denoise pairs of noisy.* and clean.* by several methods, and measure the results, also of other programs."""
@@ -175,7 +175,7 @@ def evaluate(
     if dataset == "list":
         tables.print_public_sets()
         return
-    places: list[Pair | Path] = [*_public_pairs(dataset, copy, split), *(folders or [])]
+    places: list[FilePair | Path] = [*_public_pairs(dataset, copy, split), *(folders or [])]
     if not places:
         raise typer.BadParameter("give folders of pairs, or --dataset NAME --from DIR")
     for path in filter(None, (csv, markdown, latex)):
@@ -217,7 +217,7 @@ def _print_results(done: "Evaluation", *, as_json: bool) -> None:
     for failure in done.failures:
         complain(f"{failure.pair}{f', {failure.method}' if failure.method else ''}: {worded(failure.error)}")
     if as_json:
-        json_output.print_json("evaluate", json_output.evaluated(done))
+        json_output.print_json("evaluate", json_output.evaluated_json(done))
     else:
         tables.print_evaluation(done)
 
@@ -235,7 +235,7 @@ def _write_tables(
             write_atomically(target, [text.encode()], force=force)
 
 
-def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[Pair]":
+def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[FilePair]":
     """Return the pairs of a public set, or none; without a copy say where to get one."""
     from cascadenorm.evaluation.public_sets import public_pairs, public_set
 
@@ -252,7 +252,9 @@ def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[P
 
 @app.command()
 def methods(
-    name: Annotated[str | None, typer.Argument(help="Show this method's parameters.")] = None, *, as_json: Json = False
+    name: Annotated[str | None, typer.Argument(help="Show this method's parameters.")] = None,
+    *,
+    as_json: JsonOption = False,
 ) -> None:
     """List the methods, or the parameters of one."""
     from cascadenorm.api import api
@@ -262,7 +264,7 @@ def methods(
     known = api.methods()
     chosen = known if name is None else {name: find(name)}
     if as_json:
-        json_output.print_json("methods", json_output.methods(chosen.values()))
+        json_output.print_json("methods", json_output.methods_json(chosen.values()))
     elif name is None:
         tables.print_methods(known)
     else:

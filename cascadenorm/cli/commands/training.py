@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.options import Force, Scheduler, takes_controls
+from cascadenorm.cli.options import Force, Scheduler, control_options
 from cascadenorm.errors import counted
 
 
@@ -32,7 +32,7 @@ def generate(
 
 
 @app.command()
-@takes_controls("threads")
+@control_options("threads")
 def train(
     *,
     output: Annotated[Path, typer.Option("-o", "--output", help="Weights file to write.")] = Path(
@@ -96,7 +96,7 @@ def train(
 
 
 @app.command("train-gate")
-@takes_controls("threads")
+@control_options("threads")
 def train_gate(
     vertex: Annotated[Path, typer.Argument(help="Weights trained with configs/vertex.toml.")],
     surface: Annotated[Path, typer.Argument(help="Weights trained with configs/surface.toml.")],

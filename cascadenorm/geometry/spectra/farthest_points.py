@@ -1,16 +1,37 @@
 """Vertices spread over a surface: each is farthest along it from those before (farthest point sampling)."""
 
 import heapq
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.geometry.geodesic_windows import UnfoldedFaces, unfolded
-from cascadenorm.mesh import Bools, Floats, Ints, Mesh, in_frame, kernel, without_lines
+from cascadenorm.mesh import Bools, Csr, Floats, Ints, Ints32, Mesh, in_frame, kernel, without_lines
 
 PROGRESS = 1e-12
 """Relative decrease of a distance that is worth passing on."""
+
+
+class UnfoldedFaces(NamedTuple):
+    """Faces in their planes; side 3f + k of face f joins its corners k and k + 1.
+
+    Parameters
+    ----------
+    faces
+        (m, 3).
+    lengths
+        (3m,) of the sides.
+    apexes
+        (3m, 2) the third corner of the face, from the first corner of the side along it, and off it.
+    vertex_faces
+        The faces around each vertex.
+    """
+
+    faces: Ints32
+    lengths: Floats
+    apexes: Floats
+    vertex_faces: Csr
 
 
 def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first: int | None = None) -> Ints:
@@ -50,18 +71,27 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
         )
     if first is not None and first not in used:
         raise ParameterError(f"is {first}; it must be a vertex that a face references", parameter="first")
-    return spread(mesh, count, first=int(used[0]) if first is None else first)[0]
+    return spread_samples(mesh, count, first=int(used[0]) if first is None else first)[0]
 
 
-def spread(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]:
+def spread_samples(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]:
     """Return samples as `farthest_points` does, and (n,) the distance from each vertex to the nearest of them.
 
     Vertices without a face are no samples, and their distance is inf.
     """
     samples, distances = np.empty(count, np.int64), np.full(len(mesh.vertices), np.inf)
     nearest = np.full(len(mesh.vertices), -1)  # sample of each vertex
-    found = _spread(unfolded(mesh), mesh.topology.used_vertices, first, samples, nearest, distances)
+    found = _spread(_unfolded(mesh), mesh.topology.used_vertices, first, samples, nearest, distances)
     return samples[:found], distances
+
+
+def _unfolded(mesh: Mesh) -> UnfoldedFaces:
+    along, back = np.roll(mesh.corners, -1, axis=1) - mesh.corners, np.roll(mesh.corners, -2, axis=1) - mesh.corners
+    lengths = np.linalg.norm(along, axis=2)
+    apexes = np.zeros((*lengths.shape, 2))
+    np.divide(np.einsum("fkd,fkd->fk", along, back), lengths, out=apexes[..., 0], where=lengths > 0)
+    np.divide(2 * mesh.areas[:, None], lengths, out=apexes[..., 1], where=lengths > 0)
+    return UnfoldedFaces(mesh.faces, lengths.ravel(), apexes.reshape(-1, 2), mesh.topology.vertex_faces)
 
 
 @kernel

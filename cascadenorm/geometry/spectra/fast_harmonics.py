@@ -5,7 +5,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.geometry.spectra.farthest_points import spread
+from cascadenorm.geometry.spectra.farthest_points import spread_samples
 from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
 from cascadenorm.mesh import Csr, Floats, Ints, Mesh, Vectors, kernel, one_blas_thread, parallel_for
 from cascadenorm.mesh.vectors import length, row, subtract
@@ -47,7 +47,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     check_count(count, min(wanted, available))
     if CROWDED * wanted >= available:
         return manifold_harmonics(mesh, count)
-    centers, distances = spread(mesh, wanted, first=int(np.argmax(laplacian.mass > 0)))
+    centers, distances = spread_samples(mesh, wanted, first=int(np.argmax(laplacian.mass > 0)))
     check_count(count, len(centers))
     reach = np.sqrt(OVERLAP * laplacian.mass.sum() / (np.pi * len(centers)))
     reach = max(reach, 1.1 * distances[np.isfinite(distances)].max())  # so that every vertex is reached

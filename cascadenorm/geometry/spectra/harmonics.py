@@ -12,7 +12,8 @@ from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import Mesh, one_blas_thread
 
 BAND = 60  # eigenpairs around one shift
-TOLERANCE = 1e-10  # relative residual of an eigenvalue of the inverse; its own error is of the order of the square
+EIGENVALUE_TOLERANCE = 1e-10
+"""Relative residual of an eigenvalue of the inverse; its own error is of the order of the square."""
 RESTARTS = 60  # of Lanczos in one band; 2 to 5 are usual
 DENSE = 1200  # vertices up to which all eigenpairs at once are faster
 
@@ -170,7 +171,9 @@ def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.floa
     try:
         with one_blas_thread():
             operator = scipy.sparse.linalg.LinearOperator((n, n), apply, dtype=np.float64)
-            inverse, vectors = scipy.sparse.linalg.eigsh(operator, count, v0=start, maxiter=RESTARTS, tol=TOLERANCE)
+            inverse, vectors = scipy.sparse.linalg.eigsh(
+                operator, count, v0=start, maxiter=RESTARTS, tol=EIGENVALUE_TOLERANCE
+            )
     except scipy.sparse.linalg.ArpackError as error:
         raise _too_alike() from error
     values = shift + 1 / inverse

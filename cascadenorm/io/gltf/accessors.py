@@ -11,19 +11,23 @@ from cascadenorm.io.gltf.buffers import Buffers
 from cascadenorm.io.limits import check_expansion
 
 FLOAT = 5126
-KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
-WHOLE = [np.dtype(kind) for kind in ("<i1", "<u1", "<i2", "<u2")]
-STORED = [(np.dtype("<f4"), 1), *((kind, 1) for kind in WHOLE), *((kind, int(np.iinfo(kind).max)) for kind in WHOLE)]
+COMPONENT_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
+INTEGER_TYPES = [np.dtype(kind) for kind in ("<i1", "<u1", "<i2", "<u2")]
+STORED = [
+    (np.dtype("<f4"), 1),
+    *((kind, 1) for kind in INTEGER_TYPES),
+    *((kind, int(np.iinfo(kind).max)) for kind in INTEGER_TYPES),
+]
 """How vectors of three may be stored: the type, and the number of it that stands for 1."""
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+COMPONENT_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 Data = bytes | bytearray | memoryview
 
-Places = range | NDArray[np.int64]
+ByteOffsets = range | NDArray[np.int64]
 """Bytes at which vectors begin; a range where the steps are equal."""
 
 
-class Vectors(NamedTuple):
+class StoredVectors(NamedTuple):
     """Vectors of three numbers: where they lie in the buffers, and how each is stored.
 
     Parameters
@@ -38,7 +42,7 @@ class Vectors(NamedTuple):
     kinds: NDArray[np.int8]
 
     @classmethod
-    def joined(cls, parts: list["Vectors"]) -> "Vectors":
+    def joined(cls, parts: list["StoredVectors"]) -> "StoredVectors":
         """Return all vectors once; raises ReadError where some overlap."""
         if len(parts) == 1 and (parts[0].at[1:] > parts[0].at[:-1]).all():  # most files, read in a fifth less time
             return parts[0]
@@ -52,7 +56,7 @@ class Vectors(NamedTuple):
             raise ReadError("vectors of this glTF file overlap in their buffer: export it again")
         return cls(at, kinds[first])
 
-    def rows_of(self, part: "Vectors", corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    def rows_of(self, part: "StoredVectors", corners: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return corners that are rows of a part of these vectors as rows of all of them."""
         return corners if part is self else np.searchsorted(self.at, part.at)[corners]
 
@@ -61,7 +65,7 @@ class Vectors(NamedTuple):
         """(k,) the byte after each."""
         return np.asarray(self.at + 3 * np.array([kind.itemsize for kind, _ in STORED])[self.kinds], np.int64)
 
-    def overlap(self, places: Places, size: int) -> bool:
+    def overlap(self, places: ByteOffsets, size: int) -> bool:
         """Whether one of these bytes is also in a span of a size that begins at one of the places, which ascend."""
         if not len(places):
             return False
@@ -134,10 +138,10 @@ class Accessors:
         self._claimed += 8 * count
         check_expansion(self._claimed, self._size + len(self._buffers.data), "the meshes of this glTF file")
 
-    def places(self, number: int) -> Places:
+    def places(self, number: int) -> ByteOffsets:
         """Return the byte of the buffers at which each vector begins; raises ReadError where one lies nowhere."""
         accessor = self._document["accessors"][number]
-        size, count = self._type(accessor).itemsize * WIDTHS[accessor["type"]], accessor["count"]
+        size, count = self._type(accessor).itemsize * COMPONENT_COUNTS[accessor["type"]], accessor["count"]
         sparse = accessor.get("sparse")
         if "bufferView" in accessor:
             if sparse is None:
@@ -159,11 +163,11 @@ class Accessors:
             raise ReadError(f"accessor {number} of the glTF document leaves elements undefined: export the file again")
         return found
 
-    def spans(self, number: int) -> list[tuple[Places, int]]:
+    def spans(self, number: int) -> list[tuple[ByteOffsets, int]]:
         """Return where the parts of an accessor begin, with their size; but in buffers not loaded."""
         accessor = self._document["accessors"][number]
         sparse = accessor.get("sparse")
-        width = self._type(accessor).itemsize * WIDTHS.get(accessor["type"], 1)
+        width = self._type(accessor).itemsize * COMPONENT_COUNTS.get(accessor["type"], 1)
         parts = [(accessor, accessor["count"], width)] if "bufferView" in accessor else []
         if sparse is not None:
             indices, values = sparse["indices"], sparse["values"]
@@ -176,7 +180,7 @@ class Accessors:
             if loaded(views[part["bufferView"]]["buffer"])
         ]
 
-    def vectors(self, number: int) -> Vectors:
+    def vectors(self, number: int) -> StoredVectors:
         """Return where the vectors of an accessor lie, which have to be of three numbers."""
         accessor = self._document["accessors"][number]
         kind, largest = self._type(accessor), self._largest(accessor)
@@ -187,14 +191,14 @@ class Accessors:
         where = self.places(number)
         self.claim(3 * len(where))
         places = each(where)
-        return Vectors(places, np.full(len(places), STORED.index((kind, largest)), np.int8))
+        return StoredVectors(places, np.full(len(places), STORED.index((kind, largest)), np.int8))
 
     def values(self, number: int) -> NDArray[Any]:
         """Return the numbers of an accessor, one vector a row."""
         accessor = self._document["accessors"][number]
         places = self.places(number)  # loads the buffer
         self.claim(len(places))
-        return gathered(self._buffers.data, places, self._type(accessor), WIDTHS[accessor["type"]])
+        return gathered(self._buffers.data, places, self._type(accessor), COMPONENT_COUNTS[accessor["type"]])
 
     def fractions(self, number: int) -> NDArray[np.float32] | None:
         """Return the numbers of an accessor in floating point; None where they are whole and stand for themselves."""
@@ -211,7 +215,7 @@ class Accessors:
 
     @staticmethod
     def _type(accessor: dict[str, Any]) -> np.dtype[Any]:
-        return np.dtype(KINDS[accessor["componentType"]])
+        return np.dtype(COMPONENT_TYPES[accessor["componentType"]])
 
     def _range(self, part: dict[str, Any], count: int, size: int) -> range:
         """Return the bytes at which vectors of a size begin that a buffer view holds one after another."""
@@ -230,12 +234,12 @@ class Accessors:
         return range(begin + start, begin + start + step * count, step) if count else range(0)
 
 
-def each(places: Places) -> NDArray[np.int64]:
+def each(places: ByteOffsets) -> NDArray[np.int64]:
     """Return places one by one."""
     return np.arange(places.start, places.stop, places.step) if isinstance(places, range) else places
 
 
-def gathered(data: Data, places: Places, kind: np.dtype[Any], width: int = 1) -> NDArray[Any]:
+def gathered(data: Data, places: ByteOffsets, kind: np.dtype[Any], width: int = 1) -> NDArray[Any]:
     """Return the vectors that begin at these bytes, one a row; they may be a view of the data."""
     vectors = _strided(data, places, kind, width)
     if vectors is None:
@@ -243,7 +247,7 @@ def gathered(data: Data, places: Places, kind: np.dtype[Any], width: int = 1) ->
     return np.asarray(vectors.astype(kind.newbyteorder("="), copy=False))
 
 
-def _strided(data: Data, places: Places, kind: np.dtype[Any], width: int) -> NDArray[Any] | None:
+def _strided(data: Data, places: ByteOffsets, kind: np.dtype[Any], width: int) -> NDArray[Any] | None:
     """View vectors that lie one after another at equal steps, in a tenth of the time of an index; else None."""
     if len(places) < 2:
         return None

@@ -1,23 +1,30 @@
-"""A glTF document made from a mesh."""
+"""The JSON document of glTF: read, written, checked, and made from a mesh."""
 
+import json
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.colors import CHANNELS, TEXTURE, channels
 from cascadenorm.io.content import Content
+from cascadenorm.io.gltf.accessors import COMPONENT_COUNTS, COMPONENT_TYPES
 from cascadenorm.mesh import box_of
 from cascadenorm.mesh.polygons import triangulate
 
-TEXTURE = ("s", "t")
-KINDS = {"u1": 5121, "u4": 5125, "f4": 5126}
-TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-
-
 LISTS = ("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes")
 """Names in a document under which there are lists of objects."""
+
+
+def parsed(data: bytes) -> Any:
+    """Parse a document; bytes that are not UTF-8 are kept. Raises ValueError or RecursionError for invalid JSON."""
+    return json.loads(data.decode("utf-8", "surrogateescape").removeprefix("\ufeff"))
+
+
+def encoded(document: dict[str, Any]) -> bytes:
+    """Return the text of a document; letters beyond ASCII are escaped, so that any text can be written."""
+    return json.dumps(document, separators=(",", ":")).encode()
 
 
 def check_lists(document: dict[str, Any]) -> None:
@@ -49,21 +56,18 @@ def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
         s, t = (content.vertex_values[name] for name in TEXTURE)
         arrays["TEXCOORD_0"] = np.stack([s, 1 - t], axis=1).astype("<f4")  # glTF counts from the top
     taken = (*colors, *(TEXTURE if textured else ()))
-    lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in taken]
-    lost += [f"face property '{name}'" for name in content.face_values]
-    if (content.polygons.counts != 3).any():
-        lost.append("polygons (cut into triangles)")
-    if (positions != content.positions).any():
-        lost.append("digits of the positions beyond single precision")
-    return *_assembled(arrays, triangles.astype("<u4").reshape(-1, 1)), lost
+    document, buffer = _assembled(arrays, triangles.astype("<u4").reshape(-1, 1))
+    return document, buffer, content.lost_as_triangles(of_vertices=taken)
 
 
 def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
     """Return a document whose one mesh has these attributes, and its buffer."""
     parts = [*arrays.values(), indices]
+    numbers = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
+    types = {count: name for name, count in COMPONENT_COUNTS.items()}
     starts = np.cumsum([0, *(part.nbytes for part in parts)]).tolist()
     accessors = [
-        {"bufferView": i, "componentType": KINDS[part.dtype.str[1:]], "count": len(part), "type": TYPES[part.shape[1]]}
+        {"bufferView": i, "componentType": numbers[part.dtype], "count": len(part), "type": types[part.shape[1]]}
         for i, part in enumerate(parts)
     ]
     position = next(iter(arrays.values()))

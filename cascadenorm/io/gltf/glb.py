@@ -1,15 +1,15 @@
 """GLB, the binary container of glTF: the JSON, and the first buffer behind it."""
 
-import json
 import struct
 from collections.abc import Iterable
 from typing import Any
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import Piece
+from cascadenorm.io.gltf.document import encoded
 from cascadenorm.io.gltf.gltf import GltfContainer
 
-MAGIC = b"glTF"
+GLB_MAGIC = b"glTF"
 JSON, BIN = b"JSON", b"BIN\0"
 
 
@@ -30,7 +30,7 @@ class GlbFile(GltfContainer):
 
     @classmethod
     def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
-        text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")
+        text = encoded(document)
         text += b" " * (-len(text) % 4)
         body: list[Piece] = [struct.pack("<I4s", len(text), JSON), text]
         if chunk is not None:
@@ -40,12 +40,12 @@ class GlbFile(GltfContainer):
 
 
 def _header(body: list[Piece]) -> bytes:
-    return MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body)))
+    return GLB_MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body)))
 
 
 def _chunks(data: bytes) -> Iterable[tuple[bytes, memoryview]]:
     """Return the chunks of a GLB file by their names; raises ReadError where it is cut or of another version."""
-    if data[:4] != MAGIC or len(data) < 20:
+    if data[:4] != GLB_MAGIC or len(data) < 20:
         raise ReadError("this is not a GLB file: it does not begin with 'glTF', or ends within its header")
     version, length = struct.unpack_from("<II", data, 4)
     if version != 2:

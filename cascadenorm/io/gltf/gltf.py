@@ -5,7 +5,6 @@ targets and animations apply to the moved vertices as they did before.
 """
 
 import copy
-import json
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -20,12 +19,10 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
-from cascadenorm.io.gltf.accessors import STORED, Accessors, Places, Vectors
+from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
-from cascadenorm.io.gltf.document import check_lists, document_of
-from cascadenorm.io.gltf.json_text import JsonText
-from cascadenorm.io.gltf.json_text import Path as JsonPath
-from cascadenorm.io.gltf.scene import Shape, content_of
+from cascadenorm.io.gltf.document import check_lists, document_of, encoded, parsed
+from cascadenorm.io.gltf.scene import ShownPrimitive, content_of
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -55,8 +52,8 @@ class Primitive(NamedTuple):
     mesh: int
     material: int | None
     attributes: dict[str, int]
-    positions: Vectors
-    normals: Vectors
+    positions: StoredVectors
+    normals: StoredVectors
     triangles: NDArray[np.int64]
 
 
@@ -79,8 +76,8 @@ class GltfContainer(MeshFile):
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         text, chunk = self._unpacked()
         with _explained():
-            self._json = JsonText(text)
-            return self._parse_document(self._json.document, chunk)
+            self._document = parsed(text)
+            return self._parse_document(self._document, chunk)
 
     def _parse_document(self, document: Any, chunk: Piece | None) -> tuple[NDArray[np.float32], Polygons]:
         check_lists(document)
@@ -96,8 +93,8 @@ class GltfContainer(MeshFile):
             for primitive in mesh["primitives"]
             if "POSITION" in primitive["attributes"]
         ]
-        self._stored = Vectors.joined([p.positions for p in self._primitives])
-        self._stored_normals = Vectors.joined([p.normals for p in self._primitives])
+        self._stored = StoredVectors.joined([p.positions for p in self._primitives])
+        self._stored_normals = StoredVectors.joined([p.normals for p in self._primitives])
         places = np.concatenate([self._stored.at, self._stored_normals.at])
         order = np.argsort(places, kind="stable")  # merges the two, each of which ascends
         self._moving_files = self._buffers.files_with(places[order])
@@ -128,7 +125,7 @@ class GltfContainer(MeshFile):
     def _check_others(self) -> None:
         """Raise ReadError where bytes of positions or normals are those of indices or of other attributes as well."""
         for accessor in self._other_accessors():
-            spans: list[tuple[Places, int]] = []
+            spans: list[tuple[ByteOffsets, int]] = []
             with suppress(ReadError, KeyError, IndexError):  # one that cannot be read is kept as it is
                 spans = self._accessors.spans(accessor)
             for places, size in spans:
@@ -141,7 +138,7 @@ class GltfContainer(MeshFile):
     def _other_accessors(self) -> list[int]:
         """Return the numbers of the accessors of primitives that hold neither positions nor normals that move."""
         moving = {p.attributes.get(name) for p in self._primitives for name in ("POSITION", "NORMAL")}
-        primitives = [primitive for mesh in self._json.document.get("meshes", []) for primitive in mesh["primitives"]]
+        primitives = [primitive for mesh in self._document.get("meshes", []) for primitive in mesh["primitives"]]
         found: set[int] = set()
         for primitive in primitives:
             found |= {primitive["indices"]} if "indices" in primitive else set()
@@ -161,7 +158,7 @@ class GltfContainer(MeshFile):
     def _primitive(self, mesh: int, primitive: dict[str, Any]) -> Primitive:
         attributes = primitive["attributes"]
         positions = self._accessors.vectors(attributes["POSITION"])
-        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else Vectors.joined([])
+        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else StoredVectors.joined([])
         count = len(positions.at)
         triangles = self._triangles(primitive, count)
         if (triangles >= count).any():
@@ -174,7 +171,7 @@ class GltfContainer(MeshFile):
             primitive.get("material"),
             attributes,
             positions,
-            normals if len(normals.at) == count else Vectors.joined([]),
+            normals if len(normals.at) == count else StoredVectors.joined([]),
             triangles,
         )
 
@@ -222,21 +219,21 @@ class GltfContainer(MeshFile):
         if len(stored):
             normals, renewed = self._renewed(Normals(stored, self._corner_normals))
             self._stored_normals.put(data, normals, renewed)
-        values, chunk, files = self._new_bounds(data), None, dict[int, Piece]()
+        document, chunk, files = self._with_new_bounds(data), None, dict[int, Piece]()
         for number, content in self._buffers.replaced(data, self._moving_files).items():
             uri = self._buffers.declared[number].get("uri")
             if uri is None:
                 chunk = content
             elif number in names:
                 files[number] = content
-                values["buffers", number, "uri"] = quote(names[number], errors="surrogateescape")
+                document["buffers"][number]["uri"] = quote(names[number], errors="surrogateescape")
             else:
-                values["buffers", number, "uri"] = embedded(content, uri)
-        return self._packed(self._json.replaced(values), chunk), files
+                document["buffers"][number]["uri"] = embedded(content, uri)
+        return self._packed(encoded(document), chunk), files
 
-    def _new_bounds(self, data: bytearray) -> dict[JsonPath, Any]:
-        """Return the least and largest coordinates of positions and normals that have changed."""
-        values: dict[JsonPath, Any] = {}
+    def _with_new_bounds(self, data: bytearray) -> dict[str, Any]:
+        """Return the document with the bounds of positions and normals that have changed; its buffers are copies."""
+        lists = {name: [dict(part) for part in self._document.get(name, [])] for name in ("accessors", "buffers")}
         for primitive in self._primitives:
             for name, places in ("POSITION", primitive.positions), ("NORMAL", primitive.normals):
                 vectors, before = places.raw(data), places.raw(self._buffers.data)
@@ -245,9 +242,10 @@ class GltfContainer(MeshFile):
                 finite = all_in_rows(np.isfinite(vectors))
                 if finite.any():
                     lower, upper = box_of(vectors if finite.all() else vectors[finite])
-                    path = "accessors", primitive.attributes[name]
-                    values |= {(*path, "min"): lower.tolist(), (*path, "max"): upper.tolist()}
-        return values
+                    accessor = lists["accessors"][primitive.attributes[name]]
+                    bounds = {"min": lower.tolist(), "max": upper.tolist()}
+                    accessor |= {key: bound for key, bound in bounds.items() if key in accessor}
+        return {**self._document, **{name: parts for name, parts in lists.items() if parts}}
 
     def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
         """Return what is written for this file at a path: buffers with vertices that are files get files beside it."""
@@ -277,7 +275,7 @@ class GltfContainer(MeshFile):
 
     def _references(self, *, without: list[int]) -> dict[str, bool]:
         """Return what `refers_to` returns where buffers of these numbers are written anew."""
-        document = self._json.document
+        document = self._document
         buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in without]
         images = {relative_name(part.get("uri")): False for part in document.get("images", [])}
         names = {**images, **{relative_name(part.get("uri")): True for part in buffers}}
@@ -292,7 +290,7 @@ class GltfContainer(MeshFile):
                 ("mesh", [p.mesh for p in self._primitives]),
                 ("material", [p.material for p in self._primitives]),
             ):
-                declared = self._json.document.get("meshes" if kind == "mesh" else "materials", [])
+                declared = self._document.get("meshes" if kind == "mesh" else "materials", [])
                 names = np.array(["" if n is None else declared[n].get("name", "") for n in numbers], str)
                 labels.append(Labels(kind, names, np.where(names[owner] == "", -1, owner)))
         return labels
@@ -300,7 +298,7 @@ class GltfContainer(MeshFile):
     def repacked(self, kind: type["GltfContainer"]) -> "GltfContainer":
         """Return this file in the other container, with all that is in it."""
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
-        document, chunk = copy.deepcopy(here._json.document), None
+        document, chunk = copy.deepcopy(here._document), None
         if document.get("buffers"):
             begin, end = here._buffers.place(0)
             chunk = here._buffers.data[begin:end]
@@ -309,8 +307,11 @@ class GltfContainer(MeshFile):
 
     def _read_content(self) -> Content:
         with _explained():
-            shapes = [Shape(p.mesh, p.attributes, self.positions[self._rows(p)], p.triangles) for p in self._primitives]
-            return content_of(self._json.document, self._accessors, shapes)
+            shapes = [
+                ShownPrimitive(p.mesh, p.attributes, self.positions[self._rows(p)], p.triangles)
+                for p in self._primitives
+            ]
+            return content_of(self._document, self._accessors, shapes)
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -352,4 +353,4 @@ class GltfFile(GltfContainer):
     def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
         if chunk is not None:
             document["buffers"][0]["uri"] = embedded(chunk)
-        return [json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogateescape")]
+        return [encoded(document)]

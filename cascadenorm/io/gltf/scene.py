@@ -13,12 +13,12 @@ from cascadenorm.io.gltf.accessors import Accessors
 from cascadenorm.mesh.polygons import Polygons
 
 KEPT_ELSEWHERE = ("materials", "textures", "animations", "skins", "cameras")
-LARGEST = 1e30  # of the numbers of a transform
+LARGEST_TRANSFORM = 1e30  # of the numbers of a transform
 
 Matrix = NDArray[np.float64]
 
 
-class Shape(NamedTuple):
+class ShownPrimitive(NamedTuple):
     """A primitive: the number of its mesh, its accessors by name, its positions, and (m, 3) rows of them."""
 
     mesh: int
@@ -27,7 +27,7 @@ class Shape(NamedTuple):
     triangles: NDArray[np.int64]
 
 
-def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shape]) -> Content:
+def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[ShownPrimitive]) -> Content:
     """Return the shapes, each as often as the scene shows its mesh, and where it shows it.
 
     Parameters
@@ -40,7 +40,7 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
         Of all meshes.
     """
     filled = [shape for shape in shapes if len(shape.triangles)]
-    of_mesh: dict[int, list[Shape]] = {}
+    of_mesh: dict[int, list[ShownPrimitive]] = {}
     for shape in _joined(filled):
         of_mesh.setdefault(shape.mesh, []).append(shape)
     meshes = of_mesh.keys()
@@ -74,9 +74,9 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Shap
     )
 
 
-def _joined(shapes: list[Shape]) -> list[Shape]:
+def _joined(shapes: list[ShownPrimitive]) -> list[ShownPrimitive]:
     """Put primitives of a mesh over the same vertices together; usually they differ in their materials."""
-    alike: dict[tuple[Any, ...], list[Shape]] = {}
+    alike: dict[tuple[Any, ...], list[ShownPrimitive]] = {}
     for shape in shapes:
         alike.setdefault((shape.mesh, *sorted(shape.attributes.items())), []).append(shape)
     return [
@@ -84,7 +84,7 @@ def _joined(shapes: list[Shape]) -> list[Shape]:
     ]
 
 
-def _placed(shape: Shape, matrix: Matrix) -> Shape:
+def _placed(shape: ShownPrimitive, matrix: Matrix) -> ShownPrimitive:
     """Return a shape where the scene shows it."""
     if np.array_equal(matrix, np.eye(4)):
         return shape
@@ -95,7 +95,7 @@ def _placed(shape: Shape, matrix: Matrix) -> Shape:
     )
 
 
-def _values(shown: list[Shape], name: str, read: Callable[[int], NDArray[Any] | None]) -> NDArray[Any] | None:
+def _values(shown: list[ShownPrimitive], name: str, read: Callable[[int], NDArray[Any] | None]) -> NDArray[Any] | None:
     """Return an attribute of all shapes, one vector a row; None where one of them lacks it, or holds it otherwise."""
     if not shown or any(name not in shape.attributes for shape in shown):
         return None
@@ -127,7 +127,7 @@ def _shown(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
         node = nodes[number]
         with np.errstate(all="ignore"):
             matrix = outer @ _matrix(node)
-        if not (np.abs(matrix) < LARGEST).all():
+        if not (np.abs(matrix) < LARGEST_TRANSFORM).all():
             raise ReadError(f"the transform of node {number} is not finite: export the file again")
         if "mesh" in node:
             found.append((node["mesh"], np.eye(4) if "skin" in node else matrix))  # a skin places its mesh itself

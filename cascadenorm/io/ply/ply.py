@@ -13,10 +13,10 @@ from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import CHANNELS
 from cascadenorm.io.content import Content, Positions
-from cascadenorm.io.hole_patches import Patches
+from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
-from cascadenorm.io.ply.table import Body, Column, Kind, columns
+from cascadenorm.io.ply.table import Body, PropertyColumn, PropertyKind, columns
 from cascadenorm.io.text.spelling import respelled
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import splice
@@ -44,7 +44,7 @@ class PlyFile(MeshFile):
         if self._text is not None:
             numbers = self._text.numbers_at(self._text.starts, self._text.ends)
             self._body = numbers.astype("<f8", copy=False).view(np.uint8).data
-        self._columns: dict[tuple[str, str], Column] = {}
+        self._columns: dict[tuple[str, str], PropertyColumn] = {}
         self._ends: dict[str, int] = {}
         start = header.length if header.byte_order else 0
         wrong: ReadError | None = None
@@ -62,7 +62,7 @@ class PlyFile(MeshFile):
             raise wrong
         return self._positions(), self._polygons()
 
-    def _row_within_line(self, element: Element, found: list[Column]) -> ReadError | None:
+    def _row_within_line(self, element: Element, found: list[PropertyColumn]) -> ReadError | None:
         """Return an error about the line before the first row that does not begin a line of the text; None without one.
 
         Rows may be laid out in any way, but where numbers are left over in the end, there are too many in that line.
@@ -191,7 +191,7 @@ class PlyFile(MeshFile):
                 tables.append((words, values[chosen[:, axis], axis].astype(kind)))
         return respelled(text, *tables)
 
-    def with_patches(self, patches: Patches) -> "PlyFile":
+    def with_patches(self, patches: HolePatches) -> "PlyFile":
         """Return this file with further vertices and triangles; of its bytes only the two numbers of rows change.
 
         Numbers of vertices are blended between those around, where they are floating-point numbers or colours; other
@@ -230,7 +230,7 @@ class PlyFile(MeshFile):
             last = end
         return PlyFile(b"".join([*parts, self.data[last:]]), self.folder)
 
-    def _patch_vertices(self, element: Element, patches: Patches) -> list[NDArray[Any]]:
+    def _patch_vertices(self, element: Element, patches: HolePatches) -> list[NDArray[Any]]:
         """Return the values of further vertices by property, (a, 1), or (a, 0) for a list."""
         own = dict(zip(XYZ, patches.positions.T, strict=True))
         normals = self._read("vertex", NORMAL)
@@ -247,7 +247,7 @@ class PlyFile(MeshFile):
             found.append(values)
         return found
 
-    def _patch_faces(self, element: Element, patches: Patches) -> list[NDArray[Any]]:
+    def _patch_faces(self, element: Element, patches: HolePatches) -> list[NDArray[Any]]:
         """Return the values of further faces by property: (b, 3) corners, (b, 1) numbers, (b, 0) for other lists."""
         count = len(patches.triangles)
         normals = self._read(element.name, NORMAL) if element.name == "face" else None
@@ -314,12 +314,12 @@ def _too_long(text: Text, line: int, element: Element) -> ReadError:
     )
 
 
-def _kind(p: Property, byte_order: str) -> Kind:
+def _kind(p: Property, byte_order: str) -> PropertyKind:
     if not byte_order:
         number = np.dtype("<f8")
-        return Kind(number, None if p.count_kind is None else number)
+        return PropertyKind(number, None if p.count_kind is None else number)
     length = None if p.count_kind is None else np.dtype(byte_order + p.count_kind)
-    return Kind(np.dtype(byte_order + p.kind), length)
+    return PropertyKind(np.dtype(byte_order + p.kind), length)
 
 
 def _whole(values: NDArray[Any]) -> NDArray[np.int64]:

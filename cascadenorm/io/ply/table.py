@@ -16,14 +16,14 @@ from cascadenorm.mesh.polygons import ranges
 Body = bytes | bytearray | memoryview
 
 
-class Kind(NamedTuple):
+class PropertyKind(NamedTuple):
     """Numpy type of the values of a property and, if it is a list, of the length before them."""
 
     value: np.dtype[Any]
     length: np.dtype[Any] | None
 
 
-class Column(NamedTuple):
+class PropertyColumn(NamedTuple):
     """The values of one property, row after row.
 
     Parameters
@@ -72,7 +72,7 @@ class Column(NamedTuple):
         np.frombuffer(body, np.uint8)[cells] = raw
 
 
-def columns(body: Body, element: Element, start: int, kinds: list[Kind]) -> tuple[list[Column], int]:
+def columns(body: Body, element: Element, start: int, kinds: list[PropertyKind]) -> tuple[list[PropertyColumn], int]:
     """Find the properties of all rows of an element.
 
     Parameters
@@ -109,17 +109,19 @@ def columns(body: Body, element: Element, start: int, kinds: list[Kind]) -> tupl
     return _walk(body, element, start, kinds, element.rows)
 
 
-def _has_equal_lengths(column: Column, kind: Kind, body: Body) -> bool:
+def _has_equal_lengths(column: PropertyColumn, kind: PropertyKind, body: Body) -> bool:
     """Test whether each list of a column guessed from its first row is as long as the first."""
     if kind.length is None:
         return True
     assert isinstance(column.offsets, range)
     size, rows = kind.length.itemsize, column.offsets
-    lengths = Column(kind.length, range(rows.start - size, rows.stop - size, rows.step), 1)
+    lengths = PropertyColumn(kind.length, range(rows.start - size, rows.stop - size, rows.step), 1)
     return bool((lengths.view(body) == column.counts).all())
 
 
-def _walk(body: Body, element: Element, start: int, kinds: list[Kind], rows: int) -> tuple[list[Column], int]:
+def _walk(
+    body: Body, element: Element, start: int, kinds: list[PropertyKind], rows: int
+) -> tuple[list[PropertyColumn], int]:
     """Find the first rows of an element one by one."""
     at, end = start, len(body)
     offsets: list[list[int]] = [[] for _ in kinds]
@@ -141,7 +143,7 @@ def _walk(body: Body, element: Element, start: int, kinds: list[Kind], rows: int
             row_counts.append(count)
             at += size * count
     return [
-        Column(kind.value, np.array(place, np.int64), 1 if kind.length is None else _joined(count))
+        PropertyColumn(kind.value, np.array(place, np.int64), 1 if kind.length is None else _joined(count))
         for kind, place, count in zip(kinds, offsets, counts, strict=True)
     ], at
 

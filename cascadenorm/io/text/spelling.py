@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.base import Piece
 from cascadenorm.io.text.text import Text, blocks
-from cascadenorm.io.text.tokenizer import Places, commas, splice
+from cascadenorm.io.text.tokenizer import Offsets, commas, splice
 from cascadenorm.mesh import Ints, any_in_rows
 
 PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
 """From where to where numbers have no exponent; orjson writes those beyond in another way."""
 
 
-def respelled(text: Text, *tables: tuple[Places, NDArray[Any]]) -> Iterator[Piece]:
+def respelled(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Piece]:
     """Return a text, in pieces, with words replaced by numbers.
 
     Parameters

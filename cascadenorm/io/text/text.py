@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.text.tokenizer import Places, begins_with, cut, decimals
+from cascadenorm.io.text.tokenizer import Offsets, begins_with, decimals, find_words
 from cascadenorm.mesh import parallel_for
 
 NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries spell it
-BLOCK = 1 << 18  # words worked on at a time
+WORDS_AT_A_TIME = 1 << 18  # words worked on at a time
 SPACE = 32  # all white space is at most this, and each word but the last has some behind it
 
 
@@ -34,16 +34,16 @@ class Text:
         continued = continued and b"\\" in data
         kind = np.int32 if len(data) < 2**31 else np.int64
         most = 2 + sum(int(np.count_nonzero(self.bytes[part] <= SPACE)) for part in blocks(len(data)))
-        empty: list[Places] = [np.empty(most, kind) for _ in range(3)]  # memory that stays untouched is not taken
+        empty: list[Offsets] = [np.empty(most, kind) for _ in range(3)]  # memory that stays untouched is not taken
         starts, ends, borders = empty
-        words, lines = cut(self.bytes, start, continued, starts, ends, borders)
+        words, lines = find_words(self.bytes, start, continued, starts, ends, borders)
         borders[lines] = words
         self.starts = starts[:words]
         self.ends = ends[:words]
         self.first = borders[:lines]
         self.stop = borders[1 : lines + 1]
 
-    def lines_with(self, keyword: bytes) -> Places:
+    def lines_with(self, keyword: bytes) -> Offsets:
         """Return the lines whose first word is the keyword, in lower case or in capitals."""
         found = np.empty(len(self.first), bool)
         letters = np.frombuffer(keyword, np.uint8)
@@ -59,19 +59,19 @@ class Text:
         """Return a word."""
         return self.data[int(self.starts[index]) : int(self.ends[index])]
 
-    def significant_digits(self, words: Places) -> int:
+    def significant_digits(self, words: Offsets) -> int:
         """Return the largest number of significant digits among the words, of which a thousand or so are looked at."""
         sample = words[:: max(1, len(words) // 1000)]
         places = zip(self.starts[sample].tolist(), self.ends[sample].tolist(), strict=True)
         mantissas = (re.split(rb"[eE]", self.data[start:end])[0] for start, end in places)
         return max((len(re.sub(rb"\D", b"", word).strip(b"0")) for word in mantissas), default=0)
 
-    def columns(self, lines: Places, count: int, *, start: int = 1) -> Places:
+    def columns(self, lines: Offsets, count: int, *, start: int = 1) -> Offsets:
         """Return the words of each line from the one numbered `start`, (l, count); raises ReadError where too few."""
         self.require(lines, np.full(len(lines), start + count))
         return self.first[lines][:, None] + np.arange(start, start + count, dtype=self.first.dtype)
 
-    def require(self, lines: Places, words: Places) -> None:
+    def require(self, lines: Offsets, words: Offsets) -> None:
         """Raise ReadError at the first line that has fewer words than it needs."""
         short = np.flatnonzero(self.stop[lines] - self.first[lines] < words)
         if len(short):
@@ -82,11 +82,11 @@ class Text:
                 "the file is truncated there, or damaged; get a complete copy"
             )
 
-    def numbers(self, words: Places) -> NDArray[np.float64]:
+    def numbers(self, words: Offsets) -> NDArray[np.float64]:
         """Return the numbers that words spell; raises ReadError at the first that is none."""
         return self.numbers_at(self.starts[words], self.ends[words])
 
-    def numbers_at(self, starts: Places, ends: Places, *, lax: bool = False) -> NDArray[np.float64]:
+    def numbers_at(self, starts: Offsets, ends: Offsets, *, lax: bool = False) -> NDArray[np.float64]:
         """Return the numbers at places; what is no number is nan where lax, else raises ReadError."""
         values, simple = np.empty(starts.size), np.empty(starts.size, bool)
         starts, ends, shape = starts.ravel(), ends.ravel(), starts.shape
@@ -97,11 +97,11 @@ class Text:
         ]
         return values.reshape(shape)
 
-    def integers(self, words: Places) -> NDArray[np.int64]:
+    def integers(self, words: Offsets) -> NDArray[np.int64]:
         """Return the whole numbers that words spell; raises ReadError at the first that is none."""
         return self.integers_at(self.starts[words], self.ends[words])
 
-    def integers_at(self, starts: Places, ends: Places) -> NDArray[np.int64]:
+    def integers_at(self, starts: Offsets, ends: Offsets) -> NDArray[np.int64]:
         """Return the whole numbers at places; raises ReadError at the first that is none."""
         flat_starts, flat_ends, integers = starts.ravel(), ends.ravel(), np.empty(starts.size, np.int64)
         for block in blocks(starts.size):
@@ -132,5 +132,5 @@ def _shown(word: bytes) -> str:
 
 def blocks(count: int, width: int = 1) -> Iterator[slice]:
     """Cut 0 … count, of so many words each, into parts of which only one at a time needs memory for its work."""
-    size = max(BLOCK // max(width, 1), 1)
+    size = max(WORDS_AT_A_TIME // max(width, 1), 1)
     return (slice(start, start + size) for start in range(0, count, size))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Bools, Bytes, Floats, Ints, kernel
 
-Places = NDArray[np.signedinteger[Any]]
+Offsets = NDArray[np.signedinteger[Any]]
 
 MOST = 9 * 10**17
 """Whole number from which on a decimal is left to Python; ten times as much, and a digit, still fit into 64 bits."""
@@ -32,7 +32,9 @@ def _join(data: Bytes, i: int) -> int:
 
 
 @kernel
-def cut(data: Bytes, start: int, continued: bool, starts: Places, ends: Places, lines: Places) -> tuple[int, int]:
+def find_words(
+    data: Bytes, start: int, continued: bool, starts: Offsets, ends: Offsets, lines: Offsets
+) -> tuple[int, int]:
     """Find the words from a byte on, and the first word of each line that has any; comments from # on have none.
 
     Fills the arrays from their beginnings on, and returns how many words and lines there are. A backslash at the end of
@@ -68,7 +70,7 @@ def cut(data: Bytes, start: int, continued: bool, starts: Places, ends: Places, 
 
 @kernel
 def begins_with(
-    start: int, stop: int, data: Bytes, starts: Places, ends: Places, first: Places, keyword: Bytes, found: Bools
+    start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets, first: Offsets, keyword: Bytes, found: Bools
 ) -> None:
     """Tell of each line whether its first word is the keyword, which is in lower case, in any case."""
     for line in range(start, stop):
@@ -81,7 +83,7 @@ def begins_with(
 
 
 @kernel
-def decimals(start: int, stop: int, data: Bytes, starts: Places, ends: Places, values: Floats, simple: Bools) -> None:
+def decimals(start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets, values: Floats, simple: Bools) -> None:
     """Read plain decimals of at most 18 digits whose power of ten is exact in double precision; leave the others."""
     for k in range(start, stop):
         i, end = starts[k], ends[k]
@@ -166,7 +168,7 @@ def commas(text: Bytes, places: Ints) -> None:
 
 
 @kernel
-def splice(data: Bytes, starts: Places, ends: Places, letters: Bytes, begins: Ints, stops: Ints, out: Bytes) -> int:
+def splice(data: Bytes, starts: Offsets, ends: Offsets, letters: Bytes, begins: Ints, stops: Ints, out: Bytes) -> int:
     """Copy the data with words at these places replaced by letters from begin to stop; the length of the copy."""
     at = last = 0
     for k in range(len(starts)):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from safetensors import numpy as safetensors
 
 from cascadenorm.data_gen import Pair
-from cascadenorm.learned.cascade import FORMAT
+from cascadenorm.learned.cascade import CASCADE_FORMATS
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.training.launch import is_main
 
@@ -31,7 +31,7 @@ def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
         for array in (pair.noisy.vertices, pair.clean.vertices, pair.clean.faces):
             digest.update(array.tobytes())
     note = checkpoint / "config.json"
-    made_with = {"format": FORMAT, **versions()}
+    made_with = {"format": CASCADE_FORMATS[0], **versions()}
     text = json.dumps(asdict(config) | {"own": digest.hexdigest(), "made_with": made_with}, indent=1, sort_keys=True)
     if note.exists() and note.read_text(encoding="utf-8") != text:
         raise ConfigError(
@@ -40,13 +40,13 @@ def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
     _write_whole(note, text.encode())
 
 
-def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+def write_shared_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write what all processes have; the first one alone does."""
     if is_main():
-        write(path, arrays)
+        write_arrays(path, arrays)
 
 
-def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write what this process alone has."""
     _write_whole(path, safetensors.save(dict(arrays)))  # a full disk is an OSError, as anywhere
 
@@ -58,6 +58,6 @@ def _write_whole(path: Path, content: bytes) -> None:
     os.replace(unfinished, path)
 
 
-def read(path: Path) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """Return what was written, or nothing."""
     return safetensors.load_file(path) if path.exists() else {}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import KFold
 
-from cascadenorm.data_gen import FAMILIES, DatasetConfig, pair
+from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, pair
 from cascadenorm.detection.gate import THRESHOLD, Gate
 from cascadenorm.detection.triangulation import triangulation_figures
 from cascadenorm.execution.process_map import side_by_side
@@ -26,7 +26,7 @@ LEAST_WEIGHT = 0.02
 FOLDS = 5
 
 
-DATA = DatasetConfig(
+GATE_DATA = DatasetConfig(
     seed=1_000_099,
     count=3000,
     families=(
@@ -67,7 +67,7 @@ class GateConfig:
     seed: int = 0
     trees: int = 200
     least: int = 4
-    data: DatasetConfig = field(default_factory=lambda: DATA)
+    data: DatasetConfig = field(default_factory=lambda: GATE_DATA)
 
 
 class Compared(NamedTuple):
@@ -79,7 +79,7 @@ class Compared(NamedTuple):
     family: str
 
 
-def compared(vertex: Cascade, surface: Cascade, config: DatasetConfig, index: int) -> Compared:
+def compare_networks(vertex: Cascade, surface: Cascade, config: DatasetConfig, index: int) -> Compared:
     """Run both networks on a generated mesh."""
     made = pair(config, index)
     known = np.flatnonzero(made.normals.any(axis=1))
@@ -93,7 +93,9 @@ def _angle(mesh: Mesh, cascade: Cascade, normals: Vectors, known: NDArray[np.int
     return float(np.degrees(angles_between(denoised.face_normals[known], normals[known]).mean()))
 
 
-def train_gate(vertex: Cascade, surface: Cascade, config: GateConfig, *, progress: Progress = silent) -> GatedCascades:
+def trained_gate(
+    vertex: Cascade, surface: Cascade, config: GateConfig, *, progress: Progress = silent
+) -> GatedCascades:
     """Learn which of two networks serves a mesh better, and join them.
 
     Parameters
@@ -108,7 +110,7 @@ def train_gate(vertex: Cascade, surface: Cascade, config: GateConfig, *, progres
     """
     rows: list[Compared] = []
     with side_by_side(thread_count()) as each:
-        for row in each(partial(compared, vertex, surface, config.data), range(config.data.count)):
+        for row in each(partial(compare_networks, vertex, surface, config.data), range(config.data.count)):
             rows.append(row)
             progress("meshes for the gate", len(rows), config.data.count)
     figures = np.array([row.figures for row in rows])
@@ -139,7 +141,7 @@ def _mean_angles(families: NDArray[Any], angles: Floats, chosen: NDArray[np.bool
         "better": angles.min(axis=1),
     }
     means = {}
-    for name in (*(family for family in FAMILIES if family in families), "all"):
+    for name in (*(family for family in SHAPE_FAMILIES if family in families), "all"):
         mine = (families == name) | (name == "all")
         means[name] = {column: round(float(values[mine].mean()), 2) for column, values in columns.items()}
     return means

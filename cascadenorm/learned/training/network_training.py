@@ -11,6 +11,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from cascadenorm.learned.config import ConfigError, Fit
 from cascadenorm.learned.features import Array, FeatureScaler
+from cascadenorm.learned.stage import Activation
 from cascadenorm.learned.training import distributed
 from cascadenorm.learned.training.networks import Network, TorchFeatures
 from cascadenorm.mesh import limit_threads
@@ -19,19 +20,19 @@ GPU_MEMORY_FRACTION = 0.8
 """Of the free memory of a GPU that faces to learn from may take."""
 
 
-class Faces(NamedTuple):
+class TrainingFaces(NamedTuple):
     """Faces to learn from: filtered normals (m, k, 3), context (m, c), true normals (m, 3), all of 4 bytes."""
 
     stack: Tensor
     context: Tensor
     truth: Tensor
 
-    def placed(self) -> "Faces":
+    def placed(self) -> "TrainingFaces":
         """Return them where the matrix products are done, if there is room for them."""
         device, size = distributed.device(), sum(tensor.nbytes for tensor in self)
         if device.type == "cuda" and size > GPU_MEMORY_FRACTION * torch.cuda.mem_get_info(device)[0]:
             return self
-        return Faces(*(tensor.to(device) for tensor in self))
+        return TrainingFaces(*(tensor.to(device) for tensor in self))
 
 
 def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor, Tensor], Tensor]:
@@ -69,10 +70,11 @@ def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
 
 
 def train_network(
-    faces: Faces,
+    faces: TrainingFaces,
     rows: NDArray[np.intp],
     scaler: FeatureScaler,
     fit: Fit,
+    activation: Activation,
     *,
     seed: int,
     log: Callable[[int, float, float, float], None] = lambda *_: None,
@@ -91,6 +93,8 @@ def train_network(
         Of their features.
     fit
         Settings.
+    activation
+        Activation of the hidden layers.
     seed
         Of the split, the first weights and the order of the batches.
     log
@@ -105,7 +109,7 @@ def train_network(
     device, stored = distributed.device(), faces.stack.device
     training, validation = _split(rows, generator)
     features, inputs = features_on(device, scaler), len(scaler.mean) + faces.context.shape[1]
-    network = Network(inputs, fit, faces.stack.shape[1], generator).to(device)
+    network = Network([inputs, *fit.hidden, faces.stack.shape[1]], activation, generator).to(device)
     model = DistributedDataParallel(network) if distributed.world_size() > 1 else network
     optimiser = _optimiser(network, fit, device)
     mine, sizes = _batches(len(training), fit.batch)

@@ -1,13 +1,13 @@
-"""Features and networks in torch, for training and for a GPU at run time."""
+"""Features and networks in torch, for training."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from itertools import pairwise
 
 import torch
 from torch import Tensor
 
-from cascadenorm.learned.config import Fit
 from cascadenorm.learned.features import FLOOR, FeatureScaler
+from cascadenorm.learned.stage import Activation
 
 
 class TorchFeatures:
@@ -31,25 +31,18 @@ class TorchFeatures:
         return torch.cat([self.own(stack), (context - self._context_mean) * self._context_scale], dim=1)
 
 
-ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
-    "tanh": torch.tanh,
-    "silu": torch.nn.functional.silu,
-}
-"""As in `stage_settings`, for torch."""
-
-
 class Network(torch.nn.Module):
     """Hidden layers, from the features of a face to one coefficient a filtered normal."""
 
-    def __init__(self, inputs: int, fit: Fit, outputs: int, generator: torch.Generator) -> None:
+    def __init__(self, widths: Sequence[int], activation: Activation, generator: torch.Generator) -> None:
         super().__init__()
-        self.activation = ACTIVATIONS[fit.activation]
-        layers = [torch.nn.Linear(i, o) for i, o in pairwise([inputs, *fit.hidden, outputs])]
+        self.activation = {"silu": torch.nn.functional.silu, "tanh": torch.tanh}[activation]
+        layers = [torch.nn.Linear(i, o) for i, o in pairwise(widths)]
         for layer in layers:
             bound = layer.in_features**-0.5
             torch.nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
             torch.nn.init.zeros_(layer.bias)
-        torch.nn.init.constant_(layers[-1].bias, 1 / outputs)  # begins as the mean of the normals
+        torch.nn.init.constant_(layers[-1].bias, 1 / widths[-1])  # begins as the mean of the normals
         self.layers = torch.nn.ModuleList(layers)
 
     def forward(self, features: Tensor, stack: Tensor) -> Tensor:

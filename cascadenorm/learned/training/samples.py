@@ -10,7 +10,7 @@ from cascadenorm.learned.cascade import apply_stage
 from cascadenorm.learned.descriptors import Stack
 from cascadenorm.learned.features import Array, FeatureScaler
 from cascadenorm.learned.regression import Regression, stage_stack
-from cascadenorm.learned.stage_settings import StageSettings
+from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import Mesh, Vectors
 
 
@@ -42,11 +42,11 @@ class Sample:
         noisy = Mesh(self.noisy, self.faces)
         return (noisy if self.vertices is None else noisy.moved(self.vertices)), noisy
 
-    def stack(self, settings: StageSettings) -> Stack:
+    def stack(self, settings: Stage) -> Stack:
         """Return the filtered normals of the faces drawn."""
         return stage_stack(settings, *self.meshes())[self.rows]
 
-    def described(self, settings: StageSettings, scaler: FeatureScaler) -> tuple[Stack, Array]:
+    def described(self, settings: Stage, scaler: FeatureScaler) -> tuple[Stack, Array]:
         """Return the filtered normals of the faces drawn, and their context, (rows, c)."""
         mesh, noisy = self.meshes()
         stack = stage_stack(settings, mesh, noisy)

@@ -21,10 +21,10 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.features import Array, FeatureScaler, pairwise_features
 from cascadenorm.learned.regression import Regression, nearest
-from cascadenorm.learned.stage_settings import StageSettings
+from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training import checkpoints, distributed
 from cascadenorm.learned.training.launch import is_local_main, is_main
-from cascadenorm.learned.training.network_training import Faces, train_network
+from cascadenorm.learned.training.network_training import TrainingFaces, train_network
 from cascadenorm.learned.training.samples import Sample
 from cascadenorm.learned.training.training_log import Pass, Recorder, unrecorded
 from cascadenorm.mesh import Vectors, in_blocks, thread_count
@@ -33,10 +33,10 @@ KMEANS_FACES = 50_000
 SCALER_MESHES = 500
 """Of whose faces mean, deviation and principal directions are taken."""
 LEAST_DEVIATION = 0.1  # of a feature: the logarithms are spread over 2 and more, openness over a third
-COLUMNS = 32  # whose deviations are computed at a time, in double precision
+FEATURES_AT_A_TIME = 32  # whose deviations are computed at a time, in double precision
 
 
-def train(
+def train_cascade(
     config: TrainConfig,
     checkpoint: Path,
     *,
@@ -92,7 +92,7 @@ def _trained(
             stage = Regression.from_arrays(settings, arrays)
             stages.append(stage)
             losses.append([round(float(loss), 5) for loss in arrays["validation"]])
-            if number + 1 < len(config.descriptors):
+            if number + 1 < len(config.stages):
                 moved = each(partial(Sample.apply_stage, stage=stage), samples)
                 for done, vertices in enumerate(moved):
                     samples[done].vertices = vertices
@@ -107,13 +107,13 @@ def _train_stage(
     config: TrainConfig,
     checkpoint: Path,
     number: int,
-    settings: StageSettings,
+    settings: Stage,
     progress: Progress,
     record: Recorder,
 ) -> dict[str, Array]:
     """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
     finished = checkpoint / f"stage{number}.safetensors"
-    if done := distributed.broadcast(partial(checkpoints.read, finished)):
+    if done := distributed.broadcast(partial(checkpoints.read_arrays, finished)):
         return done
     rng = np.random.default_rng([config.seed, number])
     scaler, faces = _described(samples, each, config.context, settings, f"stage {number + 1} descriptors", progress)
@@ -133,7 +133,7 @@ def _train_stage(
 
     def one(c: int) -> Mapping[str, Array]:
         part = checkpoint / f"stage{number}-cluster{c}.safetensors"
-        if done := distributed.broadcast(partial(checkpoints.read, part)):
+        if done := distributed.broadcast(partial(checkpoints.read_arrays, part)):
             return done
         mine = np.flatnonzero(cluster == c)
         count = int(distributed.all_reduce(np.array(float(len(mine)))))
@@ -148,8 +148,8 @@ def _train_stage(
             record(Pass(number + 1, c + 1, epoch, loss, validation, angle))
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
-        network = train_network(faces, mine, scaler, config.fit, seed=int(seed), log=log)
-        checkpoints.save(part, network)
+        network = train_network(faces, mine, scaler, config.fit, settings.activation, seed=int(seed), log=log)
+        checkpoints.write_shared_arrays(part, network)
         if len(notes) < epochs:  # no longer better
             progress(task, epochs, epochs, notes[-1])
         return network
@@ -158,7 +158,7 @@ def _train_stage(
         networks = list(pool.map(one, range(config.clusters)))
     weights = {name: np.stack([network[name] for network in networks]) for name in networks[0]}
     arrays = {**asdict(scaler), "centers": centers, **weights}
-    checkpoints.save(finished, arrays)
+    checkpoints.write_shared_arrays(finished, arrays)
     return arrays
 
 
@@ -178,8 +178,8 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
 
 
 def _described(
-    samples: list[Sample], each: Map, context: int, settings: StageSettings, task: str, progress: Progress
-) -> tuple[FeatureScaler, Faces]:
+    samples: list[Sample], each: Map, context: int, settings: Stage, task: str, progress: Progress
+) -> tuple[FeatureScaler, TrainingFaces]:
     """Fit the feature scaler, and collect what the drawn faces of all samples show and should be.
 
     The context can be averaged only where its principal directions are known: those of a few samples serve.
@@ -215,7 +215,7 @@ def _described(
         progress(task, len(few) + done, steps)
     context_mean, context_scale = _mean_and_scale(collected[1])
     scaler = replace(scaler, context_mean=context_mean, context_scale=context_scale)
-    return scaler, Faces(*map(torch.from_numpy, (*collected, truth)))
+    return scaler, TrainingFaces(*map(torch.from_numpy, (*collected, truth)))
 
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
@@ -223,8 +223,8 @@ def _mean_and_scale(x: Array) -> tuple[Array, Array]:
     count = distributed.all_reduce(np.array(float(len(x))))
     mean = distributed.all_reduce(x.sum(axis=0, dtype=np.float64)) / count
     squares = np.zeros(len(mean))
-    for start in range(0, len(mean), COLUMNS):
-        columns = slice(start, start + COLUMNS)
+    for start in range(0, len(mean), FEATURES_AT_A_TIME):
+        columns = slice(start, start + FEATURES_AT_A_TIME)
         squares[columns] = np.square(x[:, columns] - mean[columns]).sum(axis=0)
     deviation = np.sqrt(distributed.all_reduce(squares) / count)
     return mean.astype(np.float32), (1 / np.maximum(deviation, LEAST_DEVIATION)).astype(np.float32)
@@ -240,7 +240,9 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     missing = [i for i in generated if not files[i].exists()]
     made = zip(missing, pairs(config.data, missing, workers=distributed.cores()), strict=True)
     for done, (i, new) in enumerate(made, len(generated) - len(missing) + 1):
-        checkpoints.write(files[i], {"noisy": new.noisy.vertices, "normals": new.normals, "faces": new.clean.faces})
+        checkpoints.write_arrays(
+            files[i], {"noisy": new.noisy.vertices, "normals": new.normals, "faces": new.clean.faces}
+        )
         progress("noisy/clean pairs", done, len(generated))
 
     def drawn(noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, index: int) -> Sample:
@@ -248,7 +250,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
 
     samples = []
     for i, file in files.items():
-        kept = checkpoints.read(file)
+        kept = checkpoints.read_arrays(file)
         samples.append(drawn(kept["noisy"], kept["faces"], kept["normals"], i))
     own_pairs = [own[i - count] for i in others]
     return samples + [

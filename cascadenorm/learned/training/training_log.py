@@ -35,7 +35,7 @@ class Pass(NamedTuple):
 
 Recorder = Callable[[Pass], object]
 
-FORMATS = (".csv", ".jsonl")
+LOG_EXTENSIONS = (".csv", ".jsonl")
 """Extensions of files of lines."""
 
 
@@ -50,7 +50,7 @@ def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> I
     Parameters
     ----------
     log
-        File with an extension of FORMATS; None writes none.
+        File with an extension of LOG_EXTENSIONS; None writes none.
     tensorboard
         Folder of events; None writes none.
     resumed
@@ -84,8 +84,8 @@ def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> I
 
 def checked_log(log: Path) -> Path:
     """Return the path of a file of lines; raises ParameterError for another extension."""
-    if log.suffix not in FORMATS:
-        raise ParameterError(f"is {log}; it must end in {' or '.join(FORMATS)}", parameter="log")
+    if log.suffix not in LOG_EXTENSIONS:
+        raise ParameterError(f"is {log}; it must end in {' or '.join(LOG_EXTENSIONS)}", parameter="log")
     return log
 
 

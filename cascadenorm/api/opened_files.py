@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.api.apply import in_words
+from cascadenorm.api.apply import reported_controls
 from cascadenorm.api.kept_components import Dropped, without_small_components
 from cascadenorm.api.selection import selected
 from cascadenorm.controls.displacement import framed_length
@@ -211,7 +211,7 @@ def written_file(
         method=method.name,
         parameters=parameters,
         strength=controls["strength"],
-        controls=in_words(controls),
+        controls=reported_controls(controls),
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),
         isolated_vertices=int(file.bad_vertices.sum()),
