@@ -4,13 +4,13 @@ import atexit
 import errno
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ParameterError, ReadError, WorkerError
 from cascadenorm.execution.memory import PROCESS
-from cascadenorm.execution.worker_processes import Worker, first_ready
+from cascadenorm.execution.worker_processes import Worker, do_jobs, first_ready
 from cascadenorm.io.atomic import remove_unfinished, unfinished_name
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import save_mesh
@@ -268,6 +268,7 @@ def test_a_watch_goes_on_when_its_folder_is_gone_for_a_while_and_where_results_w
 def test_a_full_disk_ends_the_batch_and_it_goes_on_later(place, capsys):
     scans(place / "scans", 3)
     words = ["batch", "scans", "-o", "out", *FAST, "--workers", "1"]
+    resource = pytest.importorskip("resource")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2500, hard))
     try:
@@ -560,20 +561,20 @@ def test_temporary_files_of_killed_processes_are_removed_and_no_others(tmp_path)
 
 
 def test_one_process_that_ends_early_leaves_the_others():
-    workers = [Worker(os._exit), Worker(abs)]
+    workers = [Worker(partial(do_jobs, work=work)) for work in (os._exit, abs)]
     try:
-        workers[0].begin(7, 1)
-        workers[1].begin(-3, 1)
+        workers[0].send((7, 1))
+        workers[1].send((-3, 1))
         found = {}
         while len(found) < 2:
-            for ready in first_ready([worker for worker in workers if worker not in found], 60):
+            for ready in first_ready([worker for worker in workers if worker not in found], None):
                 try:
-                    found[ready] = ready.result()
+                    found[ready] = ready.receive()
                 except WorkerError as error:
                     found[ready] = str(error)
         assert "exit code 7" in found[workers[0]] and found[workers[1]] == 3
-        workers[1].begin(-4, 1)
-        assert workers[1].result() == 4
+        workers[1].send((-4, 1))
+        assert workers[1].receive() == 4
     finally:
         Worker.stop(workers)
 
@@ -584,9 +585,9 @@ def slow_to_end(seconds: float) -> None:
 
 
 def test_a_process_that_is_stopped_while_it_ends_says_nothing(capfd):
-    worker = Worker(slow_to_end)
-    worker.begin(1.5, 1)
-    worker.result()
+    worker = Worker(partial(do_jobs, work=slow_to_end))
+    worker.send((1.5, 1))
+    worker.receive()
     worker.link.close()
     time.sleep(0.5)  # it has seen that, and is within its exit
     Worker.stop([worker])
