@@ -30,17 +30,13 @@ LEAST_HEAT = 1e-300
 GeodesicMethod = Literal["heat", "exact"]
 
 
-def geodesic_distances(
-    vertices: ArrayLike, faces: ArrayLike, sources: ArrayLike, *, method: GeodesicMethod = "heat"
-) -> Floats:
+def geodesic_distances(mesh: Mesh, sources: ArrayLike, *, method: GeodesicMethod = "heat") -> Floats:
     """Return the distance along the surface from each vertex to the nearest source.
 
     Parameters
     ----------
-    vertices
-        (n, 3).
-    faces
-        (m, 3) integers in 0 … n - 1; an edge may have any number of faces, of any orientation.
+    mesh
+        n vertices; an edge may have any number of faces, of any orientation.
     sources
         Number of a vertex, or (s,) of several.
     method
@@ -56,13 +52,12 @@ def geodesic_distances(
     Raises
     ------
     MeshError
-        No valid mesh, or, for "heat", one whose faces all lie in one place.
+        For "heat", all faces lie in one place.
     ParameterError
         There is no source, or one that does not exist; an unknown method.
     """
     if method not in ("heat", "exact"):
         raise ParameterError(f"is {method!r}; it must be heat or exact", parameter="method")
-    mesh = Mesh(vertices, faces)
     chosen = _checked_sources(sources, len(mesh.vertices))
     framed, exponent = in_frame(without_lines(mesh))
     if method == "heat":

@@ -11,11 +11,11 @@ from cascadenorm.mesh import Mesh
 
 
 def exact(mesh, sources):
-    return geodesic_distances(mesh.vertices, mesh.faces, sources, method="exact")
+    return geodesic_distances(mesh, sources, method="exact")
 
 
 def heat(mesh, sources):
-    return geodesic_distances(mesh.vertices, mesh.faces, sources)
+    return geodesic_distances(mesh, sources)
 
 
 def prism(sides, rows):
@@ -190,9 +190,9 @@ def test_heat_reaches_the_end_of_a_long_strip():
 def test_wrong_sources_are_refused(sources, words):
     ball = icosphere(1)
     with pytest.raises(cn.ParameterError, match=f"sources .*{words}"):
-        cn.geodesic_distances(ball.vertices, ball.faces, sources)
+        cn.geodesic_distances(ball, sources)
 
 
 def test_an_unknown_method_is_refused():
     with pytest.raises(cn.ParameterError, match="method is 'fast'; it must be heat or exact"):
-        cn.geodesic_distances(np.eye(3), [[0, 1, 2]], 0, method="fast")
+        cn.geodesic_distances((np.eye(3), [[0, 1, 2]]), 0, method="fast")

@@ -3,7 +3,6 @@
 import heapq
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.geodesic_windows import UnfoldedFaces, unfolded
@@ -13,7 +12,7 @@ PROGRESS = 1e-12
 """Relative decrease of a distance that is worth passing on."""
 
 
-def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first: int | None = None) -> Ints:
+def farthest_points(mesh: Mesh, count: int, *, first: int | None = None) -> Ints:
     """Spread samples over the vertices of a mesh: each is farthest along the surface from those before it.
 
     Distances are those of fast marching by unfolding (Kimmel & Sethian 1998; Novotni & Klein 2002), within about 1 % of
@@ -21,10 +20,8 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
 
     Parameters
     ----------
-    vertices
-        (n, 3).
-    faces
-        (m, 3) integers in 0 … n - 1.
+    mesh
+        n vertices.
     count
         How many, from 1 to the number of vertices that a face references. Each connected component gets one before any
         gets its second.
@@ -37,12 +34,10 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
 
     Raises
     ------
-    MeshError
-        No valid mesh.
     ParameterError
         Count is out of range, or first is no vertex with a face.
     """
-    mesh, _ = in_frame(without_lines(Mesh(vertices, faces)))
+    mesh, _ = in_frame(without_lines(mesh))
     used = np.flatnonzero(mesh.topology.used_vertices)
     if not 1 <= count <= len(used):
         raise ParameterError(
