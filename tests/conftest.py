@@ -1,7 +1,12 @@
 """What several files of tests start and end alike."""
 
+import os
 import sys
 from pathlib import Path
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores; libraries read this when they are loaded
+    for library in ("OMP", "OPENBLAS", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 import pytest
 from studios import Studio
