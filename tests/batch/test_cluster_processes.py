@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_batch import COMMAND, FAST, LINUX, done_so_far, lines, results, scans, wait_for
+from batches import COMMAND, FAST, LINUX, done_so_far, lines, results, scans, wait_for
 
 from cascadenorm.batch import cluster_processes
 from cascadenorm.batch.batch import denoise_files
@@ -39,12 +39,6 @@ if __name__ == "__main__":
                 time.sleep(0.02)
             os.kill(draw.choice(ready), signal.SIGKILL)
 """
-
-
-@pytest.fixture
-def place(tmp_path, monkeypatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @contextmanager

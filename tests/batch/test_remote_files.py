@@ -9,8 +9,8 @@ from pathlib import Path
 from threading import Event, Thread
 
 import pytest
+from batches import FAST, done_so_far, lines, results, scans, wait_for, watching
 from shapes import icosphere, noisy
-from test_batch import FAST, done_so_far, lines, results, scans, wait_for, watching
 
 import cascadenorm as cn
 from cascadenorm.batch import remote_files

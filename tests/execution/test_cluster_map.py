@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from batches import LINUX, START, children, results, running, wait_for
 from shapes import icosphere, noisy
-from test_batch import LINUX, START, children, results, running, wait_for
 from test_cluster_processes import LocalCluster, cluster  # noqa: F401 - a fixture
 
 from cascadenorm.cli import run
