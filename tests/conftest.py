@@ -17,6 +17,16 @@ from cascadenorm.io.interop import save_mesh
 sys.path += [str(folder) for folder in sorted(Path(__file__).parent.iterdir()) if folder.is_dir()]
 
 
+@pytest.fixture(scope="session")
+def cluster(tmp_path_factory):
+    """The address and the process of a Dask cluster with two workers; a line to the process kills one of them."""
+    pytest.importorskip("distributed")
+    from clusters import patient, started
+
+    with patient(), started(tmp_path_factory.mktemp("cluster") / "here") as found:
+        yield found
+
+
 @pytest.fixture(scope="module")
 def page():
     """A browser for the pages of studios."""

@@ -2,7 +2,6 @@
 
 import pytest
 from batches import LINUX
-from test_cluster_processes import cluster  # noqa: F401 - a fixture
 from test_patches import BALL, RIBBON, place  # noqa: F401 - a fixture
 
 import cascadenorm as cn
