@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import wraps
 from os import PathLike
-from typing import Any, BinaryIO, Concatenate, ParamSpec, TypeVar
+from typing import Any, BinaryIO, Concatenate, ParamSpec, TypeVar, cast
 
 from cascadenorm import io
 from cascadenorm.geometry import geodesics
@@ -28,7 +28,7 @@ def on_any_mesh(
     def converting(mesh: Any, *arguments: Settings.args, **settings: Settings.kwargs) -> Result:
         return function(as_mesh(mesh), *arguments, **settings)
 
-    return converting
+    return cast(Callable[Concatenate[Any, Settings], Result], converting)
 
 
 farthest_points = on_any_mesh(sampling.farthest_points)
