@@ -15,8 +15,10 @@ from pathlib import Path
 import numpy as np
 
 import cascadenorm as cn
-from cascadenorm.data_gen.meshing.partitions import LabelledMesh, Partition, label_nets
 from cascadenorm.mesh import Mesh, Vectors, unit
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from partitions import LabelledMesh, Partition, label_nets
 
 VOXEL, HALF = 0.05, 1.4
 TURN = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]

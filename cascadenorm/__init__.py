@@ -12,6 +12,15 @@ from cascadenorm import display
 from cascadenorm.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from cascadenorm.api.any_mesh import (
+        farthest_points,
+        fast_harmonics,
+        fill_holes,
+        geodesic_distances,
+        manifold_harmonics,
+        shape_dna,
+        write,
+    )
     from cascadenorm.api.api import Whole, compare, denoise, denoise_file, methods
     from cascadenorm.api.opened_files import DenoisingSummary
     from cascadenorm.api.regions import denoise_region_files, denoise_regions
@@ -31,14 +40,9 @@ if TYPE_CHECKING:
     )
     from cascadenorm.evaluation.harness import evaluate
     from cascadenorm.frontends.progress_bars import progress_bar
-    from cascadenorm.geometry.geodesics import geodesic_distances
-    from cascadenorm.geometry.holes.filling import fill_holes
     from cascadenorm.geometry.metrics import Measures
-    from cascadenorm.geometry.spectra.farthest_points import farthest_points
-    from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
-    from cascadenorm.geometry.spectra.harmonics import manifold_harmonics, shape_dna
     from cascadenorm.inspection import Inspection, inspect
-    from cascadenorm.io import from_arrays, read, write
+    from cascadenorm.io import from_arrays, read
     from cascadenorm.learned.config import TrainConfig, read_config
     from cascadenorm.mesh import Mesh
     from cascadenorm.models.models import Denoiser, train
@@ -75,23 +79,23 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "denoise_region_files": "api.regions",
     "denoise_regions": "api.regions",
     "evaluate": "evaluation.harness",
-    "farthest_points": "geometry.spectra.farthest_points",
-    "fast_harmonics": "geometry.spectra.fast_harmonics",
-    "fill_holes": "geometry.holes.filling",
+    "farthest_points": "api.any_mesh",
+    "fast_harmonics": "api.any_mesh",
+    "fill_holes": "api.any_mesh",
     "from_arrays": "io",
-    "geodesic_distances": "geometry.geodesics",
+    "geodesic_distances": "api.any_mesh",
     "inspect": "inspection",
-    "manifold_harmonics": "geometry.spectra.harmonics",
+    "manifold_harmonics": "api.any_mesh",
     "methods": "api.api",
     "progress_bar": "frontends.progress_bars",
     "read": "io",
     "read_config": "learned.config",
     "report": "reports",
-    "shape_dna": "geometry.spectra.harmonics",
+    "shape_dna": "api.any_mesh",
     "spectrum": "api.spectra",
     "train": "models.models",
     "view": "reports.notebook",
-    "write": "io",
+    "write": "api.any_mesh",
 }
 
 __all__ = [

@@ -34,7 +34,8 @@ class Browser:
             options.add_argument(option)
         options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
         self.driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-        self.driver.set_script_timeout(120)
+        self.driver.set_script_timeout(24 * 3600)  # machines under load are slow
+        self.driver.set_page_load_timeout(24 * 3600)
         self.sized(1200, 800)
 
     def sized(self, width: int, height: int, *, dark: bool = False) -> None:
@@ -54,6 +55,11 @@ class Browser:
         self.driver.execute_async_script(
             "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 60)));"
         )
+
+    def address(self) -> str:
+        """The view as the address holds it, which the page writes a moment after the view has changed."""
+        self.driver.execute_async_script("setTimeout(arguments[0], 400)")  # the timer of the page ends before
+        return self.js("return location.hash.slice(1)")
 
     def one(self, selector: str):
         return self.driver.find_element("css selector", selector)

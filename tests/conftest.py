@@ -1,7 +1,12 @@
 """What several files of tests start and end alike."""
 
+import os
 import sys
 from pathlib import Path
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores; libraries read this when they are loaded
+    for library in ("OMP", "OPENBLAS", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 import pytest
 from studios import Studio
@@ -10,6 +15,16 @@ from cascadenorm.io.interop import save_mesh
 
 # tests of one folder may use what those of another make
 sys.path += [str(folder) for folder in sorted(Path(__file__).parent.iterdir()) if folder.is_dir()]
+
+
+@pytest.fixture(scope="session")
+def cluster(tmp_path_factory):
+    """The address and the process of a Dask cluster with two workers; a line to the process kills one of them."""
+    pytest.importorskip("distributed")
+    from clusters import patient, started
+
+    with patient(), started(tmp_path_factory.mktemp("cluster") / "here") as found:
+        yield found
 
 
 @pytest.fixture(scope="module")

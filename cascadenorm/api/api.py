@@ -24,7 +24,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.execution.memory import FACE, FREE, OTHERS, amount, free_memory, memory_size
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io import MeshFile
-from cascadenorm.io.interop import adapter, as_mesh
+from cascadenorm.io.interop import adapter, as_mesh, is_pair
 from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
 from cascadenorm.patches.planning import IN_STEPS, check_works_in_patches, patches_within, works_in_patches
@@ -38,6 +38,10 @@ DEFAULT_METHOD = "auto"
 AnyMesh = TypeVar("AnyMesh")
 
 
+@overload
+def denoise(
+    mesh: tuple[ArrayLike, ArrayLike], faces: None = None, *, method: str = ..., **parameters: Any
+) -> NDArray[Any]: ...
 @overload  # with the controls alone, for editors; parameters of the method are those of the last two
 def denoise(mesh: AnyMesh, faces: None = None, *, method: str = ..., **controls: Unpack[Controls]) -> AnyMesh: ...
 @overload
@@ -53,11 +57,11 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
     Parameters
     ----------
     mesh
-        Vertices as an (n, 3) array, with `faces`; or alone a `cascadenorm.Mesh`, a mesh of trimesh, pyvista, vtk,
+        A pair of arrays, vertices (n, 3) and faces (m, 3); a `cascadenorm.Mesh`; a mesh of trimesh, pyvista, vtk,
         open3d or meshio, of which copies of a vertex at seams stay together; a file that `read` returned; or the path
-        of a file.
+        of a file. With `faces`, the vertices alone.
     faces
-        (m, 3) integers in 0 … n - 1.
+        (m, 3) integers in 0 … n - 1, unless `mesh` holds them.
     method
         One of `methods()`.
     parameters
@@ -90,6 +94,8 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
             parameter="faces",
             hint="to name the file that is written call denoise_file(source, output)",
         )
+    if faces is None and is_pair(mesh):
+        mesh, faces = mesh
     with limit_threads(controls["threads"]):
         if faces is not None:
             return _denoised(chosen, mesh, faces, parameters, controls)
@@ -241,17 +247,20 @@ def methods() -> dict[str, Method]:
     return registered()
 
 
-def compare(mesh: Any, *others: Any) -> Measures:
+def compare(mesh: Any, reference: Any) -> Measures:
     """Measure a mesh against the true one.
 
-    Call it with two meshes of any kind that `denoise` takes, `compare(mesh, reference)`, or with arrays,
-    `compare(vertices, faces, true_vertices)`, and `true_faces` last where they differ.
+    Parameters
+    ----------
+    mesh, reference
+        Meshes of any kind that `denoise` takes.
+
+    Raises
+    ------
+    MeshError
+        No valid mesh; its subclass ReadError where a file cannot be read.
     """
-    if len(others) == 1:
-        return measure(as_mesh(mesh), as_mesh(others[0]))
-    if len(others) not in (2, 3):
-        raise TypeError("compare takes (mesh, reference) or (vertices, faces, true_vertices[, true_faces])")
-    return measure(Mesh(mesh, others[0]), Mesh(others[1], others[-1] if len(others) == 3 else others[0]))
+    return measure(as_mesh(mesh), as_mesh(reference))
 
 
 def _denoised(

@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.api.apply import controlled
-from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_file
+from cascadenorm.api.opened_files import DenoisingSummary, moved_file, opened_file, written_file
 from cascadenorm.api.selection import welded
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
 from cascadenorm.errors import MeshError, ParameterError
+from cascadenorm.io import MeshFile
 from cascadenorm.io.atomic import make_folder
-from cascadenorm.io.interop import adapter
+from cascadenorm.io.interop import adapter, as_mesh, is_pair
 from cascadenorm.mesh import Bools, Ints, Mesh, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
 from cascadenorm.regions.coincidence import coincident, joined_meshes
@@ -48,11 +49,15 @@ class SeamlessMesh(NamedTuple):
 
     @classmethod
     def of(cls, given: Any, *, isolate: bool = False) -> "SeamlessMesh":
-        """Take a pair of arrays, a `Mesh`, or a mesh of another library; with `isolate`, without its bad faces."""
+        """Take a mesh of any kind but a path; with `isolate`, without its bad faces."""
+        if isinstance(given, MeshFile):
+            given = given.isolating() if isolate else given
+            mesh = as_mesh(given)
+            return cls(given, mesh.vertices, np.arange(len(mesh.vertices), dtype=np.int32), mesh)
         if isinstance(given, Mesh):
             return cls(given, given.vertices, np.arange(len(given.vertices), dtype=np.int32), given)
         checked_mesh = isolated if isolate else Mesh
-        if isinstance(given, tuple | list) and len(given) == 2:
+        if is_pair(given):
             vertices, mesh = np.asarray(given[0]), checked_mesh(*given)
             return cls(given, vertices, np.arange(len(vertices), dtype=np.int32), mesh)
         vertices, faces = adapter(given).arrays(given)
@@ -63,14 +68,18 @@ class SeamlessMesh(NamedTuple):
     @property
     def dtype(self) -> np.dtype[Any]:
         """The type of the result."""
+        if isinstance(self.given, MeshFile):
+            return self.given.positions.dtype
         return self.vertices.dtype if self.vertices.dtype.kind == "f" else np.dtype(np.float64)
 
-    def moved(self, vertices: NDArray[Any]) -> Any:
+    def moved(self, vertices: NDArray[Any], controls: Controls) -> Any:
         """Return what the caller holds with other vertices of `mesh`; those that are not finite stay as they are."""
+        if isinstance(self.given, MeshFile):
+            return moved_file(self.given, vertices, self.mesh, controls)
         if isinstance(self.given, Mesh):
             return self.given.moved(vertices)
         copies = np.where(bad_vertices(self.vertices)[:, None], self.vertices, vertices[self.welds])
-        if isinstance(self.given, tuple | list):
+        if is_pair(self.given):
             return copies.astype(self.dtype, copy=False)
         return adapter(self.given).with_vertices(self.given, np.where(copies == self.vertices, self.vertices, copies))
 
@@ -85,8 +94,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
     Parameters
     ----------
     meshes
-        Each a pair of arrays, vertices (n, 3) and faces (m, 3); or a `cascadenorm.Mesh`, or a mesh of trimesh, pyvista,
-        vtk, open3d or meshio.
+        Each of any kind that `denoise` takes but a path: for files there is `denoise_region_files`.
     method
         One of `methods()`.
     parameters
@@ -96,7 +104,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
 
     Returns
     -------
-    For each mesh what `denoise` returns for it: the new vertices, or a copy of the mesh
+    For each mesh what `denoise` returns for it: for arrays the new vertices, for all else a copy
 
     Raises
     ------
@@ -111,7 +119,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
     every = [SeamlessMesh.of(mesh, isolate=controls["on_bad"] == "isolate") for mesh in meshes]
     with limit_threads(controls["threads"]):
         moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
-    return [one.moved(vertices) for one, vertices in zip(every, moved, strict=True)]
+    return [one.moved(vertices, controls) for one, vertices in zip(every, moved, strict=True)]
 
 
 @takes_controls

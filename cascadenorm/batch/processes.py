@@ -2,15 +2,18 @@
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Protocol
 
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.scheduling import Place
 from cascadenorm.batch.work import Outcome, Task
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.worker_processes import Worker, first_ready
+from cascadenorm.execution.worker_processes import Worker, do_jobs, first_ready
 
 Work = Callable[[Task], Outcome]
+FileWorker = Worker[tuple[Task, int], Outcome]
+"""It is sent tasks with their numbers of threads."""
 
 
 class Processes(Protocol):
@@ -45,15 +48,15 @@ class LocalProcesses:
     """
 
     def __init__(self, work: Work, place: Place) -> None:
-        self._work = work
+        self._serve = partial(do_jobs, work=work)
         self.places = [place]
-        self._idle: list[Worker[Task, Outcome]] = []
-        self._busy: dict[Job, Worker[Task, Outcome]] = {}
+        self._idle: list[FileWorker] = []
+        self._busy: dict[Job, FileWorker] = {}
 
     def begin(self, place: Place, task: Task, threads: int) -> None:
         """Begin the work on a file; the process that was idle last has it warmest in memory."""
-        self._busy[task.job] = self._idle.pop() if self._idle else Worker(self._work)
-        self._busy[task.job].begin(task, threads)
+        self._busy[task.job] = self._idle.pop() if self._idle else Worker(self._serve)
+        self._busy[task.job].send((task, threads))
 
     def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
         """Wait for outcomes, or for so many seconds."""
@@ -65,7 +68,7 @@ class LocalProcesses:
         for worker in first_ready(list(jobs), seconds):
             job = jobs[worker]
             try:
-                found.append((job, worker.result()))
+                found.append((job, worker.receive()))
                 self._idle.append(worker)
                 del self._busy[job]
             except WorkerError as error:

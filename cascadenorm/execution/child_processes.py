@@ -2,10 +2,14 @@
 
 import os
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import parent_process, resource_tracker
 from threading import Thread
+
+GRACE = 5.0
+"""Seconds that a process has to remove its temporary files."""
 
 
 @contextmanager
@@ -23,12 +27,14 @@ def interrupts_blocked() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """End this process when its parent is killed, rather than wait for work for ever."""
+    """End this process when its parent is gone, as SIGTERM does and, where that does not help, at once."""
     parent = parent_process()
     assert parent is not None
 
     def watch() -> None:
         parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(GRACE)
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()

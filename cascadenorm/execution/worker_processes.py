@@ -1,74 +1,75 @@
-"""Processes that do one job at a time; one that ends early takes its own job along and no other.
+"""Processes that do one job after the other; one that ends early affects its own job and no other.
 
-`process_map` is for work that fails as a whole: there the end of a process ends the pool.
+`process_map` is for work that fails as a whole: there the end of a process ends the pool. This module imports no
+numerical packages, so that the server of the studio, which has a worker, starts without them.
 """
 
-import os
 import signal
 import time
 from collections.abc import Callable, Sequence
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
-from threading import Thread
 from types import FrameType
 from typing import Any, Generic, NoReturn, TypeVar
 
-from threadpoolctl import threadpool_limits
-
-from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.child_processes import interrupts_blocked
+from cascadenorm.execution.child_processes import GRACE, end_with_parent, interrupts_blocked
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Sent = TypeVar("Sent")
+Received = TypeVar("Received")
 
-GRACE = 5.0
-"""Seconds that a process has to remove its temporary files."""
 
+class Worker(Generic[Sent, Received]):
+    """A process that answers what it is sent.
 
-class Worker(Generic[Item, Result]):
-    """A process that does jobs, one after the other.
+    It ignores Ctrl-C, which is for the parent to handle, and ends when the parent is gone.
 
     Parameters
     ----------
-    work
-        What is done with a job in the process; both are pickled.
-
-    It ignores Ctrl-C, which is for the parent to answer, and ends when the parent is gone.
+    serve
+        Called in the process with its end of the connection; the process ends when it returns. It is pickled.
     """
 
-    def __init__(self, work: Callable[[Item], Result]) -> None:
-        self.link, there = get_context("spawn").Pipe()
-        self._process = get_context("spawn").Process(target=_serve, args=(there, work), daemon=True)
+    def __init__(self, serve: Callable[[Connection], object]) -> None:
+        context = get_context("spawn")
+        self.link, there = context.Pipe()
+        self._process = context.Process(target=_run, args=(there, serve), daemon=True)
         with interrupts_blocked():
             self._process.start()
         there.close()
 
-    def begin(self, job: Item, threads: int) -> None:
-        """Begin a job, in which kernels and libraries use that many threads; the process may have ended meanwhile."""
+    def send(self, message: Sent) -> None:
+        """Send a message to the process, which may have ended meanwhile: `receive` reports that."""
         try:
-            self.link.send((job, threads))
-        except OSError:  # `result` says so
+            self.link.send(message)
+        except OSError:
             self.link.close()
 
-    def result(self) -> Result:
-        """Wait for the result of the job.
+    def receive(self) -> Received:
+        """Wait for the next answer.
 
         Raises
         ------
         WorkerError
-            The process has ended before, or its result cannot be read.
+            The process has ended, or its answer cannot be read.
         """
         try:
-            found: Result = self.link.recv()
+            found: Received = self.link.recv()
         except (EOFError, OSError):
             self._process.join(GRACE)
             code = self._process.exitcode
             cause = signal.Signals(-code).name if code is not None and code < 0 else f"exit code {code}"
             raise WorkerError(f"the process that did the work ended early ({cause}): memory may be short") from None
-        except Exception as error:  # of whatever class cannot be made again here
+        except Exception as error:  # of a class that cannot be made again here
             raise WorkerError(f"what the process returned cannot be read: {type(error).__name__}: {error}") from None
         return found
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+        self._process.join()
 
     @staticmethod
     def stop(workers: "Sequence[Worker[Any, Any]]") -> None:
@@ -79,29 +80,38 @@ class Worker(Generic[Item, Result]):
         end = time.monotonic() + GRACE
         for worker in workers:
             worker._process.join(max(0.0, end - time.monotonic()))
-            worker._process.kill()
-            worker._process.join()
+            worker.kill()
 
 
-def first_ready(workers: "Sequence[Worker[Item, Result]]", seconds: float | None) -> "list[Worker[Item, Result]]":
-    """Wait until one of the workers has a result or has ended, or for so many seconds; return those that have."""
+def first_ready(workers: "Sequence[Worker[Sent, Received]]", seconds: float | None) -> "list[Worker[Sent, Received]]":
+    """Wait until one of the workers has answered or ended, or for so many seconds; return those that have."""
     closed = [worker for worker in workers if worker.link.closed]
     ready = closed or wait([worker.link for worker in workers], seconds)
     return closed or [worker for worker in workers if worker.link in ready]
 
 
-def _serve(link: Connection, work: Callable[[Item], Result]) -> None:
-    """Do the jobs that arrive until the parent ends."""
-    signal.signal(signal.SIGTERM, _terminated)
-    Thread(target=_end_with_parent, daemon=True).start()
+def do_jobs(link: Connection, work: Callable[[Item], Result]) -> None:
+    """Do the jobs that arrive, each with the number of threads for kernels and libraries, and send their results."""
+    from threadpoolctl import threadpool_limits
+
+    from cascadenorm.compute.threads import limit_threads  # loads numerical packages
+
     while True:
         try:
             job, threads = link.recv()
         except (EOFError, OSError):
-            return _ending()
+            return
         with limit_threads(threads), threadpool_limits(threads):
             result = work(job)
         link.send(result)
+
+
+def _run(link: Connection, serve: Callable[[Connection], object]) -> None:
+    """Serve in the new process, until that ends or the parent is gone."""
+    signal.signal(signal.SIGTERM, _terminated)
+    end_with_parent()
+    serve(link)
+    _ending()
 
 
 def _terminated(number: int, _: FrameType | None) -> NoReturn:
@@ -113,13 +123,3 @@ def _terminated(number: int, _: FrameType | None) -> NoReturn:
 def _ending() -> None:
     """Ignore what ends this process from now on: within the handlers of its exit it would be an error."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent is gone, as on SIGTERM and, where that does not help, at once."""
-    parent = parent_process()
-    assert parent is not None
-    parent.join()
-    os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(GRACE)
-    os._exit(1)

@@ -25,7 +25,7 @@ LEAST_HEAT = 1e-300
 """Share of the largest heat below which its gradient is not trusted: then it flows for longer."""
 
 
-def geodesic_distances(vertices: ArrayLike, faces: ArrayLike, sources: ArrayLike) -> Floats:
+def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
     """Return the distance along the surface from each vertex to the nearest source.
 
     The heat method (Crane, Weischedel, Wardetzky 2013) takes two sparse solves. From one source it is off by 1 to 3 %
@@ -33,10 +33,8 @@ def geodesic_distances(vertices: ArrayLike, faces: ArrayLike, sources: ArrayLike
 
     Parameters
     ----------
-    vertices
-        (n, 3).
-    faces
-        (m, 3) integers in 0 … n - 1; an edge may have any number of faces, of any orientation.
+    mesh
+        n vertices; an edge may have any number of faces, of any orientation.
     sources
         Number of a vertex, or (s,) of several.
 
@@ -47,11 +45,10 @@ def geodesic_distances(vertices: ArrayLike, faces: ArrayLike, sources: ArrayLike
     Raises
     ------
     MeshError
-        No valid mesh, or one whose faces all lie in one place.
+        All faces lie in one place.
     ParameterError
         There is no source, or one that does not exist.
     """
-    mesh = Mesh(vertices, faces)
     chosen = _checked_sources(sources, len(mesh.vertices))
     framed, exponent = in_frame(without_lines(mesh))
     return np.asarray(np.ldexp(heat_distances(framed, chosen), exponent))

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
-from cascadenorm.io.interop import adapter
-from cascadenorm.mesh import Mesh
+from cascadenorm.io.interop import arrays_of, is_pair
 from cascadenorm.mesh.mesh import face_array, vertex_array
 
 PLACES = 10
@@ -78,11 +77,8 @@ def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
         return _given_file(io.read(mesh).isolating(), name)
     if isinstance(mesh, io.MeshFile):
         return _given_file(mesh.isolating(), f"the {mesh.format} file")
-    if faces is not None:
-        arrays, source = (mesh, faces), "arrays"
-    else:
-        arrays = (mesh.vertices, mesh.faces) if isinstance(mesh, Mesh) else adapter(mesh).arrays(mesh)
-        source = type(mesh).__name__
+    arrays = arrays_of(mesh if faces is None else (mesh, faces))
+    source = "arrays" if faces is not None or is_pair(mesh) else type(mesh).__name__
     kind = np.asarray(arrays[0]).dtype
     vertices, corners = vertex_array(arrays[0]), face_array(arrays[1])
     return GivenMesh(

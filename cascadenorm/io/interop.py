@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
 from cascadenorm.mesh import Mesh, MeshError
@@ -34,10 +34,7 @@ def adapter(mesh: object) -> Adapter:
     MeshError
         A kind of object that is not known.
     """
-    hint = (
-        "pass vertices and faces as arrays, a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or "
-        "meshio"
-    )
+    hint = "pass (vertices, faces), a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or meshio"
     for kind in type(mesh).__mro__:
         library, *inside = kind.__module__.split(".")
         if library == "open3d" and "t" in inside:
@@ -52,14 +49,50 @@ def adapter(mesh: object) -> Adapter:
 
 
 def as_mesh(source: Any) -> Mesh:
-    """Return the triangles of a file, a stream or a mesh of any library."""
+    """Return the triangles of a mesh of any kind: all public functions convert what they are given by this one.
+
+    Parameters
+    ----------
+    source
+        A `Mesh`; a pair of arrays, vertices (n, 3) and faces (m, 3); a mesh of trimesh, pyvista, vtk, open3d or meshio;
+        a file that `read` returned; the path of a file; or a stream of its bytes.
+
+    Raises
+    ------
+    MeshError
+        No valid mesh; its subclass ReadError where a file cannot be read.
+    """
     if isinstance(source, Mesh):
         return source
     if isinstance(source, io.MeshFile):
         return mesh_of_file(source, f"the {source.format} file")
     if isinstance(source, str | PathLike) or hasattr(source, "read"):
         return mesh_of_file(io.read(source), source_name(source))
-    return Mesh(*adapter(source).arrays(source))
+    return Mesh(*arrays_of(source))
+
+
+def as_file(source: Any) -> io.MeshFile:
+    """Return a mesh of any kind, as `as_mesh` takes, as a file that can be written."""
+    if isinstance(source, io.MeshFile):
+        return source
+    if isinstance(source, str | PathLike) or hasattr(source, "read"):
+        return io.read(source)
+    return io.from_arrays(*arrays_of(source))
+
+
+def arrays_of(mesh: Any) -> tuple[ArrayLike, ArrayLike]:
+    """Return vertices and faces, unchecked, of a `Mesh`, a pair of arrays or a mesh of another library."""
+    if isinstance(mesh, Mesh):
+        return mesh.vertices, mesh.faces
+    if is_pair(mesh):
+        vertices, faces = mesh
+        return vertices, faces
+    return adapter(mesh).arrays(mesh)
+
+
+def is_pair(mesh: object) -> bool:
+    """Whether a mesh is given as a pair of arrays, (vertices, faces)."""
+    return isinstance(mesh, tuple | list) and len(mesh) == 2
 
 
 def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
@@ -215,8 +248,8 @@ ADAPTERS = {
 }
 
 CONVERSIONS = {
-    ("numpy", "ndarray"): "the faces too, as a second array",
-    ("builtins", "list"): "the faces too, as a second array",
+    ("numpy", "ndarray"): "the faces too: (vertices, faces)",
+    ("builtins", "list"): "the faces too: (vertices, faces)",
     ("trimesh", "Scene"): "scene.to_mesh()",
     ("pyvista", "UnstructuredGrid"): "its surface, grid.extract_surface().triangulate()",
     ("vtkmodules", "vtkUnstructuredGrid"): "its surface, by vtkGeometryFilter and vtkTriangleFilter",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cascadenorm import io
-from cascadenorm.io.interop import adapter, mesh_of_file, source_name
+from cascadenorm.io.interop import as_file, is_pair, mesh_of_file, source_name
 from cascadenorm.mesh import Mesh
 
 LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"}
@@ -61,8 +61,7 @@ def given(key: str, source: Any) -> Given:
     if isinstance(source, Given):
         return source
     if isinstance(source, str | PathLike) or hasattr(source, "read"):
-        return Given(key, source_name(source), io.read(source))
+        return Given(key, source_name(source), as_file(source))
     if isinstance(source, io.MeshFile):
         return Given(key, f"the {source.format} file", source, from_file=False)
-    arrays = (source.vertices, source.faces) if isinstance(source, Mesh) else adapter(source).arrays(source)
-    return Given(key, type(source).__name__, io.from_arrays(*arrays), from_file=False)
+    return Given(key, "arrays" if is_pair(source) else type(source).__name__, as_file(source), from_file=False)

@@ -9,7 +9,7 @@ from time import monotonic
 from typing import Any
 
 from cascadenorm.errors import WorkerError
-from cascadenorm.studio.worker import Reply, Request, Worker
+from cascadenorm.studio.worker import Channel, Reply, Request
 
 PATIENCE = 3.0
 """Seconds after which work that was cancelled and does not end is ended with its process."""
@@ -40,7 +40,7 @@ class Session:
         self.requests = 0
         self.has_listened = False
         self._lost = 0
-        self._worker: Worker | None = None
+        self._worker: Channel | None = None
         self._form: dict[str, Any] | None = None
 
     def start(self) -> None:
@@ -152,16 +152,16 @@ class Session:
 
     # the worker
 
-    def _started(self) -> Worker:
+    def _started(self) -> Channel:
         loop = asyncio.get_running_loop()
 
         def heard(reply: Reply) -> None:
             loop.call_soon_threadsafe(self._heard, reply)
 
-        def ended(code: int | None) -> None:
-            loop.call_soon_threadsafe(self._ended, code)
+        def ended(error: WorkerError) -> None:
+            loop.call_soon_threadsafe(self._ended, error)
 
-        return Worker(heard, ended)
+        return Channel(heard, ended)
 
     def _send(self, kind: str, **arguments: Any) -> int:
         worker = self._ready()
@@ -172,7 +172,7 @@ class Session:
         worker.send(request)
         return request.number
 
-    def _ready(self) -> Worker:
+    def _ready(self) -> Channel:
         """Return the worker; where there is none one is started, and opens the file that is open."""
         if self._worker is None:
             self._worker = self._started()
@@ -243,11 +243,11 @@ class Session:
                 return {"type": "failed", **event, **reply.content}
         return {"type": "cancelled", **event}
 
-    def _ended(self, code: int | None) -> None:
+    def _ended(self, error: WorkerError) -> None:
         """Fail all pending requests; the next request starts another one, which opens the same file."""
         waiting, self._waiting, self._worker = self._waiting, {}, None
         for request, future, _ in waiting.values():
-            content = {"error": _why(code)}
+            content = {"error": f"{error.message()}. The next request starts another process."}
             if not future.done():
                 future.set_exception(RequestFailed(content))
             if request.kind == "denoise":
@@ -260,12 +260,3 @@ class Session:
         for old in sorted(self.scenes)[1:-2]:
             del self.scenes[old]
         return number
-
-
-def _why(code: int | None) -> str:
-    about = f"by signal {-code}" if code is not None and code < 0 else f"with code {code}"
-    error = WorkerError(
-        f"the process that denoises ended {about}; the next request starts another one",
-        hint="where memory is short, take a smaller mesh or fewer threads",
-    )
-    return error.message()

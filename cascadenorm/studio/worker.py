@@ -1,10 +1,11 @@
-"""The studio's worker process: a crash or a lack of memory in it does not end the server.
+"""Requests to the studio's worker process: a crash or a lack of memory in it does not end the server.
 
 The process is reused, since starting one and opening a mesh take seconds. A request is cancelled when it next reports
 its progress; if it does not do so in time, the process is killed and another one started.
 """
 
 from collections.abc import Callable
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
@@ -12,8 +13,8 @@ from threading import Thread
 from time import monotonic
 from typing import Any, NamedTuple
 
-from cascadenorm.errors import CascadenormError, OutputError, ParameterError
-from cascadenorm.execution.child_processes import end_with_parent, interrupts_blocked
+from cascadenorm.errors import CascadenormError, OutputError, ParameterError, WorkerError
+from cascadenorm.execution.worker_processes import Worker
 from cascadenorm.studio.names import spelled
 
 INTERVAL = 0.1
@@ -40,26 +41,21 @@ class Cancelled(Exception):
     """The request was cancelled."""
 
 
-class Worker:
-    """A process that does one request after the other.
+class Channel:
+    """Requests to a worker process and its replies; they pass in threads, so that the server never waits for them.
 
     Parameters
     ----------
     heard
         Called with each reply, in a thread.
     ended
-        Called when the process has ended by itself, with its exit code, in a thread.
+        Called when the process has ended by itself, with the error that tells why, in a thread.
     """
 
-    def __init__(self, heard: Callable[[Reply], None], ended: Callable[[int | None], None]) -> None:
-        context = get_context("spawn")
-        self._ours, theirs = context.Pipe()
-        self._oldest = context.Value("q", 0)
-        self._process = context.Process(target=_serve, args=(theirs, self._oldest), daemon=True)
+    def __init__(self, heard: Callable[[Reply], None], ended: Callable[[WorkerError], None]) -> None:
+        self._oldest = get_context("spawn").Value("q", 0)
+        self._worker: Worker[Request, Reply] = Worker(partial(_serve, oldest=self._oldest))
         self._stopped = False
-        with interrupts_blocked():
-            self._process.start()
-        theirs.close()
         self._waiting: SimpleQueue[Request | None] = SimpleQueue()
         Thread(target=self._pass_on, daemon=True).start()
         Thread(target=self._listen, args=(heard, ended), daemon=True).start()
@@ -75,32 +71,25 @@ class Worker:
     def stop(self) -> None:
         """End the process at once; `ended` is not called."""
         self._stopped = True
-        self._process.kill()
-        self._process.join()
+        self._worker.kill()
 
     def _pass_on(self) -> None:
         while (request := self._waiting.get()) is not None:
-            try:
-                self._ours.send(request)
-            except OSError:  # the process has ended, which `ended` tells
-                return
+            self._worker.send(request)
 
-    def _listen(self, heard: Callable[[Reply], None], ended: Callable[[int | None], None]) -> None:
-        while True:
-            try:
-                reply = self._ours.recv()
-            except (EOFError, OSError):
-                break
-            heard(reply)
-        self._process.join()
-        self._waiting.put(None)
-        if not self._stopped:
-            ended(self._process.exitcode)
+    def _listen(self, heard: Callable[[Reply], None], ended: Callable[[WorkerError], None]) -> None:
+        try:
+            while True:
+                heard(self._worker.receive())
+        except WorkerError as error:
+            self._worker.kill()
+            self._waiting.put(None)
+            if not self._stopped:
+                ended(error)
 
 
 def _serve(connection: Connection, oldest: Any) -> None:
     """Handle requests until the connection is closed."""
-    end_with_parent()
     from cascadenorm.studio.requests import Requests  # here: the server starts without numerical packages
 
     requests = Requests()

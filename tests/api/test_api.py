@@ -382,11 +382,8 @@ def test_compare_takes_meshes_paths_and_arrays(tmp_path):
     cn.write(cn.from_arrays(clean.vertices, clean.faces), path)
     expected = cn.compare(BALL, clean)
     assert expected.normal_error_deg > 5
-    assert cn.compare(BALL.vertices, BALL.faces, clean.vertices) == expected
-    assert cn.compare(BALL.vertices, BALL.faces, clean.vertices, clean.faces) == expected
+    assert cn.compare((BALL.vertices, BALL.faces), (clean.vertices, clean.faces)) == expected
     assert cn.compare(BALL, path) == expected
-    with pytest.raises(TypeError, match="compare takes"):
-        cn.compare(BALL)
 
 
 def test_methods_list_parameters_with_ranges_and_sources():

@@ -3,15 +3,14 @@
 import os
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_batch import COMMAND, FAST, LINUX, done_so_far, lines, results, scans, wait_for
+from batches import COMMAND, FAST, LINUX, done_so_far, lines, results, scans, wait_for
+from clusters import COMMAND as PATIENT_COMMAND
+from clusters import started, workers
 
 from cascadenorm.batch import cluster_processes
 from cascadenorm.batch.batch import denoise_files
@@ -20,54 +19,6 @@ from cascadenorm.errors import WorkerError
 from cascadenorm.execution.cluster import connected
 
 LocalCluster = pytest.importorskip("distributed").LocalCluster
-
-CLUSTER = """
-import logging, os, random, signal, sys, time
-import dask
-from distributed import LocalCluster
-from cascadenorm.execution.cluster import OWN_CLUSTER
-dask.config.set({**OWN_CLUSTER, "distributed.scheduler.worker-ttl": sys.argv[1]})  # how long a worker may be silent
-if __name__ == "__main__":
-    draw = random.Random(3)
-    with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
-                      silence_logs=logging.CRITICAL + 1) as cluster:
-        print(cluster.scheduler_address, flush=True)
-        for _ in sys.stdin:  # each line kills a worker; Dask starts it again, unless it was just starting
-            time.sleep(draw.uniform(0, 0.2))
-            nannies, there = cluster.workers.values(), cluster.scheduler.workers
-            while not (ready := [nanny.pid for nanny in nannies if nanny.pid and nanny.worker_address in there]):
-                time.sleep(0.02)
-            os.kill(draw.choice(ready), signal.SIGKILL)
-"""
-
-
-@pytest.fixture
-def place(tmp_path, monkeypatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@contextmanager
-def started(folder: Path, silent: str) -> Iterator[tuple[str, subprocess.Popen]]:
-    """Address and process of a scheduler with two workers, which run in a folder and may be silent for so long."""
-    folder.mkdir()
-    (folder / "cluster.py").write_text(CLUSTER, encoding="utf-8")
-    words = [sys.executable, "cluster.py", silent]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
-        yield process.stdout.readline().strip(), process
-        process.stdin.close()
-
-
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory) -> Iterator[tuple[str, subprocess.Popen]]:
-    with started(tmp_path_factory.mktemp("cluster") / "here", "10 minutes") as found:
-        yield found
-
-
-def workers(pid: int) -> list[int]:
-    """The worker processes that a process with a cluster has started, from whichever thread."""
-    found = [int(word) for path in Path(f"/proc/{pid}/task").glob("*/children") for word in path.read_text().split()]
-    return [child for child in found if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
 
 
 def of_batch(folder: Path) -> dict[str, object]:
@@ -80,14 +31,16 @@ def of_batch(folder: Path) -> dict[str, object]:
 
 
 @LINUX
-def test_workers_killed_at_random_moments_change_no_byte_and_nothing_is_done_twice(place, cluster):
+@pytest.mark.parametrize("kills", [(2, 6), pytest.param((4, 12, 20, 30), marks=pytest.mark.slow)], ids=len)
+def test_workers_killed_at_random_moments_change_no_byte_and_nothing_is_done_twice(place, cluster, kills):
     address, scheduler = cluster
-    scans(place / "scans", 40)
+    count = kills[-1] + 10
+    scans(place / "scans", count)
     (place / "scans" / "a" / "bad.ply").write_text("ply\nno more", encoding="ascii")
-    words = [*COMMAND, str(place / "scans"), *FAST, "-o"]
-    killed = [*words, str(place / "out"), "--scheduler", address, "--retries", "9"]
+    words = [str(place / "scans"), *FAST, "-o"]
+    killed = [*PATIENT_COMMAND, *words, str(place / "out"), "--scheduler", address, "--retries", "9"]
     with subprocess.Popen(killed, stderr=subprocess.PIPE) as process:
-        for done in (4, 12, 20, 30):
+        for done in kills:
             wait_for(lambda done=done: done_so_far(place / "out") >= done or process.poll() is not None)
             scheduler.stdin.write("\n")
             scheduler.stdin.flush()
@@ -95,8 +48,9 @@ def test_workers_killed_at_random_moments_change_no_byte_and_nothing_is_done_twi
     assert process.returncode == 6, said
     (failure,) = [line for line in said.splitlines() if line.startswith(b"cascadenorm: ")]
     assert b"scans/a/bad.ply: " in failure
-    assert subprocess.run([*words, str(place / "undisturbed")], stderr=subprocess.PIPE, check=False).returncode == 6
-    assert len(results(place / "out")) == 40
+    undisturbed = [*COMMAND, *words, str(place / "undisturbed")]
+    assert subprocess.run(undisturbed, stderr=subprocess.PIPE, check=False).returncode == 6
+    assert len(results(place / "out")) == count
     assert results(place / "out") == results(place / "undisturbed")
     assert of_batch(place / "out") == of_batch(place / "undisturbed")
 

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
-from time import sleep
+from threading import Event, Thread
 
 import pytest
+from batches import FAST, done_so_far, lines, results, scans, wait_for, watching
 from shapes import icosphere, noisy
-from test_batch import FAST, done_so_far, lines, results, scans, wait_for, watching
 
 import cascadenorm as cn
 from cascadenorm.batch import remote_files
@@ -196,9 +195,8 @@ def test_a_file_that_is_replaced_while_it_is_read_is_tried_again(tmp_path, monke
 
 def test_a_server_that_falls_silent_within_a_file_is_an_error_and_may_be_asked_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(remote_files, "SILENCE", 0.5)
     scans(tmp_path / "scans", 1)
-    silent = [True]
+    silent, given_up = [True], Event()
 
     class Handler(SimpleHTTPRequestHandler):
         def copyfile(self, source, outputfile):
@@ -206,7 +204,7 @@ def test_a_server_that_falls_silent_within_a_file_is_an_error_and_may_be_asked_a
             outputfile.write(whole[:-10])
             if silent:
                 silent.pop()
-                sleep(2)
+                given_up.wait()
             outputfile.write(whole[-10:])
 
         def log_message(self, *_):
@@ -215,8 +213,11 @@ def test_a_server_that_falls_silent_within_a_file_is_an_error_and_may_be_asked_a
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=str(tmp_path / "scans" / "a"))) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         url = f"http://127.0.0.1:{server.server_port}/0.ply"
-        with pytest.raises(ReadError, match=r"0\.ply cannot be read"):
+        with monkeypatch.context() as patch, pytest.raises(ReadError, match=r"0\.ply cannot be read"):
+            patch.setattr(remote_files, "SILENCE", 0.5)
             remote_files.fetched(url, tmp_path / "first")
+        given_up.set()
+        monkeypatch.setattr(remote_files, "SILENCE", 24 * 3600.0)
         assert remote_files.fetched(url, tmp_path / "second").read_bytes() == (tmp_path / "scans/a/0.ply").read_bytes()
         server.shutdown()
 

@@ -8,9 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from batches import LINUX, START, children, results, running, wait_for
 from shapes import icosphere, noisy
-from test_batch import LINUX, START, children, results, running, wait_for
-from test_cluster_processes import LocalCluster, cluster  # noqa: F401 - a fixture
 
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError, WorkerError
@@ -20,6 +19,7 @@ from cascadenorm.execution.cluster_map import on_cluster
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.models.training_pairs import write_pairs
 
+LocalCluster = pytest.importorskip("distributed").LocalCluster
 BALL = icosphere(2)
 
 
@@ -47,25 +47,31 @@ def pairs(folder: Path, count: int) -> Path:
 
 
 @LINUX
-def test_pairs_are_generated_to_the_same_bytes_when_workers_are_killed(tmp_path, cluster):  # noqa: F811
+@pytest.mark.parametrize(
+    ("count", "kills"), [(3, [1]), pytest.param(5, [1, 3], marks=pytest.mark.slow)], ids=["once", "twice"]
+)
+def test_pairs_are_generated_to_the_same_bytes_when_workers_are_killed(tmp_path, cluster, count, kills):
     address, process = cluster
-    progress = killing(process, 1, 3)
-    write_pairs(tmp_path / "killed", count=5, seed=3, scheduler=address, progress=progress)
+    progress = killing(process, *kills)
+    write_pairs(tmp_path / "killed", count=count, seed=3, scheduler=address, progress=progress)
     assert not progress.left
-    write_pairs(tmp_path / "undisturbed", count=5, seed=3)
-    assert len(results(tmp_path / "killed")) == 11
+    write_pairs(tmp_path / "undisturbed", count=count, seed=3)
+    assert len(results(tmp_path / "killed")) == 2 * count + 1
     assert results(tmp_path / "killed") == results(tmp_path / "undisturbed")
 
 
 @LINUX
-def test_methods_are_measured_alike_when_workers_are_killed(tmp_path, cluster):  # noqa: F811
+@pytest.mark.parametrize(
+    ("count", "kills"), [(4, [2, 6]), pytest.param(8, [2, 9, 16], marks=pytest.mark.slow)], ids=["twice", "often"]
+)
+def test_methods_are_measured_alike_when_workers_are_killed(tmp_path, cluster, count, kills):
     address, process = cluster
-    folder, settings = pairs(tmp_path / "pairs", 8), {"methods": ("taubin", "bilateral-normal")}
+    folder, settings = pairs(tmp_path / "pairs", count), {"methods": ("taubin", "bilateral-normal")}
     (folder / "ball3" / "noisy.ply").write_text("ply\nno more", encoding="ascii")
-    progress = killing(process, 2, 9, 16)
+    progress = killing(process, *kills)
     killed = evaluate(folder, keep=tmp_path / "killed", scheduler=address, progress=progress, **settings)
     here = evaluate(folder, keep=tmp_path / "undisturbed", **settings)
-    assert not progress.left and len(here.results) == 3 * 7
+    assert not progress.left and len(here.results) == 3 * (count - 1)
     assert [(one.pair, one.method, one.measures) for one in killed.results] == [
         (one.pair, one.method, one.measures) for one in here.results
     ]
@@ -76,10 +82,10 @@ def test_methods_are_measured_alike_when_workers_are_killed(tmp_path, cluster): 
         {name: data for name, data in results(tmp_path / kept).items() if name.endswith(".ply")}
         for kept in ("killed", "undisturbed")
     ]
-    assert meshes[0] == meshes[1] and len(meshes[0]) == 3 * 7
+    assert meshes[0] == meshes[1] and len(meshes[0]) == 3 * (count - 1)
 
 
-def test_results_come_in_order_and_an_error_where_its_result_is_asked_for(cluster):  # noqa: F811
+def test_results_come_in_order_and_an_error_where_its_result_is_asked_for(cluster):
     with on_cluster(cluster[0], workers=1, folder=None) as each:
         assert list(each(math.sqrt, [n * n for n in range(30)])) == list(range(30))
         found = each(math.sqrt, [4, -1, 9])
@@ -89,7 +95,7 @@ def test_results_come_in_order_and_an_error_where_its_result_is_asked_for(cluste
 
 
 @pytest.mark.slow  # four workers have to be started again
-def test_work_that_ends_every_worker_is_given_up(cluster):  # noqa: F811
+def test_work_that_ends_every_worker_is_given_up(cluster):
     with (
         pytest.raises(WorkerError, match="memory may be short"),
         on_cluster(cluster[0], workers=1, folder=None) as each,
@@ -97,7 +103,7 @@ def test_work_that_ends_every_worker_is_given_up(cluster):  # noqa: F811
         list(each(os._exit, [1]))
 
 
-def test_workers_that_cannot_do_the_work_are_named(tmp_path, cluster, monkeypatch):  # noqa: F811
+def test_workers_that_cannot_do_the_work_are_named(tmp_path, cluster, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pairs(tmp_path / "pairs", 1)
     with pytest.raises(WorkerError, match=r"runs in .*, where relative names mean others: give absolute ones"):

@@ -51,7 +51,7 @@ from cascadenorm.execution.process_map import side_by_side
 signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a shell it is ignored
 try:
     with side_by_side(2) as each:
-        results = each(time.sleep, [0.1] * 40)
+        results = each(time.sleep, [0.1] * 5_000)
         print("begun", flush=True)
         list(results)
 except KeyboardInterrupt:

@@ -23,7 +23,7 @@ KNOWN = [(icosphere(4), on_sphere), (grid(25, 20), on_plane)]
 @pytest.mark.parametrize(("mesh", "distance"), KNOWN)
 @pytest.mark.parametrize("count", [10, 40])
 def test_the_covering_radius_is_at_most_the_separation_and_near_that_of_a_hexagonal_packing(mesh, distance, count):
-    samples = farthest_points(mesh.vertices, mesh.faces, count, first=5)
+    samples = farthest_points(mesh, count, first=5)
     assert samples[0] == 5 and len(set(samples)) == count
     truth = np.array([distance(mesh, sample) for sample in samples])
     radius = truth.min(axis=0).max()
@@ -57,32 +57,32 @@ def test_each_component_gets_a_sample_before_any_gets_its_second_and_lone_vertic
     ball = icosphere(1)
     vertices = np.concatenate([ball.vertices, [[9, 9, 9]], ball.vertices + 4, ball.vertices - 4])
     faces = np.concatenate([ball.faces, ball.faces + 43, ball.faces + 85])
-    samples = farthest_points(vertices, faces, 3)
+    samples = cn.farthest_points((vertices, faces), 3)
     assert {np.searchsorted([43, 85], sample, side="right") for sample in samples} == {0, 1, 2}
-    everything = farthest_points(vertices, faces, 126)
+    everything = cn.farthest_points((vertices, faces), 126)
     assert sorted(everything) == [i for i in range(127) if i != 42]
     with pytest.raises(cn.ParameterError, match="count is 127; it must be from 1 to 126"):
-        farthest_points(vertices, faces, 127)
+        cn.farthest_points((vertices, faces), 127)
     with pytest.raises(cn.ParameterError, match="first is 42"):
-        farthest_points(vertices, faces, 3, first=42)
+        cn.farthest_points((vertices, faces), 3, first=42)
 
 
 def test_no_two_samples_lie_in_one_place():
     ball = icosphere(2)
     faces = np.concatenate([ball.faces, [(0, 162, 1)]])
     twice = np.concatenate([ball.vertices, ball.vertices[:1]])
-    assert sorted(farthest_points(twice, faces, 163)) == list(range(162))
+    assert sorted(cn.farthest_points((twice, faces), 163)) == list(range(162))
 
 
 def test_samples_do_not_depend_on_scale():
     mesh = noisy(icosphere(3), 0.2)
-    expected = farthest_points(mesh.vertices, mesh.faces, 40)
+    expected = farthest_points(mesh, 40)
     for factor in (2.0**-600, 2.0**500):
-        np.testing.assert_array_equal(cn.farthest_points(factor * mesh.vertices, mesh.faces, 40), expected)
+        np.testing.assert_array_equal(cn.farthest_points((factor * mesh.vertices, mesh.faces), 40), expected)
 
 
 def test_faces_that_repeat_a_vertex_do_not_count():
     mesh = noisy(icosphere(2), 0.2)
     with_lines = Mesh(mesh.vertices, np.concatenate([mesh.faces, [(0, 100, 100)]]))
-    expected = farthest_points(mesh.vertices, mesh.faces, 20)
-    np.testing.assert_array_equal(farthest_points(with_lines.vertices, with_lines.faces, 20), expected)
+    expected = farthest_points(mesh, 20)
+    np.testing.assert_array_equal(farthest_points(with_lines, 20), expected)

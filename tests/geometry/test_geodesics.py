@@ -10,7 +10,7 @@ from cascadenorm.mesh import Mesh
 
 
 def heat(mesh, sources):
-    return geodesic_distances(mesh.vertices, mesh.faces, sources)
+    return geodesic_distances(mesh, sources)
 
 
 def prism(sides, rows):
@@ -106,4 +106,4 @@ def test_heat_reaches_the_end_of_a_long_strip():
 def test_wrong_sources_are_refused(sources, words):
     ball = icosphere(1)
     with pytest.raises(cn.ParameterError, match=f"sources .*{words}"):
-        cn.geodesic_distances(ball.vertices, ball.faces, sources)
+        cn.geodesic_distances(ball, sources)

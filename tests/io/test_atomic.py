@@ -1,7 +1,6 @@
 """No half files: whatever happens while one is written, the old one or the new one is there, whole."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -95,6 +94,7 @@ def test_a_terminated_command_removes_its_temporary_file(ball):
 @pytest.fixture
 def full_disk():
     """Files that may not grow beyond 5000 bytes."""
+    resource = pytest.importorskip("resource")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, hard))
     yield

@@ -4,19 +4,16 @@ import json
 
 import numpy as np
 import pytest
-from shapes import cube, icosphere
-from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, stl_text, written
+from shapes import icosphere
+from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, written
 
-import cascadenorm as cn
 from cascadenorm import io
 from cascadenorm.cli import run
-from cascadenorm.inspection import inspect
 from cascadenorm.io.content import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.via_trimesh import trimesh_kind
-from cascadenorm.mesh import Mesh, MeshError, unit
-from cascadenorm.mesh.polygons import Polygons, triangulate
-from cascadenorm.mesh.welding import PRIME, _find_equal, first_equal, weld
+from cascadenorm.mesh import Mesh, MeshError
+from cascadenorm.mesh.polygons import Polygons
 
 OFF_TETRAHEDRON = b"\n".join(
     [b"OFF", b"4 4 6", *(b"%d %d %d" % p for p in TETRAHEDRON), *(b"3 %d %d %d" % s for s in SIDES), b""]
@@ -26,123 +23,6 @@ OFF_TETRAHEDRON = b"\n".join(
 def encoded(mesh: Mesh, format: str) -> io.MeshFile:
     polygons = Polygons.from_rows(mesh.faces.astype(np.int64))
     return FORMATS[format](b"".join(FORMATS[format].encode(Content(mesh.vertices, polygons))[0]))
-
-
-def ply_of(vertices, faces, normals=None) -> io.MeshFile:
-    values = {} if normals is None else dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
-    return FORMATS["ply"](b"".join(FORMATS["ply"].encode(Content(vertices, Polygons.from_rows(faces), values))[0]))
-
-
-@pytest.mark.parametrize("data", [stl_binary(), stl_text()])
-def test_stl_is_welded_and_never_opens(data):
-    file = read(data)
-    assert (len(file.positions), len(file.mesh.vertices)) == (12, 4)
-    assert file.mesh.volume == pytest.approx(1 / 6)
-    moved = read(written(file.with_vertices(file.mesh.vertices + np.arange(12).reshape(4, 3) / 7)))
-    assert len(moved.mesh.vertices) == 4
-    assert moved.mesh.topology.interior_edges.size == 6
-
-
-def test_stl_normals_follow_and_attributes_stay():
-    file = read(stl_binary())
-    data = written(file.with_vertices(file.mesh.vertices * (1, 2, 3)))
-    again = read(data)
-    records = np.frombuffer(data, [("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")], offset=84)
-    assert np.allclose(records["n"], again.mesh.face_normals, atol=1e-7)
-    assert records["a"].tolist() == [1, 2, 3, 65535]
-    assert data[:80] == stl_binary()[:80]
-
-
-def test_soup_of_a_closed_surface_welds_to_it():
-    sphere = icosphere(2)
-    corners = sphere.corners.reshape(-1, 3)
-    soup = ply_of(corners, np.arange(len(corners)).reshape(-1, 3))
-    assert len(soup.mesh.vertices) == len(sphere.vertices)
-    assert not soup.mesh.topology.boundary_vertices.any()
-
-
-def test_surfaces_that_touch_inside_stay_apart():
-    box = cube(2)
-    twice = ply_of(np.concatenate([box.vertices] * 2), np.concatenate([box.faces, box.faces + len(box.vertices)]))
-    assert len(twice.mesh.vertices) == 2 * len(box.vertices)
-
-
-def rounded_soup(apart: float) -> tuple[Mesh, bytes]:
-    """Return a ball, and an STL of it whose corners are up to `apart` mean edge lengths from where they belong."""
-    ball = icosphere(3)
-    shift = np.random.default_rng(0).uniform(-0.5, 0.5, (*ball.faces.shape, 3)) * apart * ball.mean_edge_length / 3**0.5
-    corners = ball.vertices[ball.faces] + shift
-    text = ["solid soup"]
-    for facet in corners.tolist():
-        lines = "\n".join(f"vertex {x!r} {y!r} {z!r}" for x, y, z in facet)
-        text.append(f"facet normal 0 0 0\nouter loop\n{lines}\nendloop\nendfacet")
-    return ball, "\n".join([*text, "endsolid"]).encode()
-
-
-def test_corners_that_nearly_coincide_are_reported_and_joined_on_request(tmp_path, capsys):
-    ball, data = rounded_soup(1e-6)
-    path = tmp_path / "soup.stl"
-    path.write_bytes(data)
-    found = inspect(path)
-    assert (found.boundary_edges, found.nearly_coincident.count) == (3 * 1280, 3 * 1280 - 642)
-    assert run(["denoise", str(path), "-o", str(tmp_path / "a.stl"), "--method", "laplacian"]) == 0
-    assert "3198 boundary vertices coincide with another one but for 0.001 edges" in capsys.readouterr().err
-    for length in "0.001 edges", 1e-4 * ball.mean_edge_length:
-        done = cn.denoise_file(path, tmp_path / "b.stl", method="laplacian", weld=length, force=True)
-        assert (done.vertices, done.nearly_coincident) == (642, 0)
-        made = inspect(tmp_path / "b.stl")
-        assert made.closed and made.vertices == 642 and made.nearly_coincident.count == 0
-    expected = cn.denoise(ball, method="laplacian").vertices
-    moved = cn.read(tmp_path / "b.stl").mesh
-    np.testing.assert_allclose(moved.vertices[moved.faces], expected[ball.faces], atol=1e-6)
-
-
-def test_a_weld_joins_chains_within_a_part_only_and_no_interior():
-    triangles = np.arange(12).reshape(-1, 3)
-    points = np.random.default_rng(0).uniform(size=(12, 3)) * 10
-    for step, corner in enumerate((3, 6, 9), 1):
-        points[corner] = points[0] + [0.09 * step, 0, 0]
-    welds, first = weld(points, triangles, distance=0.1)
-    assert welds[[3, 6, 9]].tolist() == [welds[0]] * 3 and len(first) == 9
-    parts = np.repeat([0, 0, 1, 1], 3)
-    welds, first = weld(points, triangles, parts, distance=0.1)
-    assert welds[3] == welds[0] and welds[9] == welds[6] != welds[0] and len(first) == 10
-    assert len(weld(points, triangles, distance=0.05)[1]) == 12
-
-
-@pytest.mark.parametrize("length", ["1 edges", "-1", "far"])
-def test_a_weld_of_half_an_edge_is_refused(length, tmp_path):
-    _, data = rounded_soup(1e-6)
-    (tmp_path / "a.stl").write_bytes(data)
-    with pytest.raises(cn.ParameterError, match=r"weld is .*; it must be"):
-        cn.denoise_file(tmp_path / "a.stl", method="laplacian", weld=length)
-
-
-def test_coordinates_made_for_equal_hashes_are_told_apart_with_few_probes():
-    """Both halves of each number differ alike, as the folds of simple hashes cannot tell."""
-    high = (0x3FF00000 + 16 * np.arange(3000)).astype(np.uint64)
-    crafted = ((high << np.uint64(32)) | (high ^ np.uint64(0x12345678))).view(np.float64)
-    rows = np.column_stack([np.full(3000, 0.5), np.full(3000, 0.25), crafted])
-    assert first_equal(rows) is None
-    same, repeated = first_equal(np.concatenate([rows, rows[::-1]]))
-    assert np.array_equal(same, np.concatenate([np.arange(3000), np.arange(3000)[::-1]])) and repeated.all()
-    assert longest_run(rows) < 60
-
-
-def longest_run(rows) -> int:
-    """Most neighbouring places of the table that are taken: no search probes more."""
-    bits = np.ascontiguousarray(rows).view(np.int64)
-    places = np.full(2 << len(rows).bit_length(), -1, np.int32)
-    factors = np.random.default_rng(1).integers(1, PRIME, 3 * rows.shape[1])
-    _find_equal(bits, factors, places, np.empty(len(rows), np.int64), np.zeros(len(rows), bool))
-    free = np.flatnonzero(places < 0)
-    return int(np.diff(free).max()) - 1
-
-
-def test_welding_distinguishes_what_single_precision_does_not():
-    vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1e-12, 0, 0), (-1, 0, 0), (-0.0, -1, 0), (0, -1, 0)])
-    file = ply_of(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 4, 6)]))
-    assert file.welds.tolist() == [0, 1, 2, 3, 4, 5, 5]
 
 
 def test_obj_seam_moves_together():
@@ -158,90 +38,6 @@ def test_obj_indices_and_continuations():
     file = read(OBJ)
     polygons = np.split(file.polygons.corners, file.polygons.indptr[1:-1])
     assert [polygon.tolist() for polygon in polygons] == [[0, 1, 2, 3], [0, 1, 4], [1, 2, 4]]
-
-
-def test_obj_normals_follow_the_faces_that_use_them():
-    file = read(OBJ)
-    turn = np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)])  # z becomes y
-    text = written(file.with_vertices(file.mesh.vertices @ turn.T)).decode()
-    assert "vn 0.0 -1.0 0.0" in text.replace("-0.0", "0.0").replace("0.0 1.0 0.0", "0.0 -1.0 0.0")
-    assert "vt 0.5 1\n" in text
-    assert "v 1.0  0" in text
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_vertex_normals_of_the_sphere_stay_radial(sign):
-    sphere = icosphere(3)
-    file = ply_of(sphere.vertices, sphere.faces.astype(np.int64), sign * sphere.vertices)
-    stretched = sphere.vertices * (1, 1, 2)
-    again = read(written(file.with_vertices(stretched))).content().vertex_values
-    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
-    assert np.allclose(np.linalg.norm(found, axis=1), 1)
-    assert (np.einsum("ij,ij->i", found, sign * unit(stretched / (1, 1, 4))) > 0.99).all()
-
-
-def test_equal_normals_at_a_seam_stay_equal_and_creases_stay():
-    soup = cube(2).corners.reshape(-1, 3)
-    faces = np.arange(len(soup)).reshape(-1, 3)
-    flat = np.repeat(cube(2).face_normals, 3, axis=0)
-    bent = ply_of(soup, faces, flat)
-    moved = bent.with_vertices(bent.mesh.vertices * (1, 1, 2))
-    again = moved.content().vertex_values
-    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
-    assert np.allclose(found, flat)
-    smooth = ply_of(soup, faces, unit(soup))
-    noise = np.random.default_rng(0).normal(size=smooth.mesh.vertices.shape) / 20
-    moved = smooth.with_vertices(smooth.mesh.vertices + noise)
-    again = moved.content().vertex_values
-    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
-    assert len(np.unique(np.column_stack([moved.welds, found]), axis=0)) == len(smooth.mesh.vertices)
-
-
-def test_normals_that_are_not_a_number_at_a_seam_are_renewed_each_from_its_own_faces():
-    soup = cube(2).corners.reshape(-1, 3)
-    file = ply_of(soup, np.arange(len(soup)).reshape(-1, 3), np.full(soup.shape, np.nan))
-    again = file.with_vertices(file.mesh.vertices * (1, 1, 2)).content().vertex_values
-    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
-    assert np.allclose(found, np.repeat(cube(2).face_normals, 3, axis=0))
-
-
-@pytest.mark.parametrize("scale", [1e300, 1.0, 1e-250])
-def test_normals_of_any_size_are_right(scale):
-    sphere = icosphere(2)
-    file = ply_of(sphere.vertices * scale, sphere.faces.astype(np.int64), sphere.vertices[:, [1, 2, 0]])
-    again = file.with_vertices(sphere.vertices * scale / 2).content().vertex_values
-    found = np.stack([again[n] for n in ("nx", "ny", "nz")], axis=1)
-    assert (np.abs(np.einsum("ij,ij->i", found, sphere.vertices)) > 0.99).all()
-
-
-@pytest.mark.filterwarnings("error")
-def test_vertices_that_are_signalling_nans_are_isolated_in_silence(tmp_path):
-    data = bytearray(stl_binary())
-    data[84 + 12 : 84 + 16] = b"\x01\x00\xa0\x7f"
-    (tmp_path / "a.stl").write_bytes(data)
-    done = cn.denoise_file(tmp_path / "a.stl", method="laplacian", on_bad="isolate")
-    assert (done.isolated_vertices, done.isolated_faces) == (1, 1)
-    assert inspect(tmp_path / "a.stl").not_finite.count == 1
-
-
-def test_normals_that_are_signalling_nans_are_renewed():
-    sphere = icosphere(1)
-    signalling = np.full(sphere.vertices.shape, 0x7F800001, np.uint32).view(np.float32)
-    file = ply_of(sphere.vertices, sphere.faces.astype(np.int64), signalling)
-    again = file.with_vertices(sphere.vertices * 2).content().vertex_values
-    assert np.allclose([again[n] for n in ("nx", "ny", "nz")], sphere.vertices.T, atol=0.1)
-
-
-def test_normals_far_from_what_moved_stay():
-    sphere = icosphere(2)
-    tilted = unit(sphere.vertices + np.array((0.3, 0, 0)))
-    file = ply_of(sphere.vertices, sphere.faces.astype(np.int64), tilted)
-    vertices = sphere.vertices.copy()
-    vertices[0] *= 1.1
-    again = file.with_vertices(vertices).content().vertex_values
-    changed = np.any([again[n] != tilted[:, i] for i, n in enumerate(("nx", "ny", "nz"))], axis=0)
-    ring = np.unique(sphere.faces[(sphere.faces == 0).any(axis=1)])
-    assert np.flatnonzero(changed).tolist() == ring.tolist()
 
 
 @pytest.mark.parametrize("format", ["stl", "glb", "gltf"])
@@ -261,22 +57,6 @@ def test_ply_strips_alternate():
     file = read(header + points + b"10 0 2 1 3 -1 2 4 3 5 -1\n")
     assert file.mesh.faces.tolist() == [[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]
     assert np.allclose(file.mesh.face_normals, (0, 0, 1))
-
-
-def test_polygon_fans_do_not_fold():
-    arrow = np.array([(0, 0, 0), (2, -1, 0), (1, 0, 0), (2, 1, 0)], float)  # concave at its third corner
-    for turn in range(4):
-        corners = np.roll(np.arange(4), turn)
-        triangles, owners = triangulate(arrow, Polygons.from_rows(corners[None]))
-        assert owners.tolist() == [0, 0]
-        assert (Mesh(arrow, triangles).face_normals[:, 2] > 0).all()
-
-
-def test_short_polygons_have_no_triangle():
-    polygons = Polygons.from_counts(np.array([2, 3, 1, 4, 0]), np.array([0, 1, 0, 1, 2, 3, 0, 1, 2, 3]))
-    triangles, owners = triangulate(np.eye(4)[:, :3], polygons)
-    assert owners.tolist() == [1, 3, 3]
-    assert triangles[0].tolist() == [0, 1, 2]
 
 
 def test_off_without_its_keyword_and_with_counts_beside_it():
@@ -435,12 +215,6 @@ def test_what_obj_vertices_say_beyond_colours_is_named_when_it_is_left_out():
         assert any("further numbers of vertices" in what for what in left_out) == named
 
 
-def test_runs_of_hashes_take_no_time():
-    for line in (b"#" * 200, b"##\n" * 200):
-        assert len(read(line + b"\n" + OBJ, "obj").positions) == len(read(OBJ).positions)
-        assert read(line + b"\n" + OBJ).format == "obj"
-
-
 @pytest.mark.parametrize("start", [b"OFF ", b"ply\n", b"glTF", b'{"asset"', b"# vtk DataFile", b"###", b"solid "])
 def test_a_binary_stl_may_begin_as_any_other_file(start):
     data = stl_binary()
@@ -487,49 +261,6 @@ def test_numbers_that_c_spells_as_none_are_vertices_that_are_not_finite(word):
 def test_off_may_be_lower_case_and_speak_of_what_it_is_not():
     for head in (b"off", b"OFF # not BINARY"):
         assert read(OFF_TETRAHEDRON.replace(b"OFF", head)).mesh.volume == pytest.approx(1 / 6)
-
-
-def test_polygons_that_no_corner_sees_whole_are_cut_into_ears():
-    letter = np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], float)  # U
-    frame = np.array([(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)], float)  # a hole
-    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
-    for flat, area in ((letter, 7), (frame, 12), (letter[::-1], 7)):
-        points = np.column_stack([flat, np.zeros(len(flat))]) @ turn.T
-        for first in range(len(points)):
-            triangles, owners = triangulate(points, Polygons.from_rows(np.roll(np.arange(len(points)), first)[None]))
-            mesh = Mesh(points, triangles)
-            assert len(owners) == len(points) - 2
-            assert mesh.area == pytest.approx(area)
-            assert np.linalg.norm(mesh.area_vectors.sum(axis=0)) == pytest.approx(area)  # none against another
-
-
-def test_a_spiral_is_cut_whole():
-    """The area is that of the shoelace formula; as many comparisons as corners squared take well below a second."""
-    turn = np.linspace(0, 40 * np.pi, 2000)
-    arm = np.column_stack([np.cos(turn), np.sin(turn)]) * turn[:, None]
-    flat = np.concatenate([arm * (1 + 1 / (1 + turn[:, None])), arm[::-1]])
-    (x, y), (u, v) = flat.T, np.roll(flat, -1, axis=0).T
-    triangles, _ = triangulate(np.column_stack([flat, np.zeros(len(flat))]), Polygons.from_rows(np.arange(4000)[None]))
-    (a, b), (c, d), (e, f) = (flat[triangles[:, k]].T for k in range(3))
-    areas = ((c - a) * (f - b) - (e - a) * (d - b)) / 2
-    assert areas.min() >= -1e-9 * areas.max()
-    assert areas.sum() == pytest.approx((x * v - u * y).sum() / 2)
-    assert len(np.unique(np.sort(triangles, axis=1), axis=0)) == 3998
-
-
-def test_of_many_concave_polygons_each_is_cut():
-    letter = np.array([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], float)
-    points = np.concatenate([np.column_stack([letter + 4 * i, np.zeros(8)]) for i in range(300)])
-    triangles, owners = triangulate(points, Polygons.from_rows(np.arange(len(points)).reshape(-1, 8)))
-    areas = np.bincount(owners, Mesh(points, triangles).areas)
-    np.testing.assert_allclose(areas, 7)
-
-
-def test_a_polygon_that_crosses_itself_is_cut_somehow():
-    star = np.array([(np.cos(2.4 * np.pi * i / 3), np.sin(2.4 * np.pi * i / 3), 0.0) for i in range(5)])
-    for points in (star, np.full((5, 3), np.nan), np.zeros((5, 3))):
-        triangles, _ = triangulate(points, Polygons.from_rows(np.arange(5)[None]))
-        assert triangles.shape == (3, 3)
 
 
 def test_strips_of_a_ply_count_where_its_faces_are_empty():

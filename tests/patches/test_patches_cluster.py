@@ -1,8 +1,7 @@
 """Patches of a mesh on a Dask cluster give the result of this process."""
 
 import pytest
-from test_batch import LINUX
-from test_cluster_processes import cluster  # noqa: F401 - a fixture
+from batches import LINUX
 from test_patches import BALL, RIBBON, place  # noqa: F401 - a fixture
 
 import cascadenorm as cn

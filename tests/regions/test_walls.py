@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from partitions import PARTITIONS, VOLUMES, walls
+from partitions import PARTITIONS, VOLUMES, LabelledMesh, walls
 
 import cascadenorm as cn
-from cascadenorm.data_gen.meshing.partitions import LabelledMesh
 from cascadenorm.mesh import Mesh, unit
 
 

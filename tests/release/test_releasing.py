@@ -18,7 +18,7 @@ else:
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-WORKFLOW = (ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8")
+WORKFLOW, TESTS = ((ROOT / ".github" / "workflows" / f"{name}.yml").read_text("utf-8") for name in ("release", "tests"))
 CONDA = {"torch": "pytorch"}
 """Packages that conda-forge calls otherwise."""
 
@@ -94,6 +94,14 @@ def test_the_readme_has_one_command_for_the_main_job_and_one_for_the_tests():
     assert commands[0] == f'{install}".[viz]" && .venv/bin/cascadenorm demo'
     assert commands[1] == f'{install}".[dev]" && .venv/bin/python -m pytest'
     assert commands[1] in (ROOT / ".ci" / "run").read_text(encoding="utf-8")  # where it runs in a clean environment
+    steps = re.findall(r"- run: (.+)", TESTS)  # which have an environment already
+    assert " && ".join(steps) == 'pip install -e ".[dev]" && python -m pytest'
+
+
+def test_pull_requests_are_tested_on_each_system_of_the_wheels():
+    systems = {re.sub(r"-\d.*|-latest", "", name) for name in re.search(r"os: \[(.+)\]", WORKFLOW)[1].split(", ")}
+    assert {name.removesuffix("-latest") for name in re.search(r"os: \[(.+)\]", TESTS)[1].split(", ")} == systems
+    assert "pull_request:" in TESTS
 
 
 def test_scripts_of_the_workflow_exist_and_only_one_job_may_publish():

@@ -135,7 +135,8 @@ def test_a_kernel_runs_a_notebook(tmp_path):
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     save_mesh(tmp_path / "rough.ply", ROUGH)
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in CELLS.split("---\n")])
-    nbclient.NotebookClient(book, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    place = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(book, timeout=None, startup_timeout=24 * 3600, resources=place).execute()
     _, bar, described, viewed = (cell["outputs"] for cell in book["cells"])
     assert all(output["output_type"] != "error" for cell in book["cells"] for output in cell["outputs"])
     assert "application/vnd.jupyter.widget-view+json" in bar[0]["data"]  # tqdm.auto takes the bar of notebooks

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import time
 from io import BytesIO
 
 import numpy as np
@@ -90,10 +89,9 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
         path.unlink()
 
     # beside the mesh it turns
-    view = page.js("return location.hash")
+    view = page.address()
     page.drag((-250, -300), (60, 0))
-    time.sleep(0.4)
-    assert page.js("return location.hash") != view
+    assert page.address() != view
 
     # back, step by step, and forth again
     page.press_button("Undo")

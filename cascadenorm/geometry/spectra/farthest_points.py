@@ -4,7 +4,6 @@ import heapq
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Bools, Csr, Floats, Ints, Ints32, Mesh, in_frame, kernel, without_lines
@@ -34,7 +33,7 @@ class UnfoldedFaces(NamedTuple):
     vertex_faces: Csr
 
 
-def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first: int | None = None) -> Ints:
+def farthest_points(mesh: Mesh, count: int, *, first: int | None = None) -> Ints:
     """Spread samples over the vertices of a mesh: each is farthest along the surface from those before it.
 
     Distances are those of fast marching by unfolding (Kimmel & Sethian 1998; Novotni & Klein 2002), within about 1 % of
@@ -42,10 +41,8 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
 
     Parameters
     ----------
-    vertices
-        (n, 3).
-    faces
-        (m, 3) integers in 0 … n - 1.
+    mesh
+        n vertices.
     count
         How many, from 1 to the number of vertices that a face references. Each connected component gets one before any
         gets its second.
@@ -58,12 +55,10 @@ def farthest_points(vertices: ArrayLike, faces: ArrayLike, count: int, *, first:
 
     Raises
     ------
-    MeshError
-        No valid mesh.
     ParameterError
         Count is out of range, or first is no vertex with a face.
     """
-    mesh, _ = in_frame(without_lines(Mesh(vertices, faces)))
+    mesh, _ = in_frame(without_lines(mesh))
     used = np.flatnonzero(mesh.topology.used_vertices)
     if not 1 <= count <= len(used):
         raise ParameterError(

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from partitions import FOUR_CELLS, HALF_BALLS, PARTITIONS, TILT, walls
-
-from cascadenorm.data_gen.meshing.partitions import label_nets, members
+from partitions import FOUR_CELLS, HALF_BALLS, PARTITIONS, TILT, label_nets, members, walls
 
 
 @pytest.mark.parametrize("name", PARTITIONS)

@@ -1,0 +1,40 @@
+"""The manifest of a batch, and the digest of its settings."""
+
+import numpy as np
+import pytest
+
+from cascadenorm.batch.manifest import Manifest
+from cascadenorm.batch.settings import settings_of
+from cascadenorm.errors import OutputError, ParameterError
+from cascadenorm.registry import find
+
+
+def test_half_a_line_does_not_count_and_the_next_is_whole(tmp_path):
+    (tmp_path / "manifest.jsonl").write_text('{"output": "a", "status": "done"}\n[1]\n{"output": "b", "sta', "utf-8")
+    manifest = Manifest(tmp_path)
+    assert set(manifest.last) == {"a"}
+    with pytest.raises(OutputError, match="another batch is writing"):
+        Manifest(tmp_path)
+    manifest.add({"output": "c"})
+    manifest.close()
+    again = Manifest(tmp_path)
+    assert set(again.last) == {"a", "c"}
+    again.close()
+
+
+def test_the_digest_of_the_settings_is_of_all_that_a_result_depends_on(tmp_path):
+    mask = tmp_path / "mask.npy"
+    np.save(mask, np.ones(4))
+
+    usual = find("laplacian").settings["iterations"].default
+
+    def key(method="laplacian", parameters=None, **controls):
+        return settings_of(method, parameters or {}, controls, None, force=False)[0].key
+
+    assert key() == key(threads=1) == key(strength=1.0) == key(parameters={"iterations": usual})
+    first = key(mask=str(mask))
+    np.save(mask, np.zeros(4))
+    others = [key("taubin"), key(parameters={"iterations": usual + 1}), key(strength=0.5), first, key(mask=str(mask))]
+    assert len({key(), *others}) == 6
+    with pytest.raises(ParameterError, match="cannot be read"):
+        key("auto", {"model": tmp_path / "none.safetensors"})

@@ -1,0 +1,67 @@
+"""Dask clusters that lose workers."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from batches import START
+
+from cascadenorm.batch import cluster_processes
+from cascadenorm.execution import cluster_map
+
+PATIENCE = 24 * 3600.0
+"""Seconds that the tests wait for workers and their answers, since machines under load are slow."""
+COMMAND = [
+    sys.executable,
+    "-c",
+    f"from cascadenorm.batch import cluster_processes as of\nof.ANSWER = of.PATIENCE = {PATIENCE}\n{START}",
+    "batch",
+]
+CLUSTER = """
+import logging, os, random, signal, sys, time
+import dask
+from distributed import LocalCluster
+from cascadenorm.execution.cluster import OWN_CLUSTER
+dask.config.set({**OWN_CLUSTER, "distributed.scheduler.worker-ttl": sys.argv[1]})  # how long a worker may be silent
+if __name__ == "__main__":
+    draw = random.Random(3)
+    with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
+                      silence_logs=logging.CRITICAL + 1) as cluster:
+        print(cluster.scheduler_address, flush=True)
+        for _ in sys.stdin:  # each line kills a worker; Dask starts it again, unless it was just starting
+            time.sleep(draw.uniform(0, 0.2))
+            nannies, there = cluster.workers.values(), cluster.scheduler.workers
+            while not (ready := [nanny.pid for nanny in nannies if nanny.pid and nanny.worker_address in there]):
+                time.sleep(0.02)
+            os.kill(draw.choice(ready), signal.SIGKILL)
+"""
+
+
+@contextmanager
+def started(folder: Path, silent: str = "365 days") -> Iterator[tuple[str, subprocess.Popen]]:
+    """Address and process of a scheduler with two workers, which run in a folder and may be silent for so long."""
+    folder.mkdir()
+    (folder / "cluster.py").write_text(CLUSTER, encoding="utf-8")
+    words = [sys.executable, "cluster.py", silent]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
+        yield process.stdout.readline().strip(), process
+        process.stdin.close()
+
+
+@contextmanager
+def patient() -> Iterator[None]:
+    """Wait for workers and their answers as long as they take."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (cluster_map, cluster_processes):
+            patch.setattr(module, "ANSWER", PATIENCE)
+            patch.setattr(module, "PATIENCE", PATIENCE)
+        yield
+
+
+def workers(pid: int) -> list[int]:
+    """The worker processes that a process with a cluster has started, from whichever thread."""
+    found = [int(word) for path in Path(f"/proc/{pid}/task").glob("*/children") for word in path.read_text().split()]
+    return [child for child in found if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]

@@ -1,0 +1,167 @@
+"""Methods on pairs of a noisy and a clean mesh."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evaluated import COPY, SHAPES, python
+from shapes import icosphere, noisy
+
+from cascadenorm import registry
+from cascadenorm.errors import MissingDependencyError, ParameterError
+from cascadenorm.evaluation import pairs as pairs_module
+from cascadenorm.evaluation import runs
+from cascadenorm.evaluation.harness import NOISY, evaluate
+from cascadenorm.geometry.metrics import measure
+from cascadenorm.io import ReadError
+from cascadenorm.io.interop import save_mesh
+
+
+def test_measures_are_those_of_the_denoised_mesh(folder):
+    done = evaluate([folder], methods=["bilateral-normal"], parameters={"iterations": "0", "sweeps": 0})
+    assert [(r.pair, r.method) for r in done.results] == [
+        (name, method) for name in SHAPES for method in (NOISY, "bilateral-normal")
+    ]
+    for result in done.results:  # no passes, no sweeps: the method gives back what it got
+        assert result.measures == measure(noisy(SHAPES[result.pair], 0.2), SHAPES[result.pair])
+    assert done.failures == []
+
+
+def test_means_are_over_the_pairs(folder):
+    done = evaluate([folder], methods=["bilateral-normal"])
+    errors = [r.measures.normal_error_deg for r in done.results]
+    assert [mean.measures.normal_error_deg for mean in done.means] == [
+        pytest.approx((errors[0] + errors[2]) / 2),
+        pytest.approx((errors[1] + errors[3]) / 2),
+    ]
+    assert errors[1] < 0.6 * errors[0] and errors[3] < 0.6 * errors[2]
+
+
+def test_one_folder_and_one_method_need_no_list(folder):
+    done = evaluate(str(folder / "ball"), methods="laplacian")
+    assert [(r.pair, r.method) for r in done.results] == [("ball", NOISY), ("ball", "laplacian")]
+
+
+def test_a_method_without_memory_is_listed_and_the_rest_goes_on(folder, monkeypatch):
+    def hungry(mesh):
+        np.empty(2**60)
+
+    monkeypatch.setitem(registry._methods, "hungry", registry.Method("hungry", hungry, "", {}))
+    done = evaluate(folder, methods=["hungry", "laplacian"])
+    assert [r.method for r in done.results] == [NOISY, "laplacian"] * 2
+    assert [(f.pair, f.method) for f in done.failures] == [("ball", "hungry"), ("cube", "hungry")]
+
+
+def test_progress_counts_all_parts_once(folder):
+    seen = []
+    evaluate([folder, folder / "ball"], methods=["laplacian", "laplacian"], progress=lambda *what: seen.append(what))
+    assert seen == [
+        ("evaluating", 0, 4, "ball: noisy"),
+        ("evaluating", 1, 4, "ball: laplacian"),
+        ("evaluating", 2, 4, "cube: noisy"),
+        ("evaluating", 3, 4, "cube: laplacian"),
+        ("evaluating", 4, 4),
+    ]
+
+
+def test_one_bad_pair_does_not_end_the_evaluation(folder, tmp_path):
+    for pair in ("a_bad", "b_good"):
+        (tmp_path / pair).mkdir()
+        for half in ("noisy.ply", "clean.ply"):
+            (tmp_path / pair / half).write_bytes((folder / "ball" / half).read_bytes())
+    (tmp_path / "a_bad" / "noisy.ply").write_bytes(b"ply\nrubbish")
+    done = evaluate([tmp_path], methods=["laplacian"])
+    assert [result.pair for result in done.results] == ["b_good", "b_good"]
+    assert [(failure.pair, failure.method) for failure in done.failures] == [("a_bad", None)]
+    assert "noisy.ply" in str(done.failures[0].error)
+
+
+@pytest.mark.parametrize("wrong", [{"strength": -1.0}, {"strength": np.inf}, {"threads": 0}])
+def test_wrong_strength_and_threads_are_refused_before_any_work(folder, wrong):
+    with pytest.raises(ParameterError, match=next(iter(wrong))):
+        evaluate([folder], methods=["laplacian"], **wrong)
+
+
+def test_unknown_methods_and_parameters_are_refused_before_any_work(folder):
+    with pytest.raises(ParameterError, match="there is no method 'magic'"):
+        evaluate([folder / "absent"], methods=["magic"])
+    with pytest.raises(ParameterError, match="laplacian has no parameter 'wings'"):
+        evaluate([folder / "absent"], methods=["laplacian"], parameters={"wings": 1})
+
+
+def test_results_of_other_programs_are_rows_like_methods(folder, tmp_path):
+    for name, clean in SHAPES.items():
+        save_mesh(tmp_path / f"{name}.obj", noisy(clean, 0.1, seed=1))
+    done = evaluate([folder], methods=[], results={"theirs": tmp_path})
+    assert [(r.pair, r.method) for r in done.results] == [(n, m) for n in SHAPES for m in (NOISY, "theirs")]
+    for result in done.results[1::2]:
+        clean = SHAPES[result.pair]
+        expected = measure(noisy(clean, 0.1, seed=1), clean)
+        assert result.measures.normal_error_deg == pytest.approx(expected.normal_error_deg)
+        assert result.same_faces and result.seconds == 0
+    assert [mean.method for mean in done.means] == [NOISY, "theirs"]
+
+
+def test_missing_results_are_failures_and_other_faces_are_measured_and_said(folder, tmp_path):
+    save_mesh(tmp_path / "ball.ply", icosphere(3))
+    done = evaluate([folder], methods=[], results={"theirs": tmp_path})
+    assert [(failure.pair, failure.method) for failure in done.failures] == [("cube", "theirs")]
+    assert "holds no mesh cube.*" in str(done.failures[0].error)
+    theirs = done.results[1]
+    assert not theirs.same_faces and theirs.measures == measure(icosphere(3), SHAPES["ball"])
+    assert not done.means[1].same_faces and done.means[0].same_faces
+    save_mesh(tmp_path / "ball.off", icosphere(3))
+    done = evaluate([folder / "ball"], methods=[], results={"theirs": tmp_path})
+    assert "holds 2 meshes ball.*" in str(done.failures[0].error)
+
+
+def test_results_without_a_folder_or_a_name_of_their_own_are_refused(folder, tmp_path):
+    with pytest.raises(ReadError, match="is not a folder"):
+        evaluate([folder], methods=[], results={"theirs": tmp_path / "absent"})
+    for name in (NOISY, "laplacian"):
+        with pytest.raises(ParameterError, match=f"the results '{name}' have the name of a method"):
+            evaluate([folder], methods=["laplacian"], results={name: tmp_path})
+    other = shutil.copytree(folder / "ball", tmp_path / "ball")
+    with pytest.raises(ReadError, match="several pairs are named ball"):
+        evaluate([folder, other], methods=[], results={"theirs": tmp_path})
+
+
+def test_pairs_that_cannot_be_read_are_listed_and_the_rest_goes_on(folder, tmp_path, monkeypatch):
+    pairs = shutil.copytree(folder, tmp_path / "pairs")
+    for name in ("damaged", "foreign"):
+        shutil.copytree(pairs / "ball", pairs / name)
+    (pairs / "damaged" / "clean.ply").write_bytes(b"ply\nno more")
+    read = runs.as_mesh
+
+    def without_package(path):
+        if Path(path).parent.name == "foreign":
+            raise MissingDependencyError("reading '3mf' files", package="lxml", extra="formats")
+        return read(path)
+
+    for module in (runs, pairs_module):
+        monkeypatch.setattr(module, "as_mesh", without_package)
+    for noise in (None, 0.1):
+        done = evaluate(pairs, methods="laplacian", noise=noise)
+        failed = {failure.pair.partition("-seed")[0]: str(failure.error) for failure in done.failures}
+        assert set(failed) == {"damaged", "foreign"} and "lxml" in failed["foreign"]
+        assert {result.pair.partition("-seed")[0] for result in done.results} == set(SHAPES)
+
+
+def test_whatever_a_method_ends_in_is_listed(folder, monkeypatch):
+    def broken(mesh):
+        return mesh.vertices[len(mesh.vertices)]
+
+    monkeypatch.setitem(registry._methods, "broken", registry.Method("broken", broken, "", {}))
+    done = evaluate(folder / "ball", methods=["broken", "laplacian"])
+    assert [(f.method, type(f.error)) for f in done.failures] == [("broken", IndexError)]
+    assert [result.method for result in done.results] == [NOISY, "laplacian"]
+
+
+def test_processes_measure_the_same(folder):
+    settings = {"methods": ["laplacian", "taubin"], "commands": {"copy": python(COPY)}}
+    one, two = (evaluate(folder, workers=workers, **settings) for workers in (1, 2))
+    key = [(result.pair, result.method, result.measures) for result in one.results]
+    assert [(result.pair, result.method, result.measures) for result in two.results] == key
+    with pytest.raises(ParameterError, match="workers is 0"):
+        evaluate(folder, methods=[], workers=0)

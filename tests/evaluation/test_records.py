@@ -1,0 +1,121 @@
+"""What is kept of an evaluation, so that another goes on there."""
+
+import importlib
+import shutil
+import subprocess
+import sys
+import time
+
+import pytest
+from evaluated import SHAPES, python
+from shapes import icosphere
+
+from cascadenorm import registry
+from cascadenorm.cli import run
+from cascadenorm.evaluation.harness import evaluate
+from cascadenorm.io.digests import source_digest
+from cascadenorm.io.interop import save_mesh
+
+
+def counted_method(monkeypatch):
+    calls = []
+
+    def counted(mesh):
+        calls.append(len(mesh.faces))
+        return mesh.vertices.copy()
+
+    monkeypatch.setitem(registry._methods, "counted", registry.Method("counted", counted, "", {}))
+    return calls
+
+
+def test_what_was_kept_is_not_computed_again(folder, tmp_path, monkeypatch):
+    calls = counted_method(monkeypatch)
+    first = evaluate(folder, methods="counted", keep=tmp_path / "kept")
+    assert calls
+    calls.clear()
+    assert evaluate(folder, methods="counted", keep=tmp_path / "kept").results == first.results
+    assert calls == []
+    evaluate(folder, methods="counted", strength=0.5, keep=tmp_path / "kept")
+    assert calls  # another setting
+    pair = shutil.copytree(folder, tmp_path / "pairs")
+    calls.clear()
+    evaluate(pair, methods="counted", strength=0.5, keep=tmp_path / "kept")
+    assert calls == []  # the same files elsewhere
+    save_mesh(pair / "ball" / "clean.ply", icosphere(3), force=True)
+    evaluate(pair, methods="counted", strength=0.5, keep=tmp_path / "kept")
+    assert len(SHAPES["ball"].faces) in calls and len(SHAPES["cube"].faces) not in calls
+
+
+def test_a_mesh_that_was_lost_is_made_again(folder, tmp_path, monkeypatch):
+    calls = counted_method(monkeypatch)
+    evaluate(folder / "ball", methods="counted", keep=tmp_path)
+    calls.clear()
+    (tmp_path / "ball" / "counted.ply").unlink()
+    evaluate(folder / "ball", methods="counted", keep=tmp_path)
+    assert calls and (tmp_path / "ball" / "counted.ply").exists()
+
+
+METHOD = """
+from own_helper import FACTOR
+
+def shifted(mesh):
+    return mesh.vertices * FACTOR
+"""
+
+
+@pytest.mark.parametrize("changed", ["own_method", "own_helper"])
+def test_a_method_of_ones_own_is_run_again_when_its_source_has_changed(folder, tmp_path, monkeypatch, changed):
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # that of a source changed within a second would be taken
+
+    def measured(factor, method=METHOD):
+        (tmp_path / "own_method.py").write_text(method)
+        (tmp_path / "own_helper.py").write_text(f"FACTOR = {factor}\n")
+        importlib.invalidate_caches()
+        for name in ("own_method", "own_helper"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        shifted = importlib.import_module("own_method").shifted
+        monkeypatch.setitem(registry._methods, "shifted", registry.Method("shifted", shifted, "", {}))
+        done = evaluate(folder / "ball", methods="shifted", keep=tmp_path / "kept")
+        kept = tmp_path / "kept" / "ball" / "shifted.json"
+        return done.results[-1].measures.vertex_error_edges, kept.stat().st_mtime_ns
+
+    first, same = measured(1.0), measured(1.0)
+    assert same == first
+    after = measured(1.5) if changed == "own_helper" else measured(1.0, METHOD.replace("* FACTOR", "* 1.5"))
+    assert after[0] > first[0] and after[1] != first[1]
+
+
+def test_a_function_without_a_file_is_known_by_its_code():
+    def made(text):
+        names = {"__name__": "no_module"}
+        exec(text, names)
+        return source_digest(names["smoothed"])
+
+    code = "def helper(x):\n    return {} * x\ndef smoothed(x):\n    return helper(x)\n"
+    assert made(code.format(2)) == made("\n\n" + code.format(2)) != made(code.format(3))
+    assert source_digest(evaluate) == ""  # of this package, which has a version
+
+
+def test_a_killed_evaluation_goes_on(folder, tmp_path):
+    go = tmp_path / "go"
+    waiting = f"""
+import os, shutil, sys, time
+while 'cube' in sys.argv[1] and not os.path.exists({str(go)!r}):
+    time.sleep(0.02)
+shutil.copyfile(*sys.argv[1:])
+"""
+    slow = python(waiting)
+    arguments = ["evaluate", str(folder), "--method", "laplacian", "--command", f"slow={slow}", "--keep", str(tmp_path)]
+    process = subprocess.Popen([sys.executable, "-m", "cascadenorm", *arguments], stderr=subprocess.DEVNULL)
+    while not (tmp_path / "cube" / "laplacian.json").exists():
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
+    assert len(kept) == 5 and not (tmp_path / "cube" / "slow.json").exists()
+    go.touch()
+    assert run([*arguments, "--json"]) == 0
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in kept.items())
+    assert (tmp_path / "cube" / "slow.json").exists()

@@ -1,0 +1,43 @@
+"""Processes that do one job after the other, each for itself."""
+
+import atexit
+import os
+import time
+from functools import partial
+
+from cascadenorm.errors import WorkerError
+from cascadenorm.execution.worker_processes import Worker, do_jobs, first_ready
+
+
+def test_one_process_that_ends_early_leaves_the_others():
+    workers = [Worker(partial(do_jobs, work=work)) for work in (os._exit, abs)]
+    try:
+        workers[0].send((7, 1))
+        workers[1].send((-3, 1))
+        found = {}
+        while len(found) < 2:
+            for ready in first_ready([worker for worker in workers if worker not in found], None):
+                try:
+                    found[ready] = ready.receive()
+                except WorkerError as error:
+                    found[ready] = str(error)
+        assert "exit code 7" in found[workers[0]] and found[workers[1]] == 3
+        workers[1].send((-4, 1))
+        assert workers[1].receive() == 4
+    finally:
+        Worker.stop(workers)
+
+
+def slow_to_end(seconds: float) -> None:
+    """Let the exit of this process take time."""
+    atexit.register(time.sleep, seconds)
+
+
+def test_a_process_that_is_stopped_while_it_ends_says_nothing(capfd):
+    worker = Worker(partial(do_jobs, work=slow_to_end))
+    worker.send((1.5, 1))
+    worker.receive()
+    worker.link.close()
+    time.sleep(0.5)  # it has seen that, and is within its exit
+    Worker.stop([worker])
+    assert capfd.readouterr().err == ""

@@ -1,0 +1,144 @@
+"""Positions of glTF in whole numbers (KHR_mesh_quantization)."""
+
+import numpy as np
+import pytest
+from gltfs import FAST, document
+from shapes import icosphere, noisy
+from test_io import read, written
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.io.gltf.glb import GlbFile
+
+COARSE = noisy(icosphere(3), 0.3)
+
+
+def quantized(kind: str = "<u2", *, normalized: bool = False) -> bytes:
+    """A GLB file whose positions are whole numbers and whose normals are bytes; a node scales it back."""
+    largest = np.iinfo(kind).max
+    lower = np.zeros(3) if kind[1] == "u" else np.full(3, -largest)
+    size = np.ptp(COARSE.vertices, axis=0).max()
+    whole = np.rint((COARSE.vertices - COARSE.vertices.min(axis=0)) / size * (largest - lower) + lower).astype(kind)
+    cells = np.zeros((len(whole), -(-3 * whole.itemsize // 4) * 4), np.uint8)
+    cells[:, : 3 * whole.itemsize] = whole.view(np.uint8).reshape(len(whole), -1)
+    normals = np.zeros((len(whole), 4), np.int8)
+    normals[:, :3] = np.rint(COARSE.vertex_normals * 127)
+    faces = COARSE.faces.astype("<u2")
+    parts = [cells.tobytes(), normals.tobytes(), faces.tobytes()]
+    starts = np.cumsum([0, *map(len, parts)]).tolist()
+    strides = [cells.shape[1], 4, None]
+    code = {"<u2": 5123, "<i2": 5122, "<u1": 5121, "<i1": 5120}[kind]
+    described = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_mesh_quantization"],
+        "extensionsRequired": ["KHR_mesh_quantization"],
+        "nodes": [{"mesh": 0, "scale": [2.0, 2.0, 2.0], "translation": [1, 2, 3]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": code, "type": "VEC3", "count": len(whole), "normalized": normalized}
+            | {"min": whole.min(axis=0).tolist(), "max": whole.max(axis=0).tolist()},
+            {"bufferView": 1, "componentType": 5120, "type": "VEC3", "count": len(whole), "normalized": True},
+            {"bufferView": 2, "componentType": 5123, "type": "SCALAR", "count": faces.size},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start, "byteLength": len(part)} | ({"byteStride": stride} if stride else {})
+            for start, part, stride in zip(starts, parts, strides, strict=False)
+        ],
+        "buffers": [{"byteLength": starts[-1]}],
+    }
+    return b"".join(GlbFile._made(described, b"".join(parts)))
+
+
+@pytest.mark.parametrize("kind", ["<u2", "<i2", "<u1", "<i1"])
+@pytest.mark.parametrize("normalized", [False, True])
+def test_whole_numbers_are_read_as_they_are_and_written_rounded(kind, normalized):
+    data, largest = quantized(kind, normalized=normalized), np.iinfo(kind).max
+    file = read(data)
+    assert written(file) == data
+    step = 1 / largest if normalized else 1.0
+    assert np.ptp(file.positions) == pytest.approx(step * (largest if kind[1] == "u" else 2 * largest))
+    wanted = cn.denoise(file.mesh, method="laplacian", fixed=np.arange(100)).vertices
+    moved = file.with_vertices(wanted)
+    assert moved.positions[:100].tobytes() == file.positions[:100].tobytes()
+    assert np.abs(moved.positions - wanted).max() <= 0.51 * step  # rounded to single precision first
+    again = read(written(moved))
+    assert again.positions.tobytes() == moved.positions.tobytes()
+    bounds = document(written(moved))["accessors"][0]
+    whole = np.rint(again.positions / step)
+    assert (bounds["min"], bounds["max"]) == (whole.min(axis=0).tolist(), whole.max(axis=0).tolist())
+    assert all(isinstance(number, int) for number in bounds["min"])
+    normals = again._stored_normals.read(again._buffers.data)
+    assert (normals * again.mesh.vertex_normals).sum(axis=1)[100:].min() > 0.97
+
+
+def test_whole_numbers_end_at_those_of_their_type():
+    file = read(quantized())
+    out = file.with_vertices(3.0 * file.mesh.vertices - 50_000)
+    assert (out.positions.min(), out.positions.max()) == (0, 65535)
+    assert read(written(out)).positions.tobytes() == out.positions.tobytes()
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.4, 1.0, 1.5, 4.0])
+def test_rounding_to_whole_numbers_goes_not_beyond_the_limit(tmp_path, limit):
+    source, output = tmp_path / "ball.glb", tmp_path / "out.glb"
+    source.write_bytes(quantized("<u1"))
+    cn.denoise_file(source, output, method="laplacian", max_displacement=limit)
+    moves = np.linalg.norm(cn.read(output).positions - cn.read(source).positions, axis=1)
+    assert moves.max() <= limit
+    assert (limit >= 1) == (moves.max() > 0)
+
+
+def test_what_whole_numbers_lose_is_said_and_elsewhere_the_scene_has_its_size(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ball.glb").write_bytes(quantized())
+    assert run(["denoise", "ball.glb", *FAST]) == 0
+    assert "left out: precision beyond that of the integers that store the positions" in capsys.readouterr().err
+    assert run(["denoise", "ball.glb", *FAST, "-o", "ball.ply", "--strength", "0"]) == 0
+    expected = 2.0 * cn.read("ball.glb").positions + np.array([1, 2, 3])
+    np.testing.assert_allclose(cn.read("ball.ply").positions, expected)
+    assert run(["denoise", "ball.glb", *FAST, "--strength", "0", "-o", "same.glb"]) == 0
+    assert (tmp_path / "same.glb").read_bytes() == quantized() and "whole" not in capsys.readouterr().err
+
+
+def with_attribute(name: str, values: np.ndarray, **described_too: object) -> bytes:
+    """The quantised ball with one more attribute of its vertices."""
+    data = quantized()
+    described = document(data)
+    size, kind = described["buffers"][0]["byteLength"], {"f": 5126, "u": 5123}[values.dtype.kind]
+    described["meshes"][0]["primitives"][0]["attributes"][name] = len(described["accessors"])
+    described["accessors"].append({"bufferView": 3, "componentType": kind, "count": len(values), **described_too})
+    described["bufferViews"].append({"buffer": 0, "byteOffset": size, "byteLength": values.nbytes})
+    described["buffers"][0]["byteLength"] += values.nbytes
+    return b"".join(GlbFile._made(described, data[-size:] + values.tobytes()))
+
+
+def test_texture_coordinates_in_whole_numbers_that_stand_for_parts_of_one_go_along(tmp_path, capsys):
+    stored = np.random.default_rng(0).integers(0, 65536, (len(COARSE.vertices), 2), np.uint16)
+    source, out = tmp_path / "ball.glb", tmp_path / "ball.ply"
+    source.write_bytes(with_attribute("TEXCOORD_0", stored, type="VEC2", normalized=True))
+    assert run(["denoise", str(source), *FAST, "-o", str(out)]) == 0
+    assert "TEXCOORD" not in capsys.readouterr().err
+    values = cn.read(out).content().vertex_values
+    np.testing.assert_allclose(np.stack([values["s"], 1 - values["t"]], axis=1), stored / 65535, atol=1e-6)
+
+
+def test_attributes_that_other_formats_cannot_hold_are_named(tmp_path, capsys):
+    whole = np.ones((len(COARSE.vertices), 2), np.uint16)
+    source = tmp_path / "ball.glb"
+    for name, values, kind in (("TEXCOORD_0", whole, "VEC2"), ("TANGENT", np.ones((len(whole), 4), "<f4"), "VEC4")):
+        source.write_bytes(with_attribute(name, values, type=kind))
+        assert run(["denoise", str(source), *FAST, "-o", str(tmp_path / "ball.ply"), "--force"]) == 0
+        assert f"left out: the attribute {name} of vertices" in capsys.readouterr().err
+
+
+def test_several_types_of_positions_in_a_mesh_are_refused():
+    described = document(quantized())
+    first = described["meshes"][0]["primitives"]
+    described["accessors"].append({**described["accessors"][0], "componentType": 5122, "bufferView": 3})
+    size = described["buffers"][0]["byteLength"]
+    described["bufferViews"].append({**described["bufferViews"][0], "byteOffset": size})
+    first.append({**first[0], "attributes": {"POSITION": 3}})
+    chunk = quantized()[-size:]
+    described["buffers"][0]["byteLength"] = 2 * size
+    with pytest.raises(cn.ReadError, match="in several component types"):
+        read(b"".join(GlbFile._made(described, chunk + chunk)))

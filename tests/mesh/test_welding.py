@@ -1,0 +1,121 @@
+"""Copies of vertices that files have split are found again."""
+
+import numpy as np
+import pytest
+from mesh_files import ply_of
+from shapes import cube, icosphere
+from test_io import OBJ, read, stl_binary, stl_text, written
+
+import cascadenorm as cn
+from cascadenorm.cli import run
+from cascadenorm.inspection import inspect
+from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.welding import PRIME, _find_equal, first_equal, weld
+
+
+@pytest.mark.parametrize("data", [stl_binary(), stl_text()])
+def test_stl_is_welded_and_never_opens(data):
+    file = read(data)
+    assert (len(file.positions), len(file.mesh.vertices)) == (12, 4)
+    assert file.mesh.volume == pytest.approx(1 / 6)
+    moved = read(written(file.with_vertices(file.mesh.vertices + np.arange(12).reshape(4, 3) / 7)))
+    assert len(moved.mesh.vertices) == 4
+    assert moved.mesh.topology.interior_edges.size == 6
+
+
+def test_soup_of_a_closed_surface_welds_to_it():
+    sphere = icosphere(2)
+    corners = sphere.corners.reshape(-1, 3)
+    soup = ply_of(corners, np.arange(len(corners)).reshape(-1, 3))
+    assert len(soup.mesh.vertices) == len(sphere.vertices)
+    assert not soup.mesh.topology.boundary_vertices.any()
+
+
+def test_surfaces_that_touch_inside_stay_apart():
+    box = cube(2)
+    twice = ply_of(np.concatenate([box.vertices] * 2), np.concatenate([box.faces, box.faces + len(box.vertices)]))
+    assert len(twice.mesh.vertices) == 2 * len(box.vertices)
+
+
+def rounded_soup(apart: float) -> tuple[Mesh, bytes]:
+    """Return a ball, and an STL of it whose corners are up to `apart` mean edge lengths from where they belong."""
+    ball = icosphere(3)
+    shift = np.random.default_rng(0).uniform(-0.5, 0.5, (*ball.faces.shape, 3)) * apart * ball.mean_edge_length / 3**0.5
+    corners = ball.vertices[ball.faces] + shift
+    text = ["solid soup"]
+    for facet in corners.tolist():
+        lines = "\n".join(f"vertex {x!r} {y!r} {z!r}" for x, y, z in facet)
+        text.append(f"facet normal 0 0 0\nouter loop\n{lines}\nendloop\nendfacet")
+    return ball, "\n".join([*text, "endsolid"]).encode()
+
+
+def test_corners_that_nearly_coincide_are_reported_and_joined_on_request(tmp_path, capsys):
+    ball, data = rounded_soup(1e-6)
+    path = tmp_path / "soup.stl"
+    path.write_bytes(data)
+    found = inspect(path)
+    assert (found.boundary_edges, found.nearly_coincident.count) == (3 * 1280, 3 * 1280 - 642)
+    assert run(["denoise", str(path), "-o", str(tmp_path / "a.stl"), "--method", "laplacian"]) == 0
+    assert "3198 boundary vertices coincide with another one but for 0.001 edges" in capsys.readouterr().err
+    for length in "0.001 edges", 1e-4 * ball.mean_edge_length:
+        done = cn.denoise_file(path, tmp_path / "b.stl", method="laplacian", weld=length, force=True)
+        assert (done.vertices, done.nearly_coincident) == (642, 0)
+        made = inspect(tmp_path / "b.stl")
+        assert made.closed and made.vertices == 642 and made.nearly_coincident.count == 0
+    expected = cn.denoise(ball, method="laplacian").vertices
+    moved = cn.read(tmp_path / "b.stl").mesh
+    np.testing.assert_allclose(moved.vertices[moved.faces], expected[ball.faces], atol=1e-6)
+
+
+def test_a_weld_joins_chains_within_a_part_only_and_no_interior():
+    triangles = np.arange(12).reshape(-1, 3)
+    points = np.random.default_rng(0).uniform(size=(12, 3)) * 10
+    for step, corner in enumerate((3, 6, 9), 1):
+        points[corner] = points[0] + [0.09 * step, 0, 0]
+    welds, first = weld(points, triangles, distance=0.1)
+    assert welds[[3, 6, 9]].tolist() == [welds[0]] * 3 and len(first) == 9
+    parts = np.repeat([0, 0, 1, 1], 3)
+    welds, first = weld(points, triangles, parts, distance=0.1)
+    assert welds[3] == welds[0] and welds[9] == welds[6] != welds[0] and len(first) == 10
+    assert len(weld(points, triangles, distance=0.05)[1]) == 12
+
+
+@pytest.mark.parametrize("length", ["1 edges", "-1", "far"])
+def test_a_weld_of_half_an_edge_is_refused(length, tmp_path):
+    _, data = rounded_soup(1e-6)
+    (tmp_path / "a.stl").write_bytes(data)
+    with pytest.raises(cn.ParameterError, match=r"weld is .*; it must be"):
+        cn.denoise_file(tmp_path / "a.stl", method="laplacian", weld=length)
+
+
+def test_coordinates_made_for_equal_hashes_are_told_apart_with_few_probes():
+    """Both halves of each number differ alike, as the folds of simple hashes cannot tell."""
+    high = (0x3FF00000 + 16 * np.arange(3000)).astype(np.uint64)
+    crafted = ((high << np.uint64(32)) | (high ^ np.uint64(0x12345678))).view(np.float64)
+    rows = np.column_stack([np.full(3000, 0.5), np.full(3000, 0.25), crafted])
+    assert first_equal(rows) is None
+    same, repeated = first_equal(np.concatenate([rows, rows[::-1]]))
+    assert np.array_equal(same, np.concatenate([np.arange(3000), np.arange(3000)[::-1]])) and repeated.all()
+    assert longest_run(rows) < 60
+
+
+def longest_run(rows) -> int:
+    """Most neighbouring places of the table that are taken: no search probes more."""
+    bits = np.ascontiguousarray(rows).view(np.int64)
+    places = np.full(2 << len(rows).bit_length(), -1, np.int32)
+    factors = np.random.default_rng(1).integers(1, PRIME, 3 * rows.shape[1])
+    _find_equal(bits, factors, places, np.empty(len(rows), np.int64), np.zeros(len(rows), bool))
+    free = np.flatnonzero(places < 0)
+    return int(np.diff(free).max()) - 1
+
+
+def test_welding_distinguishes_what_single_precision_does_not():
+    vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1e-12, 0, 0), (-1, 0, 0), (-0.0, -1, 0), (0, -1, 0)])
+    file = ply_of(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 4, 6)]))
+    assert file.welds.tolist() == [0, 1, 2, 3, 4, 5, 5]
+
+
+def test_runs_of_hashes_take_no_time():
+    for line in (b"#" * 200, b"##\n" * 200):
+        assert len(read(line + b"\n" + OBJ, "obj").positions) == len(read(OBJ).positions)
+        assert read(line + b"\n" + OBJ).format == "obj"
