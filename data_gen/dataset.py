@@ -36,7 +36,7 @@ MORE_RELIEF: dict[ErrorPart, float] = {"isosurface": 3.0}
 """Times the usual share of meshes with relief, where little else shows that smooth relief is not error."""
 CLEAN_RELIEF = 0.6  # share of the meshes with relief that have no noise
 RELIEF_LEVELS = 0.02, 0.3  # of the white noise on the others
-ATTEMPTS = 60  # shapes drawn for one index before giving up
+ATTEMPTS = 400  # shapes drawn for one index before giving up; few faces with much error are hardly ever fit
 
 OWN_FAMILY = "own"  # in place of a family, where the mesh was not generated
 
