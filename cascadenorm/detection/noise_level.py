@@ -160,7 +160,7 @@ def _adjacent(neighbors: Csr, i: Index, j: Index) -> bool:
 @kernel
 def _spread(vertices: Vectors, neighbors: Csr, i: Index) -> float:
     """Mean of the squared distances of the neighbours."""
-    total = 0.0
+    total: float = 0.0
     first, last = neighbors.indptr[i], neighbors.indptr[i + 1]
     for k in range(first, last):
         total += squared_distance(row(vertices, neighbors.indices[k]), row(vertices, i))

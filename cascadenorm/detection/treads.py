@@ -1,6 +1,6 @@
 """Steps of rounded heights or depths: many flat, parallel treads, whose typical width a user needs to know."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +19,8 @@ NARROWEST = 5.0
 """Mean edge lengths: `auto` removes narrower steps by itself."""
 
 
-class Treads(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class Treads:
     """Flat, parallel treads that cover most of a mesh.
 
     Parameters
@@ -65,4 +66,4 @@ def treads(mesh: Mesh) -> Treads | None:
     kept = large & (perimeters > 0)
     widths = 4 * tread_areas[kept] / perimeters[kept]
     width = 1 + float(np.average(widths, weights=tread_areas[kept])) / mesh.mean_edge_length
-    return Treads(int(kept.sum()), width) if width >= NARROWEST else None
+    return Treads(count=int(kept.sum()), width=width) if width >= NARROWEST else None

@@ -1,6 +1,6 @@
 """Features and networks in torch, for training."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import torch
@@ -36,7 +36,8 @@ class Network(torch.nn.Module):
 
     def __init__(self, widths: Sequence[int], activation: Activation, generator: torch.Generator) -> None:
         super().__init__()
-        self.activation = {"silu": torch.nn.functional.silu, "tanh": torch.tanh}[activation]
+        functions: dict[Activation, Callable[[Tensor], Tensor]] = {"silu": torch.nn.functional.silu, "tanh": torch.tanh}
+        self.activation = functions[activation]
         layers = [torch.nn.Linear(i, o) for i, o in pairwise(widths)]
         for layer in layers:
             bound = layer.in_features**-0.5
