@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.halo import Halo, as_part, check_halo
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
-from cascadenorm.controls.detail import Removal, Removed, applied, finer_than, without_finer
+from cascadenorm.controls.detail import TREAT_AS, Removal, Removed, applied, finer_than, without_finer
 from cascadenorm.controls.displacement import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.weights import holds_some, vertex_weights
@@ -225,6 +225,9 @@ def _surface_step(
     numbers = numbers if sides is None else numbers[sides.owners]
     if sides is not None and REGION in parameters:
         parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
+    # A cut mesh has boundaries everywhere, which only one of the two networks of `auto` has learned
+    if sides is not None and TREAT_AS in method.settings and parameters.get(TREAT_AS) is None:
+        parameters = {**parameters, TREAT_AS: "measured-surface"}
 
     # The boundary is that of the uncut mesh, in the vertices of the cut one; detail is smoothed on each side
     edges = boundary_edges(mesh, seen.faces) if controls["boundary"] == "smooth" else None

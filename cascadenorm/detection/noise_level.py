@@ -164,4 +164,5 @@ def _spread(vertices: Vectors, neighbors: Csr, i: Index) -> float:
     first, last = neighbors.indptr[i], neighbors.indptr[i + 1]
     for k in range(first, last):
         total += squared_distance(row(vertices, neighbors.indices[k]), row(vertices, i))
-    return total / (last - first)
+    mean: float = total / (last - first)
+    return mean

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, noisy
+from shapes import cube, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
 from cascadenorm.controls.creases import crease_edges, cut_along
@@ -116,7 +116,8 @@ def test_off_the_creases_the_method_gives_what_it_gives_for_the_sides_alone(meth
     sides = cut_along(rough, SHARP)
     whole = np.bincount(sides.owners) == 1
     out = cn.denoise(rough, method=method, creases=EDGES[SHARP]).vertices
-    alone = cn.denoise(sides.mesh, method=method).vertices[: len(whole)]
+    treatment = {"treat_as": "measured-surface"} if method == "auto" else {}  # as a cut mesh
+    alone = cn.denoise(sides.mesh, method=method, **treatment).vertices[: len(whole)]
     np.testing.assert_allclose(out[whole], alone[whole], rtol=0, atol=1e-9)
     assert np.abs(out - cn.denoise(rough, method=method).vertices)[whole].max() > 1e-3
 
@@ -162,3 +163,12 @@ def test_no_creases_change_nothing():
 def test_wrong_creases_are_refused_with_a_reason(creases, message):
     with pytest.raises(cn.ParameterError, match=message):
         cn.denoise(BOX, method="laplacian", creases=creases)
+
+
+def test_creases_do_not_harm_auto_on_a_cube():
+    box = cube(30)
+    normals = box.face_normals[box.topology.edge_faces.indices.reshape(-1, 2)]
+    edges = box.topology.edges[np.einsum("ij,ij->i", normals[:, 0], normals[:, 1]) < 0.5]
+    rough = noisy(box, 0.1)
+    angles = [mean_angle(cn.denoise(rough, creases=given), box) for given in (None, edges)]
+    assert angles[1] < 1.3 * angles[0] < 0.5
