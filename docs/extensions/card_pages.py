@@ -4,7 +4,7 @@ import json
 from collections import Counter
 from typing import Any
 
-from command_pages import table
+from markdown_table import table
 
 from cascadenorm.models.models import named
 

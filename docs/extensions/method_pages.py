@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from command_pages import table
+from markdown_table import table
 
 import cascadenorm as cn
 from cascadenorm.data_gen.meshing.surface import extent_of

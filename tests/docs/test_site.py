@@ -24,9 +24,10 @@ from cascadenorm.registry import Parameter, Setting
 
 DOCS = Path(__file__).parents[2] / "docs"
 sys.path.insert(0, str(DOCS / "extensions"))
+sys.path.insert(0, str(DOCS / "generate"))
 import card_pages  # noqa: E402
 import check_site  # noqa: E402
-import command_pages  # noqa: E402
+import command_line  # noqa: E402
 import docstrings  # noqa: E402
 import method_pages  # noqa: E402
 
@@ -156,21 +157,12 @@ def test_types_of_arrays_are_links_to_what_numpy_and_others_have():
 
 def test_entries_of_docstrings_become_definitions():
     given = [
-        "Do it.",
-        "",
-        "Parameters",
-        "----------",
-        "a, b : two",
-        "    numbers",
-        "",
-        "Returns",
-        "-------",
-        "One",
-        "  more",
-    ]
+        "Do it.", "", "Parameters", "----------", "a, b", "    two", "    numbers", "c", "    text", "",
+        "Returns", "-------", "One", "more",
+    ]  # fmt: skip
     made = docstrings.with_definitions(given)
     assert made[:2] == ["Do it.", ""]
-    assert made[3:8] == [".. rubric:: Parameters", "", "``a, b``", "    two", "    numbers"]
+    assert made[3:10] == [".. rubric:: Parameters", "", "``a, b``", "    two", "    numbers", "``c``", "    text"]
     assert made[-5:] == [".. rubric:: Returns", "", "One", "more", ""]
 
 

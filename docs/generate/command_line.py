@@ -1,21 +1,30 @@
-"""The reference of the command line, made from the declarations of the commands."""
+"""Write docs/command-line.md from the declarations of the commands: python docs/generate/command_line.py"""
 
 import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
+from markdown_table import table
 from typer.models import ArgumentInfo
 
 from cascadenorm.cli.commands import app
 
+PAGE = Path(__file__).parents[1] / "command-line.md"
 INTRODUCTION = """\
 # Command line
 
-Every command with its arguments and options, as `cascadenorm COMMAND --help` prints them. Results go to stdout,
-messages to stderr. With `--json` a command prints one object; [its keys and the exit codes](../json.md) have a page of
-their own.
+<!-- python docs/generate/command_line.py writes this page -->
+
+This page lists every command with its arguments and options, as `cascadenorm COMMAND --help` does. Results go to stdout
+and messages to stderr. With `--json`, a command prints one object; [JSON output](json.md) describes its keys and the
+exit codes.
 """
+
+
+def main() -> None:
+    """Write the page."""
+    PAGE.write_text(command_page(), encoding="utf-8", newline="\n")
 
 
 def command_page() -> str:
@@ -60,12 +69,10 @@ def _value(kind: Any) -> str:
     return next((word for one, word in kinds.items() if one in (kind, *get_args(kind))), "TEXT")
 
 
-def table(titles: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """Return a table of Markdown; bars in cells are escaped."""
-    lines = [titles, tuple("---" for _ in titles), *(tuple(cell.replace("|", r"\|") for cell in row) for row in rows)]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
-
-
 def names() -> list[str]:
     """The commands of the program."""
     return [command.name or command.callback.__name__ for command in app.registered_commands]
+
+
+if __name__ == "__main__":
+    main()
