@@ -1,6 +1,5 @@
 """The ablation of benchmarks/, with tiny settings."""
 
-import importlib.util
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,14 +7,12 @@ import numpy as np
 import pytest
 from shapes import icosphere, noisy
 
+from benchmarks.accuracy import ablation
 from cascadenorm.data_gen import DatasetConfig
 from cascadenorm.learned.config import Fit, TrainConfig, read_config
 from cascadenorm.mesh import limit_threads
 
 ROOT = Path(__file__).parents[2]
-SPEC = importlib.util.spec_from_file_location("ablation", ROOT / "benchmarks" / "ablation.py")
-ablation = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(ablation)
 
 PAPER, AUTO = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "surface"))
 TINY = TrainConfig(

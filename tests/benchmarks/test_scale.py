@@ -1,8 +1,8 @@
 """The figures of the plan for many scans and for one huge mesh follow from those that were measured."""
 
-from pathlib import Path
-
 import pytest
+
+from benchmarks.speed import scale
 
 SPEED = """4 threads
 | auto, 100 k faces | 3.00 | 0.50 |
@@ -11,16 +11,7 @@ SPEED = """4 threads
 """
 
 
-@pytest.fixture
-def scale():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
-        import scale
-
-        yield scale
-
-
-def test_times_memory_and_cost_are_those_of_the_formulas(scale):
+def test_times_memory_and_cost_are_those_of_the_formulas():
     threads, methods = scale.rates(SPEED)
     assert threads == 4 and list(methods) == ["auto"]  # taubin was measured at one size
     assert methods["auto"].start == pytest.approx(2.0) and methods["auto"].slope == pytest.approx(1e-5)

@@ -1,7 +1,6 @@
 """What the documents say is so."""
 
 import importlib
-import importlib.util
 import json
 import re
 import shutil
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.accuracy import results
 from cascadenorm.api.api import methods
 from cascadenorm.evaluation.harness import DEFAULT_METHODS
 
@@ -51,16 +51,7 @@ def test_every_module_has_a_summary(module_table):
     assert module_table.in_order({"a": {"b"}, "b": set(), "c": {"a", "b"}, "d": set()}) == ["b", "d", "a", "c"]
 
 
-def results_script():
-    """The module that writes the table of results."""
-    spec = importlib.util.spec_from_file_location("results", ROOT / "benchmarks" / "results.py")
-    results = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(results)
-    return results
-
-
 def test_the_table_of_results_is_written_between_its_markers(tmp_path):
-    results = results_script()
     readme = tmp_path / "README.md"
     readme.write_text(f"before\n{results.BEGIN}\nold\n{results.END}\nafter\n", encoding="utf-8")
     results.main([str(EXAMPLES / "scan"), "--readme", str(readme), "--method", "bilateral-normal"])
@@ -76,7 +67,6 @@ def test_the_table_of_results_is_written_between_its_markers(tmp_path):
 
 
 def test_other_programs_are_columns_of_the_table_of_results(tmp_path):
-    results = results_script()
     figures = {"Ev": 0.125, "flip": 0.5}
     runs = {"bnf tuned": {"Ea_deg": 9.75, **figures}, "gnf tuned": {"Ea_deg": 9.25, **figures}}
     runs |= {"l0 default": {"Ea_deg": 0.5, **figures}, "published": {"Ea_deg": 8.25, **figures}}
