@@ -5,8 +5,8 @@
 
 Trains each rung of the ladder from configs/cascade.toml to configs/surface.toml, once for each seed and number of
 clusters, on the data of `auto` with fewer and smaller shapes. Measures on the pairs in DIR and on generated ones from a
-seed that no training has. Writes docs/ablation.md, and the figures behind it to docs/ablation.json: what stands there
-for the same settings is not trained again. Trainings of a seed share their generated pairs. Pairs and models stay in
+seed that no training has. Writes benchmarks/ablation.md, and the figures behind it to benchmarks/ablation.json: what
+stands there for the same settings is not trained again. Trainings of a seed share their generated pairs. Pairs and models stay in
 the folder, so that an interrupted run goes on where it was and ends with the same table. With the settings above there
 are 36 trainings, which take several hours on two cores.
 """
@@ -198,7 +198,7 @@ def main() -> None:
     paper, auto = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "surface"))
     auto = replace(auto, data=replace(auto.data, count=options.count, max_faces=options.max_faces))
     sets = measured_on(options.folder, auto.data, unseen=24)
-    page = ROOT / "docs" / "ablation.md"
+    page = ROOT / "benchmarks" / "ablation.md"
     run(ladder(paper, auto), sets, page, options.keep, seeds=options.seeds, clusters=options.clusters)
 
 
