@@ -2,7 +2,7 @@
 
 python -m benchmarks.speed.performance [--method NAME ...] [--environment DIR]
 
-Denoises the torus of speed.py with a million faces on one thread, and writes docs/performance.md and a flame
+Denoises the torus of speed.py with a million faces on one thread, and writes benchmarks/performance.md and a flame
 graph of each method beside it. It counts processor time, which depends less on what else the machine does than the time
 that passes. py-spy, which samples the calls, is installed into an environment of its own.
 """
@@ -24,7 +24,7 @@ from cascadenorm import denoise
 from cascadenorm.learned.methods import shipped
 from cascadenorm.mesh import Mesh, one_blas_thread
 
-PAGE = Path(__file__).parents[2] / "docs" / "performance.md"
+PAGE = Path(__file__).parents[1] / "performance.md"
 METHODS = ("auto", "bilateral-normal")
 PROGRAM = """
 from cascadenorm import denoise
@@ -132,7 +132,7 @@ def head(machine: Machine) -> list[str]:
         f"{platform.system()} {platform.machine()}, Python {platform.python_version()}. "
         "`python -m benchmarks.speed.performance` writes this page. "
         "Whole commands, with files and on all threads, are in "
-        "[speed.md](../benchmarks/speed.md).",
+        "[speed.md](speed.md).",
         "",
         "*Rows a face* counts the faces, vertices or edges that a kernel goes over in all its passes, for each face "
         "of the mesh. *Bytes a face* is the least that these passes move: each array that the kernel takes, once a "
