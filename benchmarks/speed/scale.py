@@ -1,4 +1,4 @@
-"""What a million scans and a billion faces take, from figures that were measured, into docs/patches.md.
+"""What a million scans and a billion faces take, from figures that were measured, into benchmarks/scale.md.
 
     python -m benchmarks.speed.scale
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from cascadenorm.patches.planning import LARGEST, PATCH, WHOLE
 
 ROOT = Path(__file__).parents[2]
-SPEED, PAGE = ROOT / "benchmarks" / "speed.md", ROOT / "docs" / "patches.md"
+SPEED, PAGE = ROOT / "benchmarks" / "speed.md", ROOT / "benchmarks" / "scale.md"
 BEGIN, END = "<!-- figures: written by benchmarks/speed/scale.py -->", "<!-- end of figures -->"
 
 BYTES = 19
@@ -84,11 +84,11 @@ def figures(speed: str, price: float, fee: float) -> str:
     each = BYTES * faces / 1e6
     return "\n\n".join(
         (
-            f"#### {scans:,.0f} scans of {faces:,.0f} faces",
+            f"### {scans:,.0f} scans of {faces:,.0f} faces",
             f"{each:.1f} MB each as binary PLY: {scans * each / 1e6:.1f} TB to read, as much to write. "
             f"Cores at {price:g} an hour, requests at {fee:g} a thousand.",
             scans_table(threads, methods, scans, faces, price, fee),
-            f"#### One mesh of {huge:,.0f} faces",
+            f"### One mesh of {huge:,.0f} faces",
             f"{BYTES * huge / 1e9:.0f} GB as binary PLY. On {threads} threads.",
             large_table(methods, huge),
         )
