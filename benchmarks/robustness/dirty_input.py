@@ -4,7 +4,7 @@
 
 Each tool is run on each mesh in a process of its own, with a limit of computing time and of memory, on arrays in memory
 and at its defaults.
-The table is printed, and written between the markers of docs/dirty-input.md. Tools that the Python given does not have
+The table is printed, and written between the markers of benchmarks/dirty_input.md. Tools that the Python given does not have
 get no column.
 """
 
@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.accuracy.results import between_markers
 from benchmarks.robustness.dirty_meshes import Dirty, dirty_meshes
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "dirty-input.md"
+DOCUMENT = Path(__file__).parents[1] / "dirty_input.md"
 BEGIN, END = "<!-- measured: written by benchmarks/robustness/dirty_input.py -->", "<!-- end of measured -->"
 LIMIT = 120  # seconds of computing for a mesh
 MEMORY = 8 << 30  # bytes of addresses for a mesh, code and libraries included
