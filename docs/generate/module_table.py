@@ -6,7 +6,6 @@ in an order in which each imports only earlier ones. The build of the site write
 
 import ast
 import re
-from collections.abc import Iterable
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -47,12 +46,8 @@ def modules() -> dict[str, Path]:
 
 
 def package_table(found: dict[str, Path]) -> str:
-    """Return a row for each room, and for each package inside it."""
-    packages = [name for name in found if "." not in name or found[name].stem == "__init__"]
-    rows = [
-        (f"`{place(found[name])}`", summary(found[name])) for room in rooms(found) for name in inside(room, packages)
-    ]
-    return table(("package", "holds"), rows)
+    """Return a row for each room."""
+    return table(("package", "holds"), [(f"`{place(found[room])}`", summary(found[room])) for room in rooms(found)])
 
 
 def module_page() -> str:
@@ -61,7 +56,8 @@ def module_page() -> str:
     parts = [INTRODUCTION]
     for room in rooms(found):
         parts.append(f"## `{place(found[room])}`\n\n{summary(found[room])}\n")
-        rows = [(f"`{name.partition('.')[2]}`", summary(found[name])) for name in inside(room, found) if name != room]
+        names = sorted(name for name in found if name.startswith(f"{room}."))
+        rows = [(f"`{name.partition('.')[2]}`", summary(found[name])) for name in names]
         parts += [table(("module", "holds"), rows)] if rows else []
     return "\n".join(parts)
 
@@ -72,11 +68,6 @@ def rooms(found: dict[str, Path]) -> list[str]:
     for name, path in found.items():
         imports[name.partition(".")[0]] |= imported(path) - {name.partition(".")[0]}
     return in_order(imports)
-
-
-def inside(room: str, names: Iterable[str]) -> list[str]:
-    """Return those of the names that are in a room, in order."""
-    return sorted(name for name in names if name.partition(".")[0] == room)
 
 
 def place(path: Path) -> str:
