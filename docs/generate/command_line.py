@@ -16,7 +16,7 @@ INTRODUCTION = """\
 
 <!-- python docs/generate/command_line.py writes this page -->
 
-This page lists every command with its arguments and options, as `cascadenorm COMMAND --help` does. Results go to stdout
+This page lists every command with its arguments and options, as `--help` prints them. Results go to stdout
 and messages to stderr. With `--json`, a command prints one object; [JSON output](json.md) describes its keys and the
 exit codes.
 """
