@@ -6,9 +6,9 @@
 Trains each rung of the ladder from configs/cascade.toml to configs/surface.toml, once for each seed and number of
 clusters, on the data of `auto` with fewer and smaller shapes. Measures on the pairs in DIR and on generated ones from a
 seed that no training has. Writes benchmarks/ablation.md, and the figures behind it to benchmarks/ablation.json: what
-stands there for the same settings is not trained again. Trainings of a seed share their generated pairs. Pairs and models stay in
-the folder, so that an interrupted run goes on where it was and ends with the same table. With the settings above there
-are 36 trainings, which take several hours on two cores.
+stands there for the same settings is not trained again. Trainings of a seed share their generated pairs. Pairs and
+models stay in the folder, so that an interrupted run goes on where it was and ends with the same table. With the
+settings above there are 36 trainings, which take several hours on two cores.
 """
 
 import argparse

@@ -4,8 +4,8 @@
 
 Each tool is run on each mesh in a process of its own, with a limit of computing time and of memory, on arrays in memory
 and at its defaults.
-The table is printed, and written between the markers of benchmarks/dirty_input.md. Tools that the Python given does not have
-get no column.
+The table is printed, and written between the markers of benchmarks/dirty_input.md. Tools that the Python given does not
+have get no column.
 """
 
 import argparse

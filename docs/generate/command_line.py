@@ -54,7 +54,7 @@ def _command(command: Any) -> Iterator[str]:
 
 
 def _spelled(name: str, kind: Any, about: Any) -> str:
-    """How an option is written, with the value that it takes."""
+    """Return an option as it is written, with the value that it needs."""
     declared = [about.default, *(about.param_decls or ())]  # typer takes the first name for a default
     named = [text for text in declared if isinstance(text, str) and text.startswith("-")]
     named = named or [f"--{name.replace('_', '-')}"]
@@ -70,7 +70,7 @@ def _value(kind: Any) -> str:
 
 
 def names() -> list[str]:
-    """The commands of the program."""
+    """Return the names of all commands."""
     return [command.name or command.callback.__name__ for command in app.registered_commands]
 
 
