@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cascadenorm.controls import CONTROLS, ControlSetting
 
-PAGE = Path(__file__).parent.parent / "docs" / "controls.md"
+PAGE = Path(__file__).parents[2] / "docs" / "controls.md"
 
 
 def main() -> None:

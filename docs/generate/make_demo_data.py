@@ -30,4 +30,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "cascadenorm" / "demo_data"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[2] / "cascadenorm" / "demo_data"))

@@ -17,7 +17,7 @@ from cascadenorm.learned.regression import nearest, stage_stack
 from cascadenorm.mesh import angles_between
 from cascadenorm.render import Camera, png, rasterized, render, side_by_side, stacked
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PART = ROOT / "cascadenorm" / "demo_data" / "part"
 DIRECTION = (0.45, 0.4, 0.8)
 PANEL = (360, 360)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pyvista as pv
 
-PICTURE = Path(__file__).resolve().parents[1] / "docs" / "pyvista.png"
+PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pyvista.png"
 
 
 def main(path: Path = PICTURE) -> None:
