@@ -1,6 +1,6 @@
 """Measure methods on pairs of noisy and clean meshes.
 
-    python -m benchmarks.accuracy.pairs PAIRS [--method NAME ...] [--reference FILE] [--record NAME]
+    python -m benchmarks.accuracy.pairs PAIRS [--method NAME ...] [--reference FILE] [--keep FOLDER] [--record NAME]
 
 The record `public-pairs` is shown in README.md, `validation` in docs/models.md. FILE has the errors of other programs
 as JSON: pair → run → {"Ea_deg": degrees, "Ev": edge lengths, "flip": %}. Runs whose names end in "tuned" had their
@@ -37,12 +37,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="PAIRS", help="folder of */noisy.* and */clean.*")
     parser.add_argument("--method", action="append", help="may be given several times")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="for results, so that an interrupted run resumes")
     parser.add_argument("--reference", type=Path, metavar="FILE", help="errors of other programs")
     results.add_option(parser)
     options = parser.parse_args(arguments)
     reference = json.loads(options.reference.read_text(encoding="utf-8")) if options.reference else {}
     with progress_tasks() as progress:
-        done = evaluate([options.folder], methods=tuple(options.method or DEFAULT_METHODS), progress=progress)
+        methods = tuple(options.method or DEFAULT_METHODS)
+        done = evaluate([options.folder], methods=methods, keep=options.keep, progress=progress)
     if done.failures:
         raise SystemExit("\n".join(f"{failure.pair}, {failure.method}: {failure.error}" for failure in done.failures))
     results.keep(options.record, figures_of(done, reference), table)
