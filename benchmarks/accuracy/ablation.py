@@ -1,14 +1,14 @@
-"""What each step from the published method to the model `auto` brings: python -m benchmarks.accuracy.ablation DIR
+"""Measure what each step from the published method to the model `auto` brings.
 
-    python -m benchmarks.accuracy.ablation DIR [--count 1000] [--max-faces 4000] [--seeds 0 1 2] [--clusters 1 4]
-        [--keep FOLDER]
+    python -m benchmarks.accuracy.ablation PAIRS [--count 1000] [--max-faces 4000] [--seeds 0 1 2] [--clusters 1 4]
+        [--keep FOLDER] [--record]
 
 Trains each rung of the ladder from configs/cascade.toml to configs/surface.toml, once for each seed and number of
-clusters, on the data of `auto` with fewer and smaller shapes. Measures on the pairs in DIR and on generated ones from a
-seed that no training has. Writes benchmarks/ablation.md, and the figures behind it to benchmarks/ablation.json: what
-stands there for the same settings is not trained again. Trainings of a seed share their generated pairs. Pairs and
-models stay in the folder, so that an interrupted run goes on where it was and ends with the same table. With the
-settings above there are 36 trainings, which take several hours on two cores.
+clusters, on the data of `auto` with fewer and smaller shapes. Measures on PAIRS and on pairs generated from a seed that
+no training has. Trainings of a seed share their generated pairs. Pairs, models and figures stay in FOLDER, so an
+interrupted run resumes and ends with the same table; what was measured with the same settings is not trained again.
+With the settings above there are 36 trainings, which take several hours on two cores. The table is that of
+benchmarks/ablation.md.
 """
 
 import argparse
@@ -19,9 +19,11 @@ from dataclasses import asdict, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from benchmarks import results
 from cascadenorm.data_gen import DatasetConfig, pairs
 from cascadenorm.execution.process_map import Map, side_by_side
 from cascadenorm.io.atomic import write_atomically
@@ -44,8 +46,6 @@ KINDS: dict[str, tuple[str, ...]] = {
     "points": ("points",),
 }
 """Families of measured surfaces."""
-Rows = dict[tuple[str, int], list[list[float]]]
-"""For each rung and number of clusters, for each seed: the mean angle on each set, in degrees."""
 
 
 def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
@@ -127,79 +127,71 @@ def cell(values: Iterable[float]) -> str:
     return f"{found.mean():.2f} ± {np.ptp(found) / 2:.2f}"
 
 
-def table(rows: Rows, sets: Sequence[str], data: DatasetConfig) -> str:
-    """Return the page of what is known so far."""
-    cells = {row: " | ".join(cell(values) for values in zip(*found, strict=True)) for row, found in rows.items()}
-    lines = [
-        "# From the published method to `auto`",
-        "",
-        "Mean angle between the normals of faces and the true ones, in degrees, and half the spread over the seeds. "
-        "The first rung has the settings of `configs/cascade.toml`, each adds one thing to the one before, the last "
-        f"has those of `configs/surface.toml`. All are trained on {data.count} shapes like those of `auto`, of at most "
-        f"{data.max_faces} faces. Public models are those of the validation set of the standard synthetic benchmark; "
-        "the others are generated from a seed that no training has: shapes with independent and with correlated error, "
-        "depth images, alone or fused, segmentations, levels of tomograms, and surfaces through points. "
-        "Made by `python -m benchmarks.accuracy.ablation DIR`.",
-        "",
-        f"| | clusters | seeds | {' | '.join(sets)} |",
-        f"| --- | ---: | ---: |{' ---: |' * len(sets)}",
-        *(f"| {name} | {k} | {len(rows[name, k])} | {found} |" for (name, k), found in cells.items()),
+def table(figures: results.Figures) -> str:
+    """Return a row for each rung and number of clusters: the means over the seeds, with half the spread."""
+    rows: dict[tuple[str, int], list[dict[str, float]]] = {}
+    for one in figures["trainings"]:
+        rows.setdefault((one["rung"], one["clusters"]), []).append(one["degrees"])
+    sets = list(figures["trainings"][0]["degrees"])
+    cells = [
+        [rung, f"{clusters}", f"{len(found)}", *(cell(degrees[name] for degrees in found) for name in sets)]
+        for (rung, clusters), found in rows.items()
     ]
-    return "\n".join(lines) + "\n"
+    caption = f"Trained on {figures['count']:,} shapes of at most {figures['max_faces']:,} faces."
+    return f"{caption}\n\n{results.markdown(['', 'clusters', 'seeds', *sets], cells)}"
 
 
 def run(
     rungs: dict[str, TrainConfig],
     sets: Sets,
-    page: Path,
     keep: Path,
     *,
     seeds: Sequence[int],
     clusters: Sequence[int],
-) -> None:
-    """Train and measure every rung, seed after seed; write the figures and the page after each of them."""
+) -> dict[str, Any]:
+    """Train and measure every rung, seed after seed; the figures are written after each training."""
     keep.mkdir(parents=True, exist_ok=True)
-    record = page.with_suffix(".json")
-    figures = json.loads(record.read_text()) if record.exists() else {}
-    rows: Rows = {(name, k): [] for name in rungs for k in clusters}
+    file = keep / "figures.json"
+    known = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    trainings = []
     with side_by_side(thread_count()) as each:
         for seed in seeds:
             for rung, (name, settings) in enumerate(rungs.items()):
                 data = replace(settings.data, seed=seed)
                 for k in clusters:
                     config = replace(settings, seed=seed, clusters=k, data=data)
-                    title, digest = f"{name}, clusters {k}, seed {seed}", _digest(config)
-                    found = figures.get(title, {})
-                    if found.get("config") != digest or found["degrees"].keys() != sets.keys():
+                    digest = _digest(config)
+                    if digest not in known or known[digest].keys() != sets.keys():
                         path = keep / f"rung{rung}-clusters{k}-seed{seed}.safetensors"
                         cascade = trained(config, path, keep / f"pairs-{_digest(data)}")
-                        figures[title] = {"config": digest, "degrees": measured(cascade, sets, each)}
-                        write_atomically(record, [json.dumps(figures, indent=1).encode()], force=True)
-                    rows[name, k].append([figures[title]["degrees"][kind] for kind in sets])
-                    print(title, rows[name, k][-1], flush=True)
-                    known = {row: found for row, found in rows.items() if found}
-                    write_atomically(page, [table(known, list(sets), data).encode()], force=True)
+                        known[digest] = measured(cascade, sets, each)
+                        write_atomically(file, [json.dumps(known, indent=1).encode()], force=True)
+                    trainings.append({"rung": name, "clusters": k, "seed": seed, "degrees": known[digest]})
+                    print(trainings[-1], flush=True)
+    data = next(iter(rungs.values())).data
+    return {"count": data.count, "max_faces": data.max_faces, "trainings": trainings}
 
 
 def _digest(settings: TrainConfig | DatasetConfig) -> str:
     return sha256(repr(settings).encode()).hexdigest()[:12]
 
 
-def main() -> None:
-    """Read what to do, and do it."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Train and measure all rungs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, metavar="DIR", help="pairs: */noisy.* and */clean.*")
+    parser.add_argument("folder", type=Path, metavar="PAIRS", help="folder of */noisy.* and */clean.*")
     parser.add_argument("--count", type=int, default=1000, help="shapes to train on")
     parser.add_argument("--max-faces", type=int, default=4000, help="of each of them")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--clusters", type=int, nargs="+", default=[1, 4])
-    parser.add_argument("--keep", type=Path, default=ROOT / "runs" / "ablation")
-    options = parser.parse_args()
+    parser.add_argument("--keep", type=Path, default=ROOT / "runs" / "ablation", metavar="FOLDER")
+    results.add_option(parser, "ablation")
+    options = parser.parse_args(arguments)
     paper, auto = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "surface"))
     auto = replace(auto, data=replace(auto.data, count=options.count, max_faces=options.max_faces))
     sets = measured_on(options.folder, auto.data, unseen=24)
-    page = ROOT / "benchmarks" / "ablation.md"
-    run(ladder(paper, auto), sets, page, options.keep, seeds=options.seeds, clusters=options.clusters)
+    figures = run(ladder(paper, auto), sets, options.keep, seeds=options.seeds, clusters=options.clusters)
+    results.keep(options.record, figures, table)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Collect the nine public pairs of the README from clones of the repositories that hold them (docs/data.md).
+"""Collect the nine public pairs of README.md from clones of the repositories that hold them (docs/data.md).
 
 python -m benchmarks.accuracy.collect_pairs GuidedDenoising MeshTGV OUT
 """
@@ -18,7 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("guided", type=Path, metavar="GuidedDenoising", help="clone of bldeng/GuidedDenoising")
     parser.add_argument("tgv", type=Path, metavar="MeshTGV", help="clone of LabZhengLiu/MeshTGV")
-    parser.add_argument("out", type=Path, metavar="OUT", help="folder for the pairs; it is made")
+    parser.add_argument("out", type=Path, metavar="OUT", help="folder for the pairs; it is created")
     chosen = parser.parse_args(arguments)
     tgv = [pair for pair in public_pairs("mesh-tgv", chosen.tgv) if pair.name in OF_TGV]
     for pair in [*public_pairs("guided", chosen.guided), *tgv]:

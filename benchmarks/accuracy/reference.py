@@ -2,19 +2,19 @@
 
     python -m benchmarks.accuracy.reference PAIRS RESULTS.json [METHOD …]
 
-PAIRS holds a folder a pair, with `noisy.*` and `clean.*`. RESULTS.json is pair → run → {"params", "Ea_deg"}: a run is
+PAIRS holds a folder with noisy.* and clean.* for each pair. RESULTS.json is pair → run → {"params", "Ea_deg"}: a run is
 "bnf", "gnf", "l0", "fleishman" or "jones" and the name of a setting; the parameters have the names of the program that
 comes with Zhang et al. 2015. Prints a Markdown table of mean normal errors in degrees:
 
-- theirs: what that program got
-- ours: our method, its own vertex update and treatment of boundaries included
-- same update: our filter of normals with their vertex update, where that is another one
+- theirs: the error of that program
+- ours: our method, with its own vertex update and treatment of boundaries
+- same update: our filter of normals with their vertex update, if that differs
 """
 
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,20 +40,20 @@ class Program(NamedTuple):
     same_update: Callable[[Mesh, Parameters], Vectors] | None = None
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pairs", type=Path)
     parser.add_argument("results", type=Path)
     parser.add_argument("methods", nargs="*", default=[program.method for program in PROGRAMS.values()])
-    arguments = parser.parse_args()
-    results = json.loads(arguments.results.read_text())
+    options = parser.parse_args(arguments)
+    results = json.loads(options.results.read_text(encoding="utf-8"))
     print("| pair | run | theirs | ours | difference | same update |\n|---|---|---|---|---|---|")
-    for pair in find_pairs([arguments.pairs]):
+    for pair in find_pairs([options.pairs]):
         noisy, clean = as_mesh(pair.noisy), as_mesh(pair.clean)
         for run, result in results.get(pair.name, {}).items():
             program = PROGRAMS.get(run.split()[0])
-            if program is None or program.method not in arguments.methods or "params" not in result:
+            if program is None or program.method not in options.methods or "params" not in result:
                 continue
             theirs, parameters = result["Ea_deg"], result["params"]
             ours = _error(noisy, find(program.method)(noisy, **program.ours(noisy, parameters)), clean)

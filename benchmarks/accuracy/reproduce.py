@@ -1,15 +1,13 @@
 """Make every table and figure of a page about accuracy from a folder of pairs.
 
-    python -m benchmarks.accuracy.reproduce DIR OUT
+    python -m benchmarks.accuracy.reproduce PAIRS OUT [--method NAME ...] [--parts 20]
 
-OUT gets `results.md`, a page with all of them and with what made them; `table.csv` and `tables.tex`; `evaluation.html`
-with figures, error maps and a viewer for each pair; `method.png`. Needs the extra `reproduce`. DIR holds pairs,
-*/noisy.* and */clean.*; docs/data.md says where the public ones are. Evaluations that were interrupted go on.
+OUT gets `results.md`, a page with all of them and their provenance; `table.csv` and `tables.tex`; `evaluation.html`
+with figures, error maps and a viewer for each pair; `method.png`. Needs the extra `reproduce`. PAIRS holds pairs,
+*/noisy.* and */clean.*; docs/data.md says where to get the public ones. Interrupted evaluations resume.
 """
 
 import argparse
-import contextlib
-import io
 import platform
 import subprocess
 import sys
@@ -17,7 +15,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from benchmarks.accuracy import harm, low_noise
+from benchmarks.accuracy import clean
 from cascadenorm.cli import run
 from cascadenorm.evaluation.harness import DEFAULT_METHODS
 from cascadenorm.io.digests import file_digest
@@ -27,6 +25,7 @@ from cascadenorm.models.models import SHIPPED
 
 METHOD_FIGURE = Path(__file__).parents[2] / "docs" / "generate" / "method_figure.py"
 PACKAGES = ("cascadenorm", "numpy", "scipy", "numba", "Pillow")
+LEVELS = (0.0, 0.01, 0.03)
 
 PAGE = """\
 # Results
@@ -45,65 +44,62 @@ PAGE = """\
 
 Mean angle over the meshes in degrees, that of the worst in brackets; noise in mean edge lengths.
 
-{begin}
-{end}
+{low_noise}
 
-## Harm to clean CAD parts
+## Clean CAD parts
 
-Mean angle by area between the normals before and after, largest displacement in per cent of the diagonal, flipped
-faces, change of volume.
+Changes made by `auto` to generated parts, which should stay as they are.
 
-```
-{harm}
-```
+{parts}
 
 ## The method
 
 ![One stage of the cascade on a machine part](method.png)
 
-## Made with
+## Provenance
 
-{made_with}
+{provenance}
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make everything and say where the page is."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, metavar="DIR", help="pairs: */noisy.* and */clean.*")
-    parser.add_argument("out", type=Path, metavar="OUT", help="folder for the page; it is made")
+    parser.add_argument("folder", type=Path, metavar="PAIRS", help="folder of */noisy.* and */clean.*")
+    parser.add_argument("out", type=Path, metavar="OUT", help="folder for the page; it is created")
     parser.add_argument("--method", action="append", help="may be given several times")
-    parser.add_argument("--parts", type=int, default=20, help="CAD parts of the table of harm")
-    chosen = parser.parse_args(arguments)
-    chosen.out.mkdir(parents=True, exist_ok=True)
-    page, methods = chosen.out / "results.md", chosen.method or list(DEFAULT_METHODS)
+    parser.add_argument("--parts", type=int, default=20, help="generated CAD parts")
+    options = parser.parse_args(arguments)
+    folder, out, methods = options.folder, options.out, options.method or list(DEFAULT_METHODS)
+    out.mkdir(parents=True, exist_ok=True)
     asked = [word for method in methods for word in ("--method", method)]
 
-    files = ["--csv", "table.csv", "--latex", "tables.tex", "--markdown", "tables.md", "--html", "evaluation.html"]
-    command(str(chosen.folder), *asked, *[w if w.startswith("--") else str(chosen.out / w) for w in files])
-    noise = ["--noise", "0.2", "--seeds", "5", "--keep", str(chosen.out / "seeds")]
-    command(str(chosen.folder), *asked, *noise, "--markdown", str(chosen.out / "spread.md"))
-    subprocess.run([sys.executable, METHOD_FIGURE, "--output", chosen.out / "method.png"], check=True)
-    with contextlib.redirect_stdout(io.StringIO()) as lines:
-        harm.main(["--parts", str(chosen.parts)])
+    files = {"--csv": "table.csv", "--latex": "tables.tex", "--markdown": "tables.md", "--html": "evaluation.html"}
+    evaluated(folder, *asked, *[word for option, name in files.items() for word in (option, out / name)])
+    evaluated(
+        folder, *asked, *("--noise", "0.2", "--seeds", "5"), "--keep", out / "seeds", "--markdown", out / "spread.md"
+    )
+    subprocess.run([sys.executable, METHOD_FIGURE, "--output", out / "method.png"], check=True)
+    spread = (out / "spread.md").read_text(encoding="utf-8").rpartition("Mean ± ")[2].partition("\n\n")[2]
     text = PAGE.format(
-        accuracy=(chosen.out / "tables.md").read_text(encoding="utf-8"),
-        spread=(chosen.out / "spread.md").read_text(encoding="utf-8").rpartition("Mean ± ")[2].partition("\n\n")[2],
-        begin=low_noise.BEGIN, end=low_noise.END, harm=lines.getvalue(), made_with=made_with(chosen.folder),
-    )  # fmt: skip
-    page.write_text(text, encoding="utf-8")
-    low_noise.main([str(chosen.folder), "--text", str(page), *asked])
-    print(page)
+        accuracy=(out / "tables.md").read_text(encoding="utf-8"),
+        spread=spread,
+        low_noise=clean.low_noise_table(clean.low_noise(clean.clean_meshes(folder), methods, LEVELS)),
+        parts=clean.table(clean.changes(clean.clean_meshes(None, options.parts), ["auto"])),
+        provenance=provenance(folder),
+    )
+    (out / "results.md").write_text(text, encoding="utf-8")
+    print(out / "results.md")
 
 
-def command(*words: str) -> None:
-    """Evaluate; what fails ends everything."""
-    if code := run(["evaluate", *words, "--force"]):
+def evaluated(*words: str | Path) -> None:
+    """Evaluate from the command line; a failure ends everything."""
+    if code := run(["evaluate", *map(str, words), "--force"]):
         raise SystemExit(code)
 
 
-def made_with(folder: Path) -> str:
-    """Return versions, and digests of weights and meshes, so that the same can be made again."""
+def provenance(folder: Path) -> str:
+    """Return versions, and digests of weights and meshes, so that everything can be reproduced."""
     versions = [f"- {name} {version(name)}" for name in PACKAGES]
     weights = [f"- weights `{name}`: `{file_digest(weights_file(name))}`" for name in SHIPPED]
     meshes = [

@@ -1,10 +1,10 @@
-"""Denoise a few hundred malformed files of all formats from the command line.
+"""Denoise a few hundred malformed files of all formats on the command line.
 
-    python -m benchmarks.robustness.corpus [FOLDER...]
+    python -m benchmarks.robustness.corpus [FOLDER ...] [--method NAME]
 
-The files are made here: kinds of dirty meshes, in every format, of several sizes, with colours and other values; the
-mesh files in the folders that are given are taken as well. Each is denoised within two minutes, without a traceback,
-and comes out with its faces and values as they were. Prints what came of them; 1 if a promise was broken.
+The files are generated: malformed meshes of several kinds and sizes in every format, with colours and other values.
+Mesh files in the given folders are used as well. Each file must be denoised within two minutes, without a traceback,
+and keep its faces and values. Prints the outcomes; the exit status is 1 if a guarantee was broken.
 """
 
 import argparse
@@ -35,7 +35,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 import damage
 from shapes import cube, grid, icosphere, noisy
 
-SECONDS = 120
+LIMIT_S = 120
 FORMATS = ("ply", "obj", "stl", "off", "glb", "gltf", "vtk", "vtu", "3mf", "dae")
 BASES = {
     "ball": lambda level: icosphere(level),
@@ -102,7 +102,7 @@ MAY_BE_REFUSED = {_with_a_nan}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Denoise the files; 1 if a promise was broken."""
+    """Denoise the files; return 1 if a guarantee was broken."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="*", type=Path, help="further mesh files are looked for in these")
     parser.add_argument("--method", default="auto")
@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for path, must_work in [*made(Path(folder)), *found(chosen.folders)]:
             output = Path(folder) / f"{path.stem}_denoised{path.suffix}"
             start = time.monotonic()
-            signal.alarm(SECONDS)
+            signal.alarm(LIMIT_S)
             try:
                 outcome, problem = tried(path, output, chosen.method, must_work=must_work)
             except Exception as error:
@@ -130,12 +130,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             output.unlink(missing_ok=True)
     for name, count in sorted(outcomes.items()):
         print(f"{count:5} {name}")
-    print(f"{outcomes.total()} files, {broken} broken promises; the slowest took {slowest[0]:.1f} s ({slowest[1]})")
+    print(f"{outcomes.total()} files, {broken} broken guarantees; the slowest took {slowest[0]:.1f} s ({slowest[1]})")
     return int(broken > 0)
 
 
 def made(folder: Path) -> Iterator[tuple[Path, bool]]:
-    """Write dirty meshes in every format that can be written here; each path, and whether it has to be denoised."""
+    """Write malformed meshes in every format; yield each path, and whether it has to be denoised."""
     formats = [format for format in FORMATS if format not in NEEDS or _is_written(format)]
     for number, kind in enumerate(KINDS):
         rng = np.random.default_rng(number)
@@ -152,7 +152,7 @@ def made(folder: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def found(folders: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
-    """Look for mesh files that others have made."""
+    """Yield the mesh files in folders."""
     for folder in folders:
         for path in sorted(folder.rglob("*")):
             if path.suffix[1:].lower() in FORMATS and path.is_file():
@@ -160,7 +160,7 @@ def found(folders: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
 
 
 def tried(path: Path, output: Path, method: str, *, must_work: bool) -> tuple[str, str]:
-    """Denoise a file; in a word what came of it, and the promise that was broken, or nothing."""
+    """Denoise a file; return the outcome in a word, and the guarantee that was broken, if any."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = run(["denoise", str(path), "-o", str(output), "--method", method, "--force"])
@@ -175,7 +175,7 @@ def tried(path: Path, output: Path, method: str, *, must_work: bool) -> tuple[st
 
 
 def _difference(before: MeshFile, after: MeshFile) -> str:
-    """Say what is not as it was beside positions and normals; nothing if all is."""
+    """Return what differs besides positions and normals; empty if nothing does."""
     if not np.isfinite(after.positions).all():
         return "a position is not finite"
     if before.positions.shape != after.positions.shape:
@@ -212,7 +212,7 @@ def _is_written(format: str) -> bool:
 
 
 def _hanging(*_: object) -> None:
-    raise TimeoutError(f"no end after {SECONDS} seconds")
+    raise TimeoutError(f"no end after {LIMIT_S} seconds")
 
 
 if __name__ == "__main__":

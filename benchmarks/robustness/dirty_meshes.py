@@ -1,4 +1,4 @@
-"""Meshes with one thing wrong each: what the table of dirty input is measured on, and what the tests hold us to."""
+"""Meshes with one thing wrong each, for docs/dirty-input.md, benchmarks/dirty_input.md and their tests."""
 
 from typing import Any, NamedTuple
 
@@ -14,10 +14,13 @@ class Dirty(NamedTuple):
 
     Parameters
     ----------
-    vertices : (n, 3) float64 or float32; the first AROUND · ACROSS are those of the sound mesh times `scale`
-        + `offset`, where `alike`
-    faces : (m, 3)
-    alike : whether the same result is to be expected at these vertices, but for scale and offset
+    vertices
+        (n, 3) float64 or float32; if `alike`, the first AROUND · ACROSS are those of the sound mesh times `scale` plus
+        `offset`.
+    faces
+        (m, 3).
+    alike
+        Whether the same result is expected at these vertices, up to scale and offset.
     """
 
     vertices: NDArray[Any]

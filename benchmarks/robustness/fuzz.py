@@ -1,7 +1,9 @@
-"""Damage files and meshes for hours, and keep what breaks a promise: python -m benchmarks.robustness.fuzz --minutes N
+"""Damage files and meshes at random, and keep the cases that break a guarantee.
 
-Every case is a seed. Those that fail are written to a folder, each with its seed, what it was, and where it failed;
-`--seed` runs one of them again. The tests do the same for seconds (tests/benchmarks/test_fuzz.py).
+    python -m benchmarks.robustness.fuzz --minutes 60
+
+Every case is a seed. Failing cases are written to a folder, each with its seed and traceback; `--seed` runs one of them
+again. tests/benchmarks/test_fuzz.py does the same for seconds.
 """
 
 import argparse
@@ -24,12 +26,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "io"))
 from damage import denoised, read_damaged
 from test_io import SAMPLES, SAMPLES_FORMAT
 
-SECONDS = 60  # of processor time for one case, after which it counts as hanging
+LIMIT_S = 60  # of processor time for a case, after which it counts as hanging
 BYTES = 8 << 30  # of address space, beyond which a file asks for too much
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run cases until the time is over; 1 if any failed."""
+    """Run cases until the time is over; return 1 if any failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--seed", type=int, help="one case alone, with its traceback")
@@ -46,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     failures: dict[str, int] = {}
     while time.monotonic() < end:
         seed = secrets.randbelow(2**63)
-        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
         try:
             outcomes[case(seed)] += 1
         except Exception as error:
@@ -65,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def case(seed: int) -> str:
-    """Run one case; what it was, and whether it was done or refused."""
+    """Run one case; return what it was, and whether it was done or refused."""
     rng = np.random.default_rng(seed)
     if rng.random() < 0.3:
         return f"mesh {'done' if denoised(rng) == 'done' else 'refused'}"
@@ -75,7 +77,7 @@ def case(seed: int) -> str:
 
 
 def _hanging(*_: object) -> None:
-    raise TimeoutError(f"no end after {SECONDS} seconds")
+    raise TimeoutError(f"no end after {LIMIT_S} seconds")
 
 
 if __name__ == "__main__":

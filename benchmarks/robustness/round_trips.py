@@ -1,12 +1,14 @@
-"""What of meshes of other libraries survives denoising: the table of docs/other-programs.md.
+"""Measure which attributes of meshes of other libraries survive denoising.
 
-python -m benchmarks.robustness.round_trips
+    python -m benchmarks.robustness.round_trips [--record]
+
+Needs all of these libraries. The table is that of docs/other-programs.md.
 """
 
+import argparse
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,10 +16,8 @@ import trimesh
 from numpy.typing import NDArray
 
 import cascadenorm as cn
-from benchmarks.accuracy.results import between_markers
+from benchmarks import results
 
-PAGE = Path(__file__).parents[2] / "docs" / "other-programs.md"
-BEGIN, END = "<!-- round trips: written by benchmarks/robustness/round_trips.py -->", "<!-- end of round trips -->"
 SPHERE = trimesh.creation.icosphere(subdivisions=2)
 NOISE = 0.02 * np.random.default_rng(0).normal(size=SPHERE.vertices.shape)
 VERTICES, FACES = SPHERE.vertices + NOISE, np.asarray(SPHERE.faces)
@@ -32,10 +32,14 @@ class Case(NamedTuple):
 
     Parameters
     ----------
-    mesh : as the library has it, or a pair of arrays
-    attributes : in words -> what reads it, as something that `numpy.testing` compares
-    normals : in words -> what reads them
-    vertices : what reads the vertices
+    mesh
+        As the library has it, or a pair of arrays.
+    attributes
+        By name, a function that reads each, as something that `numpy.testing` compares.
+    normals
+        By name, a function that reads each.
+    vertices
+        A function that reads the vertices.
     """
 
     mesh: Any
@@ -177,7 +181,7 @@ LIBRARIES = {
 
 
 def row(cases: list[Case]) -> tuple[list[str], list[str], list[str]]:
-    """Denoise each mesh; return in words what is kept, what is computed anew, and what is lost."""
+    """Denoise each mesh; return the names of what is kept, what is computed anew, and what is lost."""
     kept, renewed, lost = [], [], []
     for case in cases:
         if isinstance(case.mesh, tuple):
@@ -205,23 +209,22 @@ def _same(read: Callable[[Any], Any], before: Any, after: Any) -> bool:
     return True
 
 
-def table(libraries: list[str]) -> list[str]:
-    """Return a line for each library."""
-    return [
-        f"| {name} | " + " | ".join(", ".join(part) or "–" for part in row(LIBRARIES[name]())) + " |"
-        for name in libraries
-    ]
+def table(figures: results.Figures) -> str:
+    """Return a row for each library."""
+    rows = [[name, *(", ".join(part) or "–" for part in parts)] for name, parts in figures.items()]
+    return results.markdown(["mesh of", "kept as it is", "computed anew", "lost"], rows, numbers=False)
 
 
-def main() -> None:
-    """Write the table; every library has to be installed."""
-    lines = ["| mesh of | kept as it is | computed anew | lost |", "| --- | --- | --- | --- |", *table(list(LIBRARIES))]
-    text = between_markers(PAGE.read_text(encoding="utf-8"), "\n".join(lines), BEGIN, END)
-    PAGE.write_text(text, encoding="utf-8")
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Denoise the meshes of every library."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    results.add_option(parser, "round-trips")
+    options = parser.parse_args(arguments)
+    results.keep(options.record, {name: row(make()) for name, make in LIBRARIES.items()}, table)
 
 
 def installed() -> list[str]:
-    """The libraries that are at hand."""
+    """Return the libraries that are installed."""
     return [name for name in LIBRARIES if name == "arrays" or find_spec(name)]
 
 

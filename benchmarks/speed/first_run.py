@@ -1,14 +1,14 @@
-"""What a first run costs after an installation: functions compiled, processor time, with and without compiled kernels.
+"""Measure what a first run costs after an installation, with and without compiled kernels.
 
-    python -m benchmarks.speed.first_run WHEEL PLATFORM_WHEEL
+    python -m benchmarks.speed.first_run WHEEL PLATFORM_WHEEL [--record]
 
-The wheels are those of release/check.py and release/platform_wheel.py. The table is printed, and written to
-benchmarks/first_run.md.
+The wheels are those of release/check.py and release/platform_wheel.py. Each method runs twice with each wheel, from an
+empty kernel cache. The table has the processor time of both runs and the number of functions that the first one
+compiled; it is that of benchmarks/speed.md.
 """
 
 import argparse
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -19,10 +19,12 @@ from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.speed.speed import wavy_torus
+from benchmarks import results
+from benchmarks.speed.meshes import wavy_torus
 from cascadenorm.io.interop import save_mesh
 
 METHODS = ("taubin", "bilateral-normal", "auto")
+KINDS = ("universal", "for one platform")
 STEPS = 100, 50
 """Of the torus: 10,000 faces."""
 WATCH = """
@@ -54,42 +56,26 @@ class Run(NamedTuple):
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run each method twice with each wheel, from a folder of kernels that is empty at first."""
+    """Run each method twice with each wheel."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("wheels", type=Path, nargs=2, metavar="WHEEL")
-    parser.add_argument("--output", type=Path, default=Path(__file__).parents[1] / "first_run.md")
-    chosen = parser.parse_args(arguments)
+    results.add_option(parser, "first-run")
+    options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor() as pool:  # processor time: runs may overlap
-        mesh = Path(folder) / "mesh.ply"
+        mesh = Path(folder, "mesh.ply")
         save_mesh(mesh, wavy_torus(*STEPS))
-        sites = [Path(folder) / str(number) for number in range(len(chosen.wheels))]
-        for site, wheel in zip(sites, chosen.wheels, strict=True):
+        sites = {kind: Path(folder, str(number)) for number, kind in enumerate(KINDS)}
+        for site, wheel in zip(sites.values(), options.wheels, strict=True):
             with zipfile.ZipFile(wheel) as archive:
                 archive.extractall(site)
-        runs = pool.map(lambda pair: twice(mesh, *pair), product(METHODS, sites))
-        sizes = [f"{wheel.stat().st_size / 1e6:.1f} MB" for wheel in chosen.wheels]
-        kinds = [f"{kind}, {size}" for kind, size in zip(("universal", "for one platform"), sizes, strict=True)]
-        rows = [
-            f"| {method} | {kind} | {first.compiled} | {first.seconds:.1f} | {later.seconds:.1f} |"
-            for (method, kind), (first, later) in zip(product(METHODS, kinds), runs, strict=True)
+        asked = list(product(METHODS, KINDS))
+        found = pool.map(lambda pair: twice(mesh, pair[0], sites[pair[1]]), asked)
+        runs = [
+            [method, kind, first.compiled, first.seconds, later.seconds]
+            for (method, kind), (first, later) in zip(asked, found, strict=True)
         ]
-    text = "\n".join(
-        [
-            "# The first run",
-            "",
-            "Processor time of a first and a second run of `cascadenorm denoise` on 10,000 faces, and functions that "
-            f"the first one compiled; {platform.system()} {platform.machine()}, Python {platform.python_version()}. "
-            "`python -m benchmarks.speed.first_run` writes this page; "
-            "[releasing](../docs/releasing.md#compiled-kernels) says how the wheels differ.",
-            "",
-            "| method | wheel | compiled | first run, s | second run, s |",
-            "| --- | --- | ---: | ---: | ---: |",
-            *rows,
-            "",
-        ]
-    )
-    chosen.output.write_text(text, encoding="utf-8")
-    print(text, end="")
+    wheels = {kind: wheel.stat().st_size / 1e6 for kind, wheel in zip(KINDS, options.wheels, strict=True)}
+    results.keep(options.record, {"machine": results.machine(), "wheels": wheels, "runs": runs}, table)
 
 
 def twice(mesh: Path, method: str, site: Path) -> tuple[Run, Run]:
@@ -103,6 +89,16 @@ def twice(mesh: Path, method: str, site: Path) -> tuple[Run, Run]:
         compiled, seconds = done.stdout.split()[-2:]
         runs.append(Run(int(compiled), float(seconds)))
     return runs[0], runs[1]
+
+
+def table(figures: results.Figures) -> str:
+    """Return a row for each method and wheel."""
+    rows = [
+        [method, f"{kind}, {figures['wheels'][kind]:.1f} MB", f"{compiled}", f"{first:.1f}", f"{later:.1f}"]
+        for method, kind, compiled, first, later in figures["runs"]
+    ]
+    titles = ["method", "wheel", "compiled", "first run, s", "second run, s"]
+    return f"{figures['machine']}.\n\n{results.markdown(titles, rows)}"
 
 
 if __name__ == "__main__":

@@ -23,9 +23,12 @@ class Use:
 
     Parameters
     ----------
-    rows : faces, vertices or edges that it went over, all passes together
-    bytes : least that it reads and writes: each array once a pass, as far as the pass goes over it
-    seconds : processor time of all threads
+    rows
+        Faces, vertices or edges that it went over, all passes together.
+    bytes
+        Least that it reads and writes: each array once a pass, as far as the pass goes over it.
+    times
+        Processor time of each call, in seconds.
     """
 
     rows: int = 0

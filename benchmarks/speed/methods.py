@@ -1,30 +1,77 @@
-"""Time and peak memory of every registered method, at its defaults, on a noisy torus.
+"""Measure time and peak memory of every classical method, at its defaults.
 
-    python -m benchmarks.speed.methods
+    python -m benchmarks.speed.methods [--faces 100000 1000000] [--only METHOD ...] [--record]
 
-    python -m benchmarks.speed.methods [--faces 100000 1000000] [--only METHOD …]
-
-Each method runs in a process of its own: once on a small mesh, so that compiling does not count, then on the large
-one. Writes benchmarks/methods.md, in which a run that failed has its last line of error.
+Each method runs on a noisy torus in a process of its own: once on a small mesh, so that compiling does not count, then
+on the large one. The table is that of benchmarks/speed.md.
 """
 
 import argparse
 import json
-import platform
 import resource
 import subprocess
 import sys
 import time
-from pathlib import Path
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from benchmarks import results
 from cascadenorm import baselines
-from cascadenorm.mesh import Mesh, thread_count
+from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find, registered
 
-NOISE = 0.2  # mean edge lengths, in all directions
-LIMIT = 1800.0  # seconds for one run
+NOISE = 0.2
+"""Standard deviation in all directions, in mean edge lengths."""
+LIMIT_S = 1800.0
+"""Of one run."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure the methods."""
+    classical = [name for name in registered() if find(name).function.__module__.startswith(baselines.__name__)]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--faces", type=int, nargs="+", default=[100_000, 1_000_000])
+    parser.add_argument("--only", nargs="+", default=classical, metavar="METHOD")
+    parser.add_argument("--run", help=argparse.SUPPRESS)  # one method in this process
+    results.add_option(parser, "methods")
+    options = parser.parse_args(arguments)
+    if options.run:
+        print(json.dumps(run(options.run, options.faces[0])))
+        return
+    found = {}
+    for name in options.only:
+        found[name] = [measured(name, faces) for faces in options.faces]
+        print(name, *found[name], flush=True)
+    figures = {"machine": results.machine(), "noise": NOISE, "faces": options.faces, "methods": found}
+    results.keep(options.record, figures, table)
+
+
+def measured(name: str, faces: int) -> dict[str, Any]:
+    """Run one method in a new process; return its figures, or why it failed."""
+    command = [sys.executable, "-m", "benchmarks.speed.methods", "--run", name, "--faces", str(faces)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
+    except subprocess.TimeoutExpired:
+        return {"failed": f"over {LIMIT_S:.0f} s"}
+    if done.returncode:
+        return {"failed": (done.stderr.strip().splitlines() or ["killed"])[-1]}
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def run(name: str, faces: int) -> dict[str, float]:
+    """Run one method in this process; return wall and processor seconds, and the peak of the process."""
+    method = find(name)
+    for size in (2000, faces):
+        mesh = torus(size)
+        region = {"region": mesh.vertices[:, 0] > 0} if name == "fairing" else {}
+        start, busy = time.perf_counter(), time.process_time()
+        method(mesh, **region)
+        seconds, processor = time.perf_counter() - start, time.process_time() - busy
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return {"seconds": seconds, "processor": processor, "gibibytes": peak / 2**30}
 
 
 def torus(faces: int) -> Mesh:
@@ -42,59 +89,18 @@ def torus(faces: int) -> Mesh:
     return clean.moved(vertices + NOISE * clean.mean_edge_length * noise)
 
 
-def run(name: str, faces: int) -> dict[str, float]:
-    """Run one method in this process; seconds by the clock and of all threads, and the process's peak in GiB."""
-    method = find(name)
-    for size in (2000, faces):
-        mesh = torus(size)
-        region = {"region": mesh.vertices[:, 0] > 0} if name == "fairing" else {}
-        start, busy = time.perf_counter(), time.process_time()
-        method(mesh, **region)
-        seconds, cpu = time.perf_counter() - start, time.process_time() - busy
-    return {"seconds": seconds, "cpu": cpu, "gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
+def table(figures: results.Figures) -> str:
+    """Return a row for each method."""
+    rows = [[f"`{name}`", *map(_cell, found)] for name, found in figures["methods"].items()]
+    titles = ["method", *(f"{faces:,} faces" for faces in figures["faces"])]
+    caption = f"Noise of {figures['noise']:g} mean edge lengths; {figures['machine']}."
+    return f"{caption}\n\n{results.markdown(titles, rows)}"
 
 
-def measured(name: str, faces: int) -> str:
-    """Run one method in a new process; its cell of the table."""
-    command = [sys.executable, "-m", "benchmarks.speed.methods", "--run", name, "--faces", str(faces)]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
-    except subprocess.TimeoutExpired:
-        return f"over {LIMIT:.0f} s"
-    if done.returncode:
-        return f"failed: {(done.stderr.strip().splitlines() or ['killed'])[-1]}"
-    result = json.loads(done.stdout)
-    return f"{result['seconds']:.1f} s ({result['cpu']:.1f} s), {result['gib']:.2f} GiB"
-
-
-def main() -> None:
-    """Measure all methods, and write the table."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--faces", type=int, nargs="+", default=[100_000])
-    parser.add_argument(
-        "--only",
-        nargs="+",
-        default=[name for name in registered() if find(name).function.__module__.startswith(baselines.__name__)],
-    )
-    parser.add_argument("--run")
-    options = parser.parse_args()
-    if options.run:
-        print(json.dumps(run(options.run, options.faces[0])))
-        return
-    lines = [
-        "# Time and memory of the methods",
-        "",
-        "Wall time, CPU time of all threads in brackets, and peak memory of the process. Each method runs at its "
-        f"defaults on a torus with noise of {NOISE} mean edge lengths; {thread_count()} threads, {platform.machine()}, "
-        f"Python {platform.python_version()}. `python -m benchmarks.speed.methods` writes this page.",
-        "",
-        "| method | " + " | ".join(f"{faces:,} faces" for faces in options.faces) + " |",
-        "|---" * (1 + len(options.faces)) + "|",
-    ]
-    for name in options.only:
-        lines.append(f"| `{name}` | " + " | ".join(measured(name, faces) for faces in options.faces) + " |")
-        print(lines[-1], flush=True)
-    (Path(__file__).parents[1] / "methods.md").write_text("\n".join(lines) + "\n")
+def _cell(found: dict[str, Any]) -> str:
+    if "failed" in found:
+        return f"failed: {found['failed']}"
+    return f"{found['seconds']:.1f} s ({found['processor']:.1f} s), {found['gibibytes']:.2f} GiB"
 
 
 if __name__ == "__main__":

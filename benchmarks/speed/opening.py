@@ -1,34 +1,32 @@
-"""Measure what it takes to see a mesh of a million faces: in the studio, and in a report.
+"""Measure what it takes to see a mesh of a million faces, in the studio and in a report.
 
-python -m benchmarks.speed.opening
+    python -m benchmarks.speed.opening [--record]
 
-Times are of the processor, user and system together, up to the first picture in the browser, which gets no GPU and
-draws on the processor. chromium, chromedriver and the extra `dev` are needed. The table is printed, and written to
-benchmarks/opening.md.
+Times are of the processor, user and system together, up to the first picture in the browser, which has no GPU and draws
+on the processor. Needs chromium, chromedriver and the extra `dev`. The table is that of benchmarks/speed.md.
 """
 
+import argparse
 import os
-import platform
-import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+from benchmarks import results
+from benchmarks.speed.meshes import MILLION, wavy_torus
+from benchmarks.speed.processes import COMMAND, timed
+from cascadenorm.io.interop import save_mesh
+
+sys.path.append(str(Path(__file__).parents[2] / "tests"))
+
 from browsers import Browser
 from studios import Studio
 
-from benchmarks.speed.speed import wavy_torus
-from cascadenorm.io.interop import save_mesh
-from cascadenorm.mesh import thread_count
-
-STEPS = (1000, 500)
 TICK = os.sysconf("SC_CLK_TCK")
-PAUSE = 0.2  # between two looks at a page, each of which takes time of the browser
+PAUSE_S = 0.2  # between two looks at a page, each of which takes time of the browser
 
 
 class Process(NamedTuple):
@@ -38,31 +36,27 @@ class Process(NamedTuple):
     seconds: float
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Measure each, with kernels compiled before."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    results.add_option(parser, "opening")
+    options = parser.parse_args(arguments)
     with TemporaryDirectory() as name:
         folder = Path(name)
         save_mesh(folder / "warm.ply", wavy_torus(40, 30))
-        save_mesh(folder / "large.ply", wavy_torus(*STEPS))
+        save_mesh(folder / "large.ply", wavy_torus(*MILLION))
         opened(folder, "warm.ply")
         reported(folder, "warm.ply")
-        rows = opened(folder, "large.ply")
-        rows["`denoise --method laplacian --report`"] = reported(folder, "large.ply")
-        rows["the report in the browser"] = looked_at(folder)
-    machine = f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    lines = [
-        "# Time to see a million faces",
-        "",
-        f"Processor time up to the first picture, which the browser draws without a GPU; {machine}. "
-        "`python -m benchmarks.speed.opening` writes this page.",
-        "",
-        "| work | processor seconds |",
-        "| --- | ---: |",
-        *(f"| {name} | {seconds:.1f} |" for name, seconds in rows.items()),
-    ]
-    text = "\n".join(lines) + "\n"
-    (Path(__file__).parents[1] / "opening.md").write_text(text, encoding="utf-8")
-    print(text, end="")
+        seconds = opened(folder, "large.ply")
+        seconds["`denoise --method laplacian --report`"] = reported(folder, "large.ply")
+        seconds["the report in the browser"] = looked_at(folder)
+    results.keep(options.record, {"machine": results.machine(), "seconds": seconds}, table)
+
+
+def table(figures: results.Figures) -> str:
+    """Return a row for each step."""
+    rows = [[name, f"{seconds:.1f}"] for name, seconds in figures["seconds"].items()]
+    return f"{figures['machine']}.\n\n{results.markdown(['work', 'processor seconds'], rows)}"
 
 
 def opened(folder: Path, name: str) -> dict[str, float]:
@@ -86,11 +80,8 @@ def opened(folder: Path, name: str) -> dict[str, float]:
 
 def reported(folder: Path, name: str) -> float:
     """Denoise a file with a report."""
-    words = ["denoise", name, "-o", "out.ply", "--method", "laplacian", "--report", "report.html", "--force", "--json"]
-    before = getrusage(RUSAGE_CHILDREN)
-    subprocess.run([sys.executable, "-m", "cascadenorm", *words], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-    after = getrusage(RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    files = [folder / name, "-o", folder / "out.ply", "--report", folder / "report.html"]
+    return timed([*COMMAND, "denoise", *files, "--method", "laplacian", "--force", "--json"]).processor
 
 
 def looked_at(folder: Path) -> float:
@@ -109,7 +100,7 @@ def looked_at(folder: Path) -> float:
 def wait(browser: Browser, there: Callable[[], bool]) -> None:
     """Wait for something on the page."""
     while not there():
-        time.sleep(PAUSE)
+        time.sleep(PAUSE_S)
 
 
 def drawn(browser: Browser) -> None:

@@ -1,4 +1,4 @@
-"""Counts that tell whether a method became slower, whatever the machine: passes, bytes, memory; never times.
+"""Count passes, bytes and memory, which tell on any machine whether a method became slower.
 
 python -m benchmarks.speed.track                    # compares with the last record; fails where a count has grown
 python -m benchmarks.speed.track --record REASON    # appends a record to benchmarks/records/track.json
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.speed.kernel_use import watched
-from benchmarks.speed.speed import wavy_torus
+from benchmarks.speed.meshes import wavy_torus
 from cascadenorm import denoise
 from cascadenorm.mesh import Mesh
 

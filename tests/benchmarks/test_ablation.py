@@ -32,9 +32,11 @@ def test_the_ladder_leads_from_the_paper_to_auto_on_the_same_data():
 
 
 def test_a_table_has_the_mean_and_half_the_spread():
-    page = ablation.table({("a", 1): [[1.0, 5.0], [2.0, 5.5]]}, ["here", "there"], TINY.data)
-    assert "trained on 2 shapes like those of `auto`, of at most 1250 faces" in page
-    assert page.endswith("| a | 1 | 2 | 1.50 ± 0.50 | 5.25 ± 0.25 |\n")
+    angles = [{"here": 1.0, "there": 5.0}, {"here": 2.0, "there": 5.5}]
+    trainings = [{"rung": "a", "clusters": 1, "seed": seed, "degrees": found} for seed, found in enumerate(angles)]
+    table = ablation.table({"count": 2, "max_faces": 1250, "trainings": trainings})
+    assert "Trained on 2 shapes of at most 1,250 faces." in table
+    assert table.endswith("| a | 1 | 2 | 1.50 ± 0.50 | 5.25 ± 0.25 |")
 
 
 def test_each_kind_of_error_is_measured_by_the_true_normals(tmp_path):
@@ -49,15 +51,13 @@ class Interrupted(Exception):
     pass
 
 
-def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(tmp_path, monkeypatch):
+def test_an_interrupted_ablation_goes_on_to_the_same_table_and_shares_its_pairs(tmp_path, monkeypatch):
     few = replace(TINY, descriptors=("B",), context=0)
     rungs = {"one": few, "other": replace(few, descriptors=("n+B",))}
 
     def run(folder: Path) -> str:
-        page = folder / "page.md"
         with limit_threads(1):
-            ablation.run(rungs, SETS, page, folder, seeds=[0], clusters=[1, 2])
-        return page.read_text()
+            return ablation.table(ablation.run(rungs, SETS, folder, seeds=[0], clusters=[1, 2]))
 
     whole, halfway = tmp_path / "whole", tmp_path / "halfway"
     expected = run(whole)
@@ -82,5 +82,5 @@ def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(t
     assert all(path.stat().st_mtime_ns == time for path, time in written.items())
     for path in halfway.glob("rung*"):
         path.unlink()
-    assert run(halfway) == expected  # from the figures that were written beside the page
+    assert run(halfway) == expected  # from the figures that were kept
     assert len(trainings) == 2

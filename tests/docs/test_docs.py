@@ -179,6 +179,10 @@ def test_commands_and_scripts_exist_with_their_options(page):
             text = help_of(command)
         elif len(words) > 1 and words[1].endswith(".py"):
             text = (ROOT / words[1]).read_text(encoding="utf-8")
+        elif words[1:2] == ["-m"] and words[2].startswith("benchmarks."):
+            modules = (words[2], "benchmarks.results", "benchmarks.running")  # the last two have options of them all
+            files = [ROOT / f"{module.replace('.', '/')}.py" for module in modules]
+            text = "".join(file.read_text(encoding="utf-8") for file in files)
         else:
             continue
         for option in options:

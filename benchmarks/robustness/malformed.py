@@ -1,11 +1,10 @@
 """Run this package and others on meshes with one thing wrong each.
 
-    python -m benchmarks.robustness.dirty_input [--python FILE]
+    python -m benchmarks.robustness.malformed [--python FILE] [--record]
 
-Each tool is run on each mesh in a process of its own, with a limit of computing time and of memory, on arrays in memory
-and at its defaults.
-The table is printed, and written between the markers of benchmarks/dirty_input.md. Tools that the Python given does not
-have get no column.
+Each tool runs on each mesh in a process of its own, with a limit of processor time and of memory, on arrays in memory
+and at its defaults. The table is that of benchmarks/dirty_input.md. Tools that the given Python does not have get no
+column.
 """
 
 import argparse
@@ -18,14 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.results import between_markers
+from benchmarks import results
 from benchmarks.robustness.dirty_meshes import Dirty, dirty_meshes
 
-DOCUMENT = Path(__file__).parents[1] / "dirty_input.md"
-BEGIN, END = "<!-- measured: written by benchmarks/robustness/dirty_input.py -->", "<!-- end of measured -->"
-LIMIT = 120  # seconds of computing for a mesh
-MEMORY = 8 << 30  # bytes of addresses for a mesh, code and libraries included
-PATIENCE = 60 * LIMIT  # seconds by the clock for all meshes
+LIMIT_S = 120  # of processor time for a mesh
+MEMORY = 8 << 30  # bytes of address space for a mesh, code and libraries included
+TIMEOUT_S = 60 * LIMIT_S  # of wall time for all meshes
 LONGEST = 160  # characters of a message in the table
 FAR = 10  # mean edge lengths that no sound method moves a vertex of these meshes
 
@@ -59,7 +56,7 @@ def denoise(vertices, faces):
     return pyvista.PolyData.from_regular_faces(vertices, faces).smooth_taubin().points
 """,
 }
-"""What turns vertices and faces into the new vertices, by the name of the tool."""
+"""Code of a function that turns vertices and faces into the new vertices, by the name of the tool."""
 
 EACH_IN_A_PROCESS = """
 import os, resource, sys, warnings
@@ -86,44 +83,39 @@ for name in sys.argv[1:]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure every tool that is there and replace what stands between the markers."""
+    """Measure every tool that is installed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--python", default=sys.executable, help="the Python in which the other tools are installed")
-    parser.add_argument("--document", type=Path, default=DOCUMENT)
-    chosen = parser.parse_args(arguments)
-    pythons = {name: sys.executable if name == OURS else chosen.python for name in TOOLS}
+    results.add_option(parser, "malformed")
+    options = parser.parse_args(arguments)
+    pythons = {name: sys.executable if name == OURS else options.python for name in TOOLS}
     versions = {name: found for name, python in pythons.items() if (found := version(name, python))}
-    columns = [{} if name not in versions else measured(name, pythons[name]) for name in TOOLS]
-    table = "\n".join(
-        [
-            "| input | " + " | ".join(f"{name} {versions[name]}" for name in versions) + " |",
-            "| --- |" + " --- |" * len(versions),
-            *(
-                f"| {mesh} | " + " | ".join(column[mesh] for column in columns if column) + " |"
-                for mesh in dirty_meshes()
-            ),
-        ]
-    )
-    print(table)
-    text = chosen.document.read_text(encoding="utf-8")
-    chosen.document.write_text(between_markers(text, table, BEGIN, END), encoding="utf-8")
+    columns = {f"{name} {found}": measured(name, pythons[name]) for name, found in versions.items()}
+    inputs = {mesh: [column[mesh] for column in columns.values()] for mesh in dirty_meshes()}
+    results.keep(options.record, {"tools": list(columns), "inputs": inputs}, table)
+
+
+def table(figures: results.Figures) -> str:
+    """Return a row for each mesh."""
+    rows = [[mesh, *outcomes] for mesh, outcomes in figures["inputs"].items()]
+    return results.markdown(["input", *figures["tools"]], rows, numbers=False)
 
 
 def version(name: str, python: str) -> str:
-    """Version of a tool; empty where it cannot be imported."""
+    """Return the version of a tool; empty if it cannot be imported."""
     code = f"import importlib.metadata, {name}; print(importlib.metadata.version({name!r}))"
     return subprocess.run([python, "-c", code], capture_output=True, text=True).stdout.strip()
 
 
 def measured(name: str, python: str) -> dict[str, str]:
-    """Say for each mesh what a tool makes of it."""
+    """Return in words what a tool makes of each mesh."""
     meshes = dirty_meshes()
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / str(number) for number in range(len(meshes))]
         for file, dirty in zip(files, meshes.values(), strict=True):
             np.savez(f"{file}.npz", vertices=dirty.vertices, faces=dirty.faces)
-        code = TOOLS[name] + EACH_IN_A_PROCESS.format(limit=LIMIT, memory=MEMORY)
-        subprocess.run([python, "-c", code, *map(str, files)], stdout=subprocess.DEVNULL, timeout=PATIENCE, check=True)
+        code = TOOLS[name] + EACH_IN_A_PROCESS.format(limit=LIMIT_S, memory=MEMORY)
+        subprocess.run([python, "-c", code, *map(str, files)], stdout=subprocess.DEVNULL, timeout=TIMEOUT_S, check=True)
         outcomes = [outcome(file) for file in files]
     at_origin = outcomes[0]
     assert not isinstance(at_origin, str), f"{name} cannot do the sound mesh: {at_origin}"
@@ -134,10 +126,10 @@ def measured(name: str, python: str) -> dict[str, str]:
 
 
 def outcome(file: Path) -> np.ndarray | str:
-    """Vertices that a tool gave, or how it ended without any."""
+    """Return the vertices of a tool, or in words how it ended without any."""
     ended = int(Path(f"{file}.signal").read_text())
     if ended:
-        return f"**no end within {LIMIT} s**" if ended == signal.SIGXCPU else f"**the process dies** (signal {ended})"
+        return f"**no end within {LIMIT_S} s**" if ended == signal.SIGXCPU else f"**the process dies** (signal {ended})"
     refusal = Path(f"{file}.error")
     if refusal.exists():
         return "refused: " + " ".join(refusal.read_text().replace("|", "/").split())[:LONGEST]
@@ -145,7 +137,7 @@ def outcome(file: Path) -> np.ndarray | str:
 
 
 def judged(dirty: Dirty, out: np.ndarray, at_origin: np.ndarray) -> str:
-    """Say what came out: how many vertices are lost, spoiled or far away, or else that it is all right."""
+    """Return in words what came out: how many vertices are lost, not finite or far away, or that all is well."""
     before = dirty.vertices.astype(float)
     if out.shape != before.shape:
         return f"**{len(before)} vertices become {len(out)}**"
@@ -155,7 +147,7 @@ def judged(dirty: Dirty, out: np.ndarray, at_origin: np.ndarray) -> str:
         return f"**{spoiled.sum()} sound vertices are not finite any more**"
     with np.errstate(all="ignore"):
         moved = out.astype(float) - before
-    edge = middling_side(dirty)
+    edge = median_side(dirty)
     if dirty.alike:
         reference = dirty_meshes()["sound"].vertices
         step = moved[: len(reference)] / dirty.scale - (at_origin - reference)
@@ -166,8 +158,8 @@ def judged(dirty: Dirty, out: np.ndarray, at_origin: np.ndarray) -> str:
     return f"**vertices move by {farthest:.2g} edges**" if farthest > FAR else "done"
 
 
-def middling_side(dirty: Dirty) -> float:
-    """Length of the middling side of the faces, as the largest of its differences of coordinates."""
+def median_side(dirty: Dirty) -> float:
+    """Return the median side of the faces, each measured by its largest difference of coordinates."""
     good = ((dirty.faces >= 0) & (dirty.faces < len(dirty.vertices))).all(axis=1)
     corners = dirty.vertices[dirty.faces[good]].astype(float)
     with np.errstate(all="ignore"):
