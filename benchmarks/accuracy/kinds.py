@@ -4,7 +4,8 @@
     python -m benchmarks.accuracy.kinds CASES --truth PATTERN --peers [--record peers]
 
 CASES holds a folder KIND-SHAPE with noisy.* for each case. PATTERN is the path of the true mesh of a case, in which
-{shape} stands for SHAPE; it may have other faces. The records are shown in docs/models.md and benchmarks/accuracy.md.
+{shape} stands for SHAPE; it may have other faces. The records are shown in docs/models.md and benchmarks/accuracy.md;
+`--record real-errors` also renews the rows of its methods in the record `peers`.
 
 `--peers` installs other libraries into an environment of their own and runs each filter at its defaults and at the
 settings in peer_filters.py, of which the one with the smallest angle counts as tuned. Their errors are kept in a file,
@@ -33,6 +34,8 @@ from cascadenorm.mesh import Mesh, angles_between
 METHODS = ("auto", "cascade", "guided-normal", "bilateral-normal")
 PACKAGES = ("vtk", "pymeshlab", "trimesh", "scipy", "open3d")
 OPTIONAL = "MeshLib"
+REAL_ERRORS, PEERS = "real-errors", "peers"
+"""Names of records."""
 NOISY = "noisy"
 HEADING = "mean angle, degrees (RMS, edges)"
 STOPPED = (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM))
@@ -85,7 +88,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found |= {name: kept.of(place.name)[name] for name in peers}
         cases[place.name] = found
         print(place.name, *(f"{name} {_in_words(_best(every))};" for name, every in found.items()), flush=True)
-    results.keep(options.record, figures_of(cases), peer_table if peers else table)
+    figures = figures_of(cases)
+    results.keep(options.record, figures, peer_table if peers else table)
+    if options.record == REAL_ERRORS:
+        renew_peers(figures)
 
 
 class Truth(NamedTuple):
@@ -118,6 +124,15 @@ def figures_of(cases: Mapping[str, Measured]) -> dict[str, Any]:
             else:
                 rows.setdefault(name, {})[kind] = _mean(_best(found[name]) for found in every)
     return {"kinds": {kind: len(kinds[kind]) for kind in sorted(kinds)}, "means": rows}
+
+
+def renew_peers(figures: results.Figures, *, root: Path = results.ROOT) -> None:
+    """Replace the rows of methods in the record of other libraries, if it has the same cases."""
+    peers = results.read(PEERS, root=root)
+    if peers["kinds"] == figures["kinds"]:
+        peers["means"] |= {name: row for name, row in figures["means"].items() if name in peers["means"]}
+        results.write(PEERS, peers, root=root)
+        results.show(PEERS, root=root)
 
 
 def table(figures: results.Figures) -> str:
