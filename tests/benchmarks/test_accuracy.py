@@ -204,8 +204,8 @@ def test_filters_of_other_libraries_have_a_row_at_their_defaults_and_one_tuned()
 
 def test_new_figures_of_a_method_are_those_beside_other_libraries(tmp_path):
     (tmp_path / results.FOLDER).mkdir(parents=True)
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "models.md").write_text("<!-- peers: x -->\n<!-- end of peers -->\n")
+    page = tmp_path / results.PAGES[kinds.PEERS][0]
+    page.write_text("<!-- peers: x -->\n<!-- end of peers -->\n")
     other = {"auto": {"seg": [9.0, 0.2]}, "Open3D Taubin, defaults": {"seg": [8.0, 0.3]}}
     results.write(kinds.PEERS, {"kinds": {"seg": 2}, "means": other}, root=tmp_path)
     figures = {"kinds": {"seg": 1}, "means": {"auto": {"seg": [3.0, 0.1]}, "cascade": {"seg": [4.0, 0.1]}}}
@@ -214,7 +214,7 @@ def test_new_figures_of_a_method_are_those_beside_other_libraries(tmp_path):
     kinds.renew_peers({**figures, "kinds": {"seg": 2}}, root=tmp_path)
     renewed = results.read(kinds.PEERS, root=tmp_path)["means"]
     assert renewed == other | {"auto": {"seg": [3.0, 0.1]}}
-    assert "| auto | 3.0 (0.100) |" in (tmp_path / "docs" / "models.md").read_text()
+    assert "| auto | 3.0 (0.100) |" in page.read_text()
 
 
 def test_cases_are_found_by_kind_and_shape(tmp_path, capsys):
