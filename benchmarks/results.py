@@ -1,118 +1,125 @@
-"""Measure methods on noisy/clean pairs and write the table into the README.
+"""Records of measurements as JSON files, and the tables that pages show of them.
 
-python benchmarks/results.py DIR [--readme FILE] [--method NAME ...] [--reference FILE]
+    python -m benchmarks.results [NAME ...]
 
-FILE holds what other programs get, as JSON: pair → run → {"Ea_deg": degrees, "Ev": edge lengths, "flip": %}. Runs that
-end in "tuned" have parameters chosen by the true mesh; "published" is a mesh that was published for that pair.
+A benchmark prints its table. With `--record` it also writes its figures to benchmarks/records/NAME.json and the table
+into a page, between the markers `<!-- NAME: ... -->` and `<!-- end of NAME -->`. The command above writes the tables of
+all records, or of those named, into their pages again.
 """
 
 import argparse
+import importlib
 import json
-from collections.abc import Mapping, Sequence
+import platform
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cascadenorm.cli.progress_bars import progress_tasks
-from cascadenorm.evaluation.harness import DEFAULT_METHODS, NOISY, Evaluation, evaluate
+from cascadenorm.mesh import thread_count
 
-BEGIN, END = "<!-- results: written by benchmarks/results.py -->", "<!-- end of results -->"
-STEERED = "kinect_cone"
-"""The pair by which a choice of training shapes was made; it does not count in the means."""
-TUNED, PUBLISHED = "best classical, tuned by the truth", "published"
-REFERENCE_NOTE = (
-    f"*{TUNED.capitalize()}*: the least error of the bilateral, guided, L0, Fleishman's and Jones' filters in the "
-    "program of Zhang et al. (2015), each tuned on the clean mesh of the pair, which no user has. "
-    f"*{PUBLISHED.capitalize()}*: the denoised mesh that was published for the pair, where there is one."
-)
+ROOT = Path(__file__).parents[1]
+FOLDER = Path("benchmarks", "records")
+PAGES = {
+    "public-pairs": ("README.md", "accuracy.pairs.table"),
+    "validation": ("docs/models.md", "accuracy.pairs.table"),
+    "low-noise": ("docs/models.md", "accuracy.clean.low_noise_table"),
+    "real-errors": ("docs/models.md", "accuracy.kinds.table"),
+    "peers": ("benchmarks/accuracy.md", "accuracy.kinds.peer_table"),
+    "extractors": ("benchmarks/accuracy.md", "accuracy.generated.table"),
+    "levels": ("benchmarks/accuracy.md", "accuracy.generated.table"),
+    "ablation": ("benchmarks/ablation.md", "accuracy.ablation.table"),
+    "controls": ("benchmarks/controls.md", "accuracy.controls.table"),
+    "commands": ("benchmarks/speed.md", "speed.commands.table"),
+    "first-run": ("benchmarks/speed.md", "speed.first_run.table"),
+    "files": ("benchmarks/speed.md", "speed.files.table"),
+    "file-memory": ("docs/files.md", "speed.files.memory_table"),
+    "methods": ("benchmarks/speed.md", "speed.methods.table"),
+    "harmonics": ("benchmarks/speed.md", "speed.harmonics.table"),
+    "opening": ("benchmarks/speed.md", "speed.opening.table"),
+    "large-meshes": ("docs/patches.md", "speed.scale.table"),
+    "plan": ("benchmarks/scale.md", "speed.scale.plan_table"),
+    "kernels": ("benchmarks/performance.md", "speed.kernels.table"),
+    "malformed": ("benchmarks/dirty_input.md", "robustness.malformed.table"),
+    "round-trips": ("docs/other-programs.md", "robustness.round_trips.table"),
+}
+"""The page that shows each record, and the function that makes its table from the figures."""
 
-Reference = Mapping[str, Mapping[str, Mapping[str, Any]]]
-"""Pair → run → figures."""
+Figures = Mapping[str, Any]
+Table = Callable[[Figures], str]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Evaluate a folder of pairs and replace what stands between the markers."""
+    """Write the tables of the records into their pages."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, metavar="DIR", help="pairs: */noisy.* and */clean.*")
-    parser.add_argument("--readme", type=Path, default=Path(__file__).parents[1] / "README.md")
-    parser.add_argument("--method", action="append", help="may be given several times")
-    parser.add_argument("--reference", type=Path, metavar="FILE", help="figures of other programs")
-    chosen = parser.parse_args(arguments)
-    reference = json.loads(chosen.reference.read_text(encoding="utf-8")) if chosen.reference else None
-    methods = tuple(chosen.method or DEFAULT_METHODS)
-    with progress_tasks() as progress:
-        done = evaluate([chosen.folder], methods=methods, progress=progress)
-    if done.failures:
-        raise SystemExit("\n".join(f"{failure.pair}, {failure.method}: {failure.error}" for failure in done.failures))
-    text = chosen.readme.read_text(encoding="utf-8")
-    chosen.readme.write_text(between_markers(text, results_table(done, methods, reference)), encoding="utf-8")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="record; default: all of them")
+    for name in parser.parse_args(arguments).names or PAGES:
+        show(name)
 
 
-def between_markers(text: str, table: str, begin: str = BEGIN, end: str = END) -> str:
-    """Replace what stands between two markers."""
-    if text.count(begin) != 1 or text.count(end) != 1:
-        raise SystemExit(f"the text must hold '{begin}' and '{end}' once each")
-    head, rest = text.split(begin)
-    return f"{head}{begin}\n{table}\n{end}{rest.split(end)[1]}"
+def add_option(parser: argparse.ArgumentParser, name: str | None = None) -> None:
+    """Add the option `--record`, which takes the name of a record unless a script has only one."""
+    text = "write the figures to benchmarks/records/ and the table into the page that shows them"
+    if name:
+        parser.add_argument("--record", action="store_const", const=name, help=f"{text}, as {name}")
+    else:
+        parser.add_argument("--record", metavar="NAME", help=f"{text}, under this name")
 
 
-def results_table(done: Evaluation, methods: Sequence[str], reference: Reference | None = None) -> str:
-    """Mean angle between face normals for each pair, the best in bold; means of all measures at the end."""
-    columns = (NOISY, *methods)
-    found = {
-        (result.pair, result.method): (
-            result.measures.normal_error_deg,
-            result.measures.vertex_error_edges,
-            result.measures.flipped_percent,
-        )
-        for result in done.results
-    }
-    pairs = list(dict.fromkeys(result.pair for result in done.results))
-    if reference is not None:
-        for pair in pairs:
-            found |= {(pair, name): values for name, values in other_results(reference.get(pair, {})).items()}
-        columns += (TUNED, PUBLISHED)
-    judged = [pair for pair in pairs if pair != STEERED] or pairs
-    without = "" if judged == pairs else f" without {STEERED}"
-    seconds = {result.method: result.seconds for result in done.means}
-    times = [f"{seconds[name] / seconds[methods[0]]:.2f}" if seconds.get(name) else "" for name in columns]
-
-    def row(title: str, pairs: Sequence[str], measure: int, digits: int) -> tuple[str, ...]:
-        """Means over pairs, of columns that have them all."""
-        values = [[found[pair, name][measure] for pair in pairs if (pair, name) in found] for name in columns]
-        means = [sum(some) / len(some) if len(some) == len(pairs) else None for some in values]
-        return title, *_best_in_bold(means, digits)
-
-    rows = [
-        ("pair", *columns),
-        ("---", *["---:"] * len(columns)),
-        *(row(pair, [pair], 0, 2) for pair in pairs),
-        row(f"**mean angle of normals{without}, degrees**", judged, 0, 2),
-        row(f"mean distance of vertices{without}, edge lengths", judged, 1, 3),
-        row(f"flipped faces{without}, %", judged, 2, 3),
-        (f"mean time, {methods[0]} = 1", *times),
-    ]
-    notes = (
-        [f"{STEERED} led to the fused scans among the training shapes, so the means are taken without it."]
-        if without
-        else []
-    ) + ([REFERENCE_NOTE] if reference is not None else [])
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    return "\n\n".join([table, " ".join(notes)]) if notes else table
+def keep(name: str | None, figures: Figures, table: Table, *, root: Path = ROOT) -> None:
+    """Print the table of the figures; if a record is named, write it, and show the table in its page if it has one."""
+    print(table(figures))
+    if name:
+        write(name, figures, root=root)
+        if name in PAGES:
+            show(name, root=root)
 
 
-def other_results(runs: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, float, float]]:
-    """Angle, vertex error and flipped faces of the best tuned run of a pair, and of its published mesh."""
-    tuned = [run for name, run in runs.items() if name.endswith(" tuned")]
-    chosen = {PUBLISHED: runs[PUBLISHED]} if PUBLISHED in runs else {}
-    if tuned:
-        chosen[TUNED] = min(tuned, key=lambda run: float(run["Ea_deg"]))
-    return {name: (run["Ea_deg"], run["Ev"], run["flip"]) for name, run in chosen.items()}
+def read(name: str, *, root: Path = ROOT) -> dict[str, Any]:
+    """Return the figures of a record."""
+    found: dict[str, Any] = json.loads((root / FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    return found
 
 
-def _best_in_bold(values: Sequence[float | None], digits: int) -> list[str]:
-    texts = ["–" if value is None else f"{value:.{digits}f}" for value in values]
-    least = min((text for text in texts if text != "–"), key=float)
-    return [f"**{text}**" if text == least else text for text in texts]
+def write(name: str, figures: Figures, *, root: Path = ROOT) -> None:
+    """Write the figures of a record."""
+    text = json.dumps(figures, indent=1, ensure_ascii=False)
+    (root / FOLDER / f"{name}.json").write_text(text + "\n", encoding="utf-8", newline="\n")
+
+
+def show(name: str, *, root: Path = ROOT) -> None:
+    """Write the table of a record into its page."""
+    place, function = PAGES[name]
+    page = root / place
+    text = with_table(page.read_text(encoding="utf-8"), name, table_of(function)(read(name, root=root)))
+    page.write_text(text, encoding="utf-8", newline="\n")
+
+
+def table_of(function: str) -> Table:
+    """Import a function by its place below `benchmarks`; some benchmarks need packages that others do without."""
+    module, _, name = function.rpartition(".")
+    found: Table = getattr(importlib.import_module(f"benchmarks.{module}"), name)
+    return found
+
+
+def with_table(page: str, name: str, table: str) -> str:
+    """Return a page with another table between the markers of a record."""
+    begin, end = f"<!-- {name}: ", f"<!-- end of {name} -->"
+    if page.count(begin) != 1 or page.count(end) != 1:
+        raise SystemExit(f"the page must contain '{begin}... -->' and '{end}' exactly once")
+    head, _, rest = page.partition(begin)
+    comment = rest.partition("-->")[0]
+    return f"{head}{begin}{comment}-->\n{table.strip()}\n{end}{page.partition(end)[2]}"
+
+
+def markdown(titles: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: bool = True) -> str:
+    """Return a Markdown table; columns of numbers, all but the first, are aligned to the right."""
+    rule = ["---"] + ["---:" if numbers else "---"] * (len(titles) - 1)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (titles, rule, *rows))
+
+
+def machine() -> str:
+    """Return on what the figures were measured, in words."""
+    return f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
 
 
 if __name__ == "__main__":

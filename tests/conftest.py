@@ -13,8 +13,9 @@ from studios import Studio
 
 from cascadenorm.io.interop import save_mesh
 
-# tests of one folder may use what those of another make
+# tests of one folder may use what those of another make, and the benchmarks of the checkout
 sys.path += [str(folder) for folder in sorted(Path(__file__).parent.iterdir()) if folder.is_dir()]
+sys.path.append(str(Path(__file__).parents[1]))
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from cascadenorm.registry import Method, registered
 WHOLE = 350
 """Bytes a face that the whole mesh takes at most, with its file, while work is done in patches."""
 PATCH = 900
-"""Bytes that each face of a patch takes at most while it is worked on; benchmarks/patches.py measures both."""
+"""Bytes that each face of a patch takes at most while it is worked on; benchmarks/speed/patches.py measures both."""
 SMALLEST, LARGEST = 500_000, 4_000_000
 """Faces of a patch: halos of smaller ones cost more than the patches, larger ones save little."""
 IN_STEPS = ("auto", "cascade", "guided-normal")

@@ -1,10 +1,10 @@
-"""The model cards of the shipped weights, made from the weights."""
+"""The page of model cards, from the shipped weights."""
 
 import json
 from collections import Counter
 from typing import Any
 
-from command_pages import table
+from markdown_table import table
 
 from cascadenorm.models.models import named
 
@@ -16,8 +16,8 @@ def card_page() -> str:
     head = """\
 # Model cards
 
-What the weights say of themselves; `cascadenorm models NAME` prints it. [The shipped models](../models.md) has their
-accuracy, what decided on their settings, and their limits.
+Each weights file contains a model card, which `cascadenorm models NAME` prints. [The shipped models](../models.md)
+describes their limits and their accuracy.
 """
     networks = {
         f"`{model}`, {name} network" if name else f"`{model}`": dict(cascade.card)
@@ -30,15 +30,15 @@ accuracy, what decided on their settings, and their limits.
 
 
 def _gate(card: dict[str, Any]) -> str:
-    """Return the section of the gate: the mean angles that it was trained on."""
+    """Return the section of the gate, with its accuracy on the meshes of its training."""
     columns = ("vertex", "surface", "chosen", "better")
     rows = [(name, *(f"{angles[key]:.2f}" for key in columns)) for name, angles in card["mean_angles_deg"].items()]
     return "\n".join(
         [
             "## `auto`, gate\n",
-            f"{card['model'].capitalize()}. A component is treated as a measured surface from a probability of "
-            f"{card['threshold']}. Mean angles to the truth on the generated meshes of its training, in degrees: after "
-            "either network, after the one that the gate chooses in cross-validation, and after the better one.\n",
+            f"{card['model'].capitalize()}. A component is treated as a measured surface if its probability is at "
+            f"least {card['threshold']}. The table shows mean angles to the truth on generated meshes, in degrees: "
+            "with each network, with the one that the gate chooses in cross-validation, and with the better one.\n",
             table(("family", *columns), rows),
         ]
     )
@@ -63,9 +63,9 @@ def _card(title: str, card: dict[str, Any]) -> str:
             table(("entry", "value"), about),
             "Validation loss, the mean chord between regressed and true normals:\n",
             table(titles, losses),
-            "Shapes and noise of the training data, with how often each is named in the configuration:\n",
+            "Shapes and noise of the training data; a number in brackets is a relative frequency:\n",
             table(("setting", "drawn from"), drawn),
-            "All other settings, as [training](../training.md#settings) explains them:\n",
+            "All other settings, which [training](../training.md#settings) explains:\n",
             table(("setting", "value"), settings),
         ]
     )

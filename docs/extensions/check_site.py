@@ -2,7 +2,7 @@
 
     python docs/extensions/check_site.py build/site
 
-Addresses elsewhere must begin with https://; whether they answer is asked by `sphinx -b linkcheck`.
+Links to other sites must begin with https://; `sphinx -b linkcheck` tests whether they exist.
 """
 
 import sys
@@ -12,11 +12,11 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 LOADED = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "video": "src"}
-"""Elements whose address the browser reads by itself."""
+"""Elements that make the browser load an address, and the attribute that holds it."""
 
 
 class Page(HTMLParser):
-    """The anchors of a page, what it links to, and what it loads."""
+    """The anchors, the links and the loaded addresses of a page."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -40,7 +40,7 @@ def read(path: Path) -> Page:
 
 
 def faults(site: Path) -> list[str]:
-    """Return what is wrong, a line each."""
+    """Return one line for each fault of the site."""
     found = []
     for path in sorted(site.rglob("*.html")):
         if "_static" in path.parts:  # templates of the theme
@@ -66,13 +66,13 @@ def faults(site: Path) -> list[str]:
 
 
 def target(page: Path, address: str) -> Path:
-    """The file that a relative address on a page stands for."""
+    """Return the file that a relative address on a page refers to."""
     name = unquote(urlsplit(address).path)
     return (page.parent / name).resolve() if name else page
 
 
 def main() -> None:
-    """Print what is wrong with the site that is named; exit with 1 if anything is."""
+    """Print the faults of a site; exit with 1 if there are any."""
     site = Path(sys.argv[1]).resolve()
     found = faults(site)
     print("\n".join(found) if found else f"{len(list(site.rglob('*.html')))} pages: every link leads somewhere")

@@ -1,7 +1,7 @@
 """Docstrings of this package as reStructuredText.
 
-Sections are underlined as in numpydoc. An entry of a section is `name : what it is`, continued by indented lines; types
-are in the signature.
+Sections are underlined as in numpydoc. An entry of a section is a name on a line of its own, with its description
+indented below; types are in the signature.
 """
 
 import re
@@ -19,12 +19,10 @@ def with_definitions(lines: list[str]) -> list[str]:
             out += ["", f".. rubric:: {title}", ""]
         elif line and set(line) == {"-"}:
             continue
-        elif title and (entry := re.fullmatch(r"(\S[^:]*?) : (.*)", line)):
-            out += [f"``{entry[1]}``", f"    {entry[2]}"]
-        elif title and line.startswith(" ") and out[-1].startswith(" "):
-            out.append(f"    {line.strip()}")
+        elif title and line and not line.startswith(" ") and after.startswith(" "):
+            out.append(f"``{line}``")
         else:
-            out.append(line.strip() if title == "Returns" else line)
+            out.append(line)
     return [*out, ""]
 
 

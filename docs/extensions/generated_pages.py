@@ -1,11 +1,11 @@
-"""Pages that the build writes: methods, commands, model cards."""
+"""Pages that the build writes: methods, model cards, modules."""
 
 from pathlib import Path
 from typing import Any
 
 from card_pages import card_page
-from command_pages import command_page
 from method_pages import write_pages
+from module_table import module_page
 
 FOLDER = Path(__file__).parents[1] / "generated"
 
@@ -13,7 +13,7 @@ FOLDER = Path(__file__).parents[1] / "generated"
 def write(app: Any) -> None:
     """Write the pages into docs/generated."""
     FOLDER.mkdir(exist_ok=True)
-    for name, page in (("command-line.md", command_page()), ("model-cards.md", card_page())):
+    for name, page in (("model-cards.md", card_page()), ("modules.md", module_page())):
         (FOLDER / name).write_text(page, encoding="utf-8")
     write_pages(FOLDER / "methods")
 

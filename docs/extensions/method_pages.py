@@ -1,4 +1,4 @@
-"""A page for each method: formula, source, limits and parameters from the registry, and pictures of what it does."""
+"""A page for each method with its formula, source, limits and parameters from the registry, and pictures of results."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from command_pages import table
+from markdown_table import table
 
 import cascadenorm as cn
 from cascadenorm.data_gen.meshing.surface import extent_of
@@ -24,14 +24,14 @@ INDEX = """\
 # All methods
 
 All methods share one interface: `cascadenorm denoise scan.ply --method NAME`, or `cn.denoise(mesh, method="NAME")`.
-Each page has the formula, the source, the limits and the parameters of one method, and shows what it does to three
-shapes at its default settings. [How to choose](../../how-to/index.md#choose-a-method)
-compares them, and [the theory](../theory/index.rst) explains them in order.
+Each page has the formula, the source, the limits and the parameters of one method, and shows its results on three
+shapes with default settings. [How to choose](../../how-to/index.md#choose-a-method) compares the methods, and
+[the theory](../theory/index.rst) explains them in order.
 """
 
 
 class Example(NamedTuple):
-    """A shape with noise, and without."""
+    """A noisy mesh and its clean version."""
 
     noisy: Mesh
     clean: Mesh
@@ -110,8 +110,8 @@ def method_page(method: Method, results: Mapping[str, Mesh]) -> str:
             f"# {method.name}\n\n{method.summary}\n\n**Source:** {method.source}\n",
             f":::{{image}} {method.name}.webp\n:alt: A cube, a statue and a scan: noisy above, {method.name} below\n"
             ":class: dark-light\n:::\n",
-            "Above the noisy meshes, below the results at default settings. Mean angle between the normals of the\n"
-            "faces and the true ones:\n",
+            "The picture shows the noisy meshes above and the results with default settings below. The table shows\n"
+            "the mean angle between the face normals and the true ones:\n",
             table(("", *results), errors),
             f"## Formula\n\n```text\n{method.section('Formula')}\n```\n",
             *(text.strip() + "\n" for text in more),
@@ -128,14 +128,14 @@ def _parameters(method: Method) -> str:
         for one in method.given_by_name
     ]
     if not rows:
-        return "It has none.\n"
+        return "This method has no parameters.\n"
     return table(("parameter", "meaning", "default", "unit", "allowed"), rows) + (
-        "\nStrength, masks, creases, boundaries and limits are [controls](../../controls.md), which every method has.\n"
+        "\nStrength, masks, creases, boundaries and limits are [controls](../../controls.md) of every method.\n"
     )
 
 
 def allowed(setting: Setting) -> str:
-    """Return the values that a parameter takes, in words."""
+    """Return the allowed values of a parameter as text."""
     return ", ".join(f"`{choice}`" for choice in setting.choices) or setting.about.allowed
 
 

@@ -1,7 +1,7 @@
-"""Write the table of modules in docs/architecture.md: python docs/generate/module_table.py
+"""Write the table of packages in docs/architecture.md: python docs/generate/module_table.py
 
-What a module holds is the first sentence of its docstring. Rooms, which are the folders and single modules of the
-package, stand in an order in which each imports only earlier ones.
+Summaries are the first sentences of docstrings. A room is a folder or a single module of the package; rooms are listed
+in an order in which each imports only earlier ones. The build of the site writes the table of all modules.
 """
 
 import ast
@@ -9,9 +9,17 @@ import re
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+from markdown_table import table
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "architecture.md"
-BEGIN, END = "<!-- modules: docs/generate/module_table.py writes them -->", "<!-- end of modules -->"
+BEGIN, END = "<!-- packages: written by docs/generate/module_table.py -->", "<!-- end of packages -->"
+INTRODUCTION = """\
+# Modules
+
+Every module with the first sentence of its docstring. [Architecture](../architecture.md) describes how they work
+together. Each package imports only those above it.
+"""
 
 
 def main() -> None:
@@ -23,7 +31,7 @@ def renewed(page: str) -> str:
     """Return the page with the table as the code has it now."""
     before, _, rest = page.partition(BEGIN)
     _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{table(modules())}\n{END}{after}"
+    return f"{before}{BEGIN}\n\n{package_table(modules())}\n{END}{after}"
 
 
 def modules() -> dict[str, Path]:
@@ -37,23 +45,35 @@ def modules() -> dict[str, Path]:
     return found
 
 
-def table(found: dict[str, Path]) -> str:
-    """Return a row for each module, below a row for its room, with what that imports."""
-    rooms: dict[str, list[str]] = {}
-    for name in found:
-        rooms.setdefault(name.partition(".")[0], []).append(name)
-    imports = {room: set().union(*(imported(found[name]) for name in names)) - {room} for room, names in rooms.items()}
-    lines = ["| module | holds |", "| --- | --- |"]
-    for room in in_order(imports):
-        place = found[room].relative_to(ROOT).as_posix().removesuffix("/__init__.py")
-        below = f" Imports {', '.join(sorted(imports[room]))}." if imports[room] else " Imports nothing of the package."
-        lines.append(
-            f"| **`{place}{'/' if found[room].stem == '__init__' else ''}`** | {summary(found[room])}{below} |"
-        )
-        lines += [
-            f"| `{name.partition('.')[2]}` | {summary(found[name])} |" for name in sorted(rooms[room]) if name != room
-        ]
-    return "\n".join(lines) + "\n"
+def package_table(found: dict[str, Path]) -> str:
+    """Return a row for each room."""
+    return table(("package", "holds"), [(f"`{place(found[room])}`", summary(found[room])) for room in rooms(found)])
+
+
+def module_page() -> str:
+    """Return a page with a section for each room and a row for each of its modules."""
+    found = modules()
+    parts = [INTRODUCTION]
+    for room in rooms(found):
+        parts.append(f"## `{place(found[room])}`\n\n{summary(found[room])}\n")
+        names = sorted(name for name in found if name.startswith(f"{room}."))
+        rows = [(f"`{name.partition('.')[2]}`", summary(found[name])) for name in names]
+        parts += [table(("module", "holds"), rows)] if rows else []
+    return "\n".join(parts)
+
+
+def rooms(found: dict[str, Path]) -> list[str]:
+    """Return the rooms in an order in which each imports only earlier ones."""
+    imports = {name.partition(".")[0]: set[str]() for name in found}
+    for name, path in found.items():
+        imports[name.partition(".")[0]] |= imported(path) - {name.partition(".")[0]}
+    return in_order(imports)
+
+
+def place(path: Path) -> str:
+    """Return the path of a module or package within the repository."""
+    where = path.relative_to(ROOT).as_posix()
+    return where.removesuffix("__init__.py")
 
 
 def in_order(imports: dict[str, set[str]]) -> list[str]:
@@ -79,8 +99,7 @@ def summary(path: Path) -> str:
     """Return the first sentence of a module's docstring, as a cell of a table."""
     text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
     first = re.sub(r"\s+", " ", text.split("\n\n")[0])
-    sentence = re.split(r"(?<=[.!?])\s+(?=[A-Z`])", first)[0]
-    return sentence.replace("|", "\\|")
+    return re.split(r"(?<=[.!?])\s+(?=[A-Z`])", first)[0]
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from batches import FAST, done_so_far, lines, results, scans, wait_for, watching
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
+from benchmarks.speed.scale import REQUESTS
 from cascadenorm.batch import remote_files
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.batch.inputs import find_jobs
@@ -139,9 +140,6 @@ def test_files_of_a_web_server_are_denoised_into_a_folder(tmp_path, monkeypatch)
 def test_a_file_takes_as_many_requests_as_the_plan_counts(bucket, tmp_path, monkeypatch):
     from werkzeug.serving import WSGIRequestHandler
 
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
-    import scale
-
     scans(tmp_path / "scans", 4)
     for path in (tmp_path / "scans").rglob("*.ply"):
         bucket.upload_file(str(path), path.relative_to(tmp_path).as_posix())
@@ -151,7 +149,7 @@ def test_a_file_takes_as_many_requests_as_the_plan_counts(bucket, tmp_path, monk
     found = denoise_files(f"{root}/scans/**/*.ply", f"{root}/out", method="laplacian", workers=1, manifest="m.jsonl")
     assert len(found.lines) == 4 and not found.failures
     of_files = [line for line in asked if "/scans/" in line or "out" in line]  # without the listing of the sources
-    assert len(of_files) == 4 * scale.REQUESTS
+    assert len(of_files) == 4 * REQUESTS
 
 
 class Overwritten(SimpleHTTPRequestHandler):

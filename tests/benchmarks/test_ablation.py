@@ -1,6 +1,5 @@
 """The ablation of benchmarks/, with tiny settings."""
 
-import importlib.util
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,15 +7,13 @@ import numpy as np
 import pytest
 from shapes import icosphere, noisy
 
+from benchmarks.accuracy import ablation
 from cascadenorm.data_gen import DatasetConfig
 from cascadenorm.learned.config import Fit, TrainConfig, read_config
 from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import limit_threads
 
 ROOT = Path(__file__).parents[2]
-SPEC = importlib.util.spec_from_file_location("ablation", ROOT / "benchmarks" / "ablation.py")
-ablation = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(ablation)
 
 PAPER, AUTO = (read_config(ROOT / "configs" / f"{name}.toml") for name in ("cascade", "surface"))
 TINY = TrainConfig(
@@ -37,9 +34,11 @@ def test_the_ladder_leads_from_the_paper_to_auto_on_the_same_data():
 
 
 def test_a_table_has_the_mean_and_half_the_spread():
-    page = ablation.table({("a", 1): [[1.0, 5.0], [2.0, 5.5]]}, ["here", "there"], TINY.data)
-    assert "trained on 2 shapes like those of `auto`, of at most 1250 faces" in page
-    assert page.endswith("| a | 1 | 2 | 1.50 ± 0.50 | 5.25 ± 0.25 |\n")
+    angles = [{"here": 1.0, "there": 5.0}, {"here": 2.0, "there": 5.5}]
+    trainings = [{"rung": "a", "clusters": 1, "seed": seed, "degrees": found} for seed, found in enumerate(angles)]
+    table = ablation.table({"count": 2, "max_faces": 1250, "trainings": trainings})
+    assert "Trained on 2 shapes of at most 1,250 faces." in table
+    assert table.endswith("| a | 1 | 2 | 1.50 ± 0.50 | 5.25 ± 0.25 |")
 
 
 def test_each_kind_of_error_is_measured_by_the_true_normals(tmp_path):
@@ -54,15 +53,13 @@ class Interrupted(Exception):
     pass
 
 
-def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(tmp_path, monkeypatch):
+def test_an_interrupted_ablation_goes_on_to_the_same_table_and_shares_its_pairs(tmp_path, monkeypatch):
     few = replace(TINY, stages=(Stage(descriptor="B"),), context=0)
     rungs = {"one": few, "other": replace(few, stages=OTHER)}
 
     def run(folder: Path) -> str:
-        page = folder / "page.md"
         with limit_threads(1):
-            ablation.run(rungs, SETS, page, folder, seeds=[0], clusters=[1, 2])
-        return page.read_text()
+            return ablation.table(ablation.run(rungs, SETS, folder, seeds=[0], clusters=[1, 2]))
 
     whole, halfway = tmp_path / "whole", tmp_path / "halfway"
     expected = run(whole)
@@ -87,5 +84,5 @@ def test_an_interrupted_ablation_goes_on_to_the_same_page_and_shares_its_pairs(t
     assert all(path.stat().st_mtime_ns == time for path, time in written.items())
     for path in halfway.glob("rung*"):
         path.unlink()
-    assert run(halfway) == expected  # from the figures that were written beside the page
+    assert run(halfway) == expected  # from the figures that were kept
     assert len(trainings) == 2

@@ -100,7 +100,7 @@ def test_a_file_in_the_place_of_the_folder_is_left_alone(tmp_path, capsys):
 @pytest.mark.slow  # shapes are drawn and meshed anew
 def test_the_script_makes_the_examples_byte_for_byte(tmp_path):
     root = Path(__file__).parents[2]
-    script = root / "benchmarks" / "make_demo_data.py"
+    script = root / "docs" / "generate" / "make_demo_data.py"
     subprocess.run([sys.executable, script, tmp_path], check=True, stdout=subprocess.DEVNULL)
     kept = root / "cascadenorm" / "demo_data"
     made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*.ply"))

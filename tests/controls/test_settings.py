@@ -22,7 +22,7 @@ JSON_PAGE = (ROOT / "docs" / "json.md").read_text(encoding="utf-8")
 @pytest.fixture
 def docs():
     """The script that writes the tables of docs/controls.md."""
-    spec = importlib.util.spec_from_file_location("controls_docs", ROOT / "benchmarks" / "controls_docs.py")
+    spec = importlib.util.spec_from_file_location("control_tables", ROOT / "docs" / "generate" / "control_tables.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -56,7 +56,7 @@ def test_the_command_line_has_an_option_for_every_control(capsys, monkeypatch):
 
 def test_the_tables_of_the_documentation_are_those_of_the_declaration(docs):
     page = docs.PAGE.read_text(encoding="utf-8")
-    assert docs.with_tables(page) == page, "run python benchmarks/controls_docs.py"
+    assert docs.with_tables(page) == page, "run python docs/generate/control_tables.py"
     with pytest.raises(SystemExit, match="markers"):
         docs.with_tables("")
 

@@ -93,8 +93,8 @@ def test_one_command_makes_the_page_of_results(scans):
     pair.mkdir(parents=True)
     shutil.copy(scans / "scans" / "a.ply", pair / "noisy.ply")
     shutil.copy(scans / "truth" / "a.ply", pair / "clean.ply")
-    script = str(ROOT / "benchmarks" / "reproduce.py")
-    ran(scans, sys.executable, script, "pairs", "paper", "--method", "bilateral-normal", "--parts", "1")
+    command = (sys.executable, "-m", "benchmarks.accuracy.reproduce", "pairs", "paper")
+    ran(scans, *command, "--method", "bilateral-normal", "--parts", "1", PYTHONPATH=str(ROOT))
     page = (scans / "paper" / "results.md").read_text(encoding="utf-8")
     assert page.count("| bilateral-normal |") >= 2 and "| 0.03 |" in page and "1 of 1 within" in page
     assert all((scans / "paper" / name).exists() for name in re.findall(r"\]\(([^)]+)\)", page))

@@ -122,7 +122,7 @@ def test_other_cells_are_refused_with_the_way_out():
 
 def test_the_picture_of_the_documentation_is_drawn_off_screen(tmp_path):
     image = pytest.importorskip("PIL.Image")
-    run = [sys.executable, ROOT / "benchmarks" / "pyvista_picture.py", tmp_path / "drawn.png"]
+    run = [sys.executable, ROOT / "docs" / "generate" / "pyvista_picture.py", tmp_path / "drawn.png"]
     done = subprocess.run(run, capture_output=True, text=True)
     if done.returncode < 0 or "Failed to load" in done.stderr:
         pytest.skip(f"VTK cannot draw off screen here: {done.stderr}")

@@ -24,7 +24,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     they are divided by their sum, and the eigenproblem is solved among their combinations. r is the distance in
     space: that along edges has kinks, which alone raise the eigenvalues by a tenth. A few Jacobi steps on the functions
     fit them to the roughness of a noisy mesh, which else costs as much. All eigenvalues are overestimated, the lower
-    half by less than 2 %; eigenvectors are M-orthonormal. benchmarks/harmonics.md has times and errors beside Lanczos.
+    half by less than 2 %; eigenvectors are M-orthonormal. benchmarks/speed.md has times and errors beside Lanczos.
 
     Parameters
     ----------

@@ -1,0 +1,1 @@
+"""Measurements that are run by hand, from the root of a checkout: python -m benchmarks.accuracy.pairs PAIRS."""

@@ -1,0 +1,1 @@
+"""How close methods come to the true surface."""

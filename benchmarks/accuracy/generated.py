@@ -1,0 +1,202 @@
+"""Measure methods on shapes that are generated from seeds that no training uses.
+
+    python -m benchmarks.accuracy.generated levels [--shapes 8] [--record]
+    python -m benchmarks.accuracy.generated extractors [--shapes 8] [--voxels 60] [--record]
+
+`levels` meshes each shape with real kinds of error from weak to strong: from grey volumes with more and more grain,
+from points with larger and larger errors, and with error that is correlated over several edges. `extractors` labels
+each shape on a lattice and meshes the mask by VTK in several ways (extra `pyvista`). The tables have the mean angle to
+the true surface by area, in degrees; both are shown in benchmarks/accuracy.md.
+"""
+
+import argparse
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import results, running
+from cascadenorm.data_gen.families import FAMILIES, Family
+from cascadenorm.data_gen.meshing.lattice import grid
+from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.scanning.measured import Measured, beneath
+from cascadenorm.data_gen.scanning.points import reconstruction
+from cascadenorm.data_gen.scanning.volumes import tomogram
+from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.execution.process_map import side_by_side
+from cascadenorm.mesh import Mesh, angles_between, thread_count
+
+SHAPES = ("statue", "bracket", "bust", "turned", "creature", "assembly", "wheel", "rock")
+METHODS = ("auto", "guided-normal", "bilateral-normal", "taubin")
+SEEDS = {"levels": 992, "extractors": 991}
+FACES = 10_000
+
+Mask = NDArray[np.bool_]
+Maker = Callable[[Family, float, np.random.Generator], Measured]
+
+
+def grainy(family: Family, share: float, rng: np.random.Generator) -> Measured:
+    """Mesh a grey volume whose grain deviates by a share of the contrast."""
+    field = family.shape(0.05, rng)
+    return tomogram(field, extent_of(field, rng=rng), faces=FACES, level=5 * share, rng=rng)
+
+
+def reconstructed(family: Family, gaps: float, rng: np.random.Generator) -> Measured:
+    """Reconstruct from points with errors along the normals, given in mean distances between points."""
+    field = family.shape(0.05, rng)
+    return reconstruction(field, extent_of(field, rng=rng), faces=FACES, level=gaps, rng=rng)
+
+
+def bumpy(family: Family, edges: float, rng: np.random.Generator) -> Measured:
+    """Displace the vertices of a clean mesh by error that is correlated over several edges."""
+    clean = family.make(faces=FACES, rng=rng).clean
+    noisy = clean.moved(clean.vertices + displacements(clean, "correlated", level=edges, rng=rng))
+    return Measured.on_surface(noisy, clean)
+
+
+ERRORS: dict[str, tuple[Maker, float]] = {
+    **{f"tomogram, grain of {share:.0%} of the contrast": (grainy, share) for share in (0.02, 0.05, 0.1, 0.15)},
+    **{f"points off by {gaps:g} of their distance": (reconstructed, gaps) for gaps in (0.25, 0.5, 1.0, 2.0)},
+    **{f"correlated error of {edges:g} edges": (bumpy, edges) for edges in (0.1, 0.2, 0.4, 0.8)},
+}
+
+
+def flying_edges(mask: Mask) -> Any:
+    """Mesh by discrete marching cubes."""
+    from vtkmodules.vtkFiltersGeneral import vtkDiscreteFlyingEdges3D
+
+    return _run(vtkDiscreteFlyingEdges3D(), mask)
+
+
+def surface_nets(mask: Mask, *, smoothed: bool) -> Any:
+    """Mesh by surface nets, which smooth the mesh within their constraints if asked to."""
+    from vtkmodules.vtkFiltersCore import vtkSurfaceNets3D
+
+    nets = vtkSurfaceNets3D()
+    nets.SetSmoothing(smoothed)
+    return _run(nets, mask)
+
+
+def voxel_faces(mask: Mask) -> Any:
+    """Return the faces between voxels inside and outside."""
+    import pyvista
+
+    image = pyvista.ImageData(dimensions=np.array(mask.shape) + 1, origin=(-0.5, -0.5, -0.5))
+    image.cell_data["label"] = mask.astype(np.uint8).ravel(order="F")
+    return image.threshold(0.5).extract_surface(algorithm="dataset_surface")
+
+
+def _run(extractor: Any, mask: Mask) -> Any:
+    import pyvista
+
+    image = pyvista.ImageData(dimensions=mask.shape)
+    image.point_data.set_array(mask.astype(np.uint8).ravel(order="F"), "label")
+    image.set_active_scalars("label")
+    extractor.SetInputData(image)
+    extractor.SetValue(0, 1)
+    extractor.Update()
+    return pyvista.wrap(extractor.GetOutput())
+
+
+EXTRACTORS: dict[str, Callable[[Mask], Any]] = {
+    "discrete marching cubes": flying_edges,
+    "… half of the faces, quadrics": lambda mask: flying_edges(mask).decimate(0.5),
+    "… half of the faces, decimate_pro": lambda mask: flying_edges(mask).decimate_pro(0.5, preserve_topology=True),
+    "… smoothed by Laplacian, 5 iterations": lambda mask: flying_edges(mask).smooth(n_iter=5, relaxation_factor=0.1),
+    "surface nets, not smoothed": partial(surface_nets, smoothed=False),
+    "surface nets, smoothed": partial(surface_nets, smoothed=True),
+    "faces of voxels": voxel_faces,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make the meshes, denoise and measure them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", choices=SEEDS)
+    parser.add_argument("--shapes", type=int, default=8, help="number of shapes")
+    parser.add_argument("--voxels", type=int, default=60, help="of masks, along the longest side of a shape")
+    running.add_methods(parser, METHODS)
+    parser.add_argument("--record", action="store_true", help="write the figures and their table")
+    options = parser.parse_args(arguments)
+    methods = running.chosen_methods(options)
+    each = partial(of_levels, methods=methods)
+    if options.kind == "extractors":
+        each = partial(of_extractors, methods=methods, voxels=options.voxels)
+    found = []
+    with side_by_side(thread_count()) as mapped:
+        for angles in mapped(each, range(options.shapes)):
+            found.append(angles)
+            print(f"shape {len(found)} of {options.shapes}", flush=True)
+    rows = {name: np.mean([angles[name] for angles in found], axis=0).tolist() for name in found[0]}
+    figures = {"columns": ["mesh", *methods], "rows": rows}
+    results.keep(options.kind if options.record else None, figures, table)
+
+
+def table(figures: results.Figures) -> str:
+    """Return a row for each kind of mesh: the mean angle of the mesh and of the result of each method."""
+    rows = [[name, *(f"{angle:.1f}" for angle in angles)] for name, angles in figures["rows"].items()]
+    return results.markdown(["mean angle, degrees", *figures["columns"]], rows)
+
+
+def of_levels(number: int, *, methods: Sequence[str]) -> dict[str, list[float]]:
+    """Return the angles of a shape at each level of error."""
+    found = {}
+    for name, (make, level) in ERRORS.items():
+        rng = np.random.default_rng([SEEDS["levels"], number])
+        while True:
+            try:
+                made = make(FAMILIES[SHAPES[number % len(SHAPES)]], level, rng)
+            except UnfitShapeError:
+                continue
+            break
+        found[name] = angles_of(made.noisy, made.normals, methods)
+    return found
+
+
+def of_extractors(number: int, *, methods: Sequence[str], voxels: int) -> dict[str, list[float]]:
+    """Label a shape and mesh it by each extractor; return the angles."""
+    rng = np.random.default_rng([SEEDS["extractors"], number])
+    while True:
+        try:
+            field = FAMILIES[SHAPES[number % len(SHAPES)]].shape(0.05, rng)
+            extent = extent_of(field, rng=rng)
+        except UnfitShapeError:
+            continue
+        break
+    size = float(np.max(extent.upper - extent.lower) / voxels)
+    nodes = grid(0.5 * (extent.upper - extent.lower) + 3 * size, np.full(3, size)) + extent.middle
+    mask = (field(nodes.reshape(-1, 3)) < 0).reshape(nodes.shape[:3])
+    found = {}
+    for name, extract in EXTRACTORS.items():
+        made = placed(field, extract(mask).triangulate().clean(), nodes[0, 0, 0], size)
+        found[name] = angles_of(made.noisy, made.normals, methods)
+    return found
+
+
+def placed(field: Field, made: Any, origin: NDArray[np.float64], size: float) -> Measured:
+    """Place a mesh in voxel coordinates over its shape, oriented outward."""
+    faces = made.faces.reshape(-1, 4)[:, 1:]
+    noisy = Mesh(origin + size * np.asarray(made.points, np.float64), faces)
+    found = beneath(field, noisy, cell=size)
+    if np.einsum("ij,ij", noisy.area_vectors, found.normals) < 0:
+        found = beneath(field, Mesh(noisy.vertices, faces[:, ::-1]), cell=size)
+    return found
+
+
+def angles_of(noisy: Mesh, normals: NDArray[np.float64], methods: Sequence[str]) -> list[float]:
+    """Return the mean angle by area to the known true normals, of a mesh and of the result of each method."""
+    return [angle(mesh, normals) for mesh in (noisy, *(running.denoised(noisy, method) for method in methods))]
+
+
+def angle(mesh: Mesh, normals: NDArray[np.float64]) -> float:
+    """Return the mean angle by area to the true normals, in degrees; a zero normal is unknown."""
+    known = normals.any(axis=1) & mesh.face_normals.any(axis=1)
+    angles = angles_between(mesh.face_normals[known], normals[known])
+    return float(np.degrees(np.average(angles, weights=mesh.areas[known])))
+
+
+if __name__ == "__main__":
+    main()

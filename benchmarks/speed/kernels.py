@@ -1,0 +1,242 @@
+"""Measure where the processor time of methods goes, kernel by kernel, against the speed of memory and matrix products.
+
+    python -m benchmarks.speed.kernels [--method NAME ...] [--environment DIR] [--record]
+
+Denoises a torus of a million faces on one thread. It counts processor time, which depends less on what else the machine
+does than wall time. With `--record` it also draws a flame graph of each method beside benchmarks/performance.md, where
+the tables are; py-spy, which samples the calls, is installed into an environment of its own.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from html import escape
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks import results
+from benchmarks.environments import interpreter
+from benchmarks.speed.kernel_use import BLOCKS, Use, watched
+from benchmarks.speed.meshes import MILLION, wavy_torus
+from cascadenorm import denoise
+from cascadenorm.learned.methods import shipped
+from cascadenorm.mesh import Mesh, one_blas_thread
+
+METHODS = ("auto", "bilateral-normal")
+PROGRAM = """
+from benchmarks.speed.meshes import MILLION, wavy_torus
+from cascadenorm import denoise
+denoise(wavy_torus(*MILLION), method={method!r}, threads=1)
+"""
+LEAST = 0.01
+"""Share of the time of a method from which a kernel has a row of its own."""
+TITLES = ("kernel", "rows a face", "bytes a face", "ns a face", "share", "speed", "of the best")
+
+# of flame graphs
+RATE = 100
+"""Samples a second."""
+WIDTH, HEIGHT, LETTER = 1200, 18, 6.6
+"""Of the picture, of a call and of a letter, in pixels."""
+LEAST_DRAWN = 0.003
+"""Share of the time from which a call is drawn."""
+COLORS = ("#f4a261", "#e9c46a", "#f6bd60", "#f28482")
+
+Stack = tuple[str, ...]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure each method."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--method", action="append", help="may be given several times")
+    parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="of py-spy")
+    results.add_option(parser, "kernels")
+    options = parser.parse_args(arguments)
+    methods = options.method or METHODS
+    best = {"memory": copy_speed(), "products": product_speed()}
+    mesh = wavy_torus(*MILLION)
+    figures = {"machine": results.machine(), "best": best, "methods": {name: account(mesh, name) for name in methods}}
+    if options.record:
+        for name in methods:
+            stacks = sampled(PROGRAM.format(method=name), "denoise", options.environment)
+            (results.ROOT / "benchmarks" / picture(name)).write_text(drawn(stacks), encoding="utf-8")
+    results.keep(options.record, figures, table)
+
+
+def account(mesh: Mesh, method: str) -> dict[str, Any]:
+    """Denoise a mesh on one thread; return nanoseconds a face in all, and the figures of each large kernel."""
+    denoise(wavy_torus(40, 30), method=method, threads=1)  # kernels are compiled before
+    with watched() as uses:
+        before = time.process_time()
+        denoise(mesh, method=method, threads=1)
+        seconds = time.process_time() - before
+    large = sorted((use.seconds, name) for name, use in uses.items() if use.seconds >= LEAST * seconds)
+    kernels = [figures_of(name, uses[name], len(mesh.faces)) for _, name in reversed(large)]
+    return {"nanoseconds": 1e9 * seconds / len(mesh.faces), "kernels": kernels}
+
+
+def figures_of(name: str, use: Use, faces: int) -> dict[str, Any]:
+    """Return what a kernel did for each face, and how fast: in GB/s, networks in GFLOP/s."""
+    if name == BLOCKS:
+        speed = 1e-9 * network_operations() * faces / use.seconds
+        return {"name": None, "nanoseconds": 1e9 * use.seconds / faces, "speed": speed}
+    return {
+        "name": name,
+        "rows": use.rows / faces,
+        "bytes": use.bytes / faces,
+        "nanoseconds": 1e9 * use.seconds / faces,
+        "speed": 1e-9 * use.bytes / use.seconds,
+    }
+
+
+def network_operations() -> int:
+    """Return the multiplications and additions a face of the matrix products in the stages of `auto`."""
+    total = 0
+    for stage in shipped("auto").surface.stages:
+        sizes = [*(weight.shape[1] for weight, _ in stage.layers), stage.layers[-1][0].shape[2]]
+        total += 2 * (stage.scaler.projection.size + sum(a * b for a, b in pairwise(sizes)))
+    return total
+
+
+def copy_speed() -> float:
+    """Return the GB/s that a copy of 256 MB reads and writes."""
+    values = np.ones(1 << 25)
+    into = np.ones_like(values)
+    return 2e-9 * values.nbytes / shortest(lambda: np.copyto(into, values))
+
+
+def product_speed() -> float:
+    """Return the GFLOP/s of a product of square matrices in single precision."""
+    matrix = np.ones((1024, 1024), np.float32)
+    with one_blas_thread():
+        return 2e-9 * 1024**3 / shortest(lambda: matrix @ matrix)
+
+
+def shortest(work: Callable[[], object], times: int = 7) -> float:
+    """Return the processor time of the fastest of several runs."""
+    found = []
+    for _ in range(times):
+        before = time.thread_time()
+        work()
+        found.append(time.thread_time() - before)
+    return min(found)
+
+
+def table(figures: results.Figures) -> str:
+    """Return what a thread reaches at best, and a section for each method with a row for each kernel."""
+    best = figures["best"]
+    parts = [
+        f"{figures['machine']}. The best that a thread reaches here is {best['memory']:.1f} GB/s for a copy of a large "
+        f"array and {best['products']:.0f} GFLOP/s for a product of large matrices in single precision."
+    ]
+    for method, done in figures["methods"].items():
+        total = done["nanoseconds"]
+        rest = total - sum(kernel["nanoseconds"] for kernel in done["kernels"])
+        cells = ["the rest: numpy, Python, smaller kernels", "", "", f"{rest:.0f}", f"{rest / total:.0%}", "", ""]
+        rows = [*(_row(kernel, total, best) for kernel in done["kernels"]), cells]
+        parts += [
+            f"## {method}",
+            f"{total / 1000:.2f} µs a face.",
+            results.markdown(TITLES, rows),
+            f"![Flame graph: the calls of {method}, each as wide as its share of the time]({picture(method)})",
+        ]
+    return "\n\n".join(parts)
+
+
+def _row(kernel: dict[str, Any], total: float, best: dict[str, float]) -> list[str]:
+    speed, times = kernel["speed"], [f"{kernel['nanoseconds']:.0f}", f"{kernel['nanoseconds'] / total:.0%}"]
+    if kernel["name"] is None:
+        return [
+            "networks of `auto`, in blocks",
+            "",
+            "",
+            *times,
+            f"{speed:.0f} GFLOP/s",
+            f"{speed / best['products']:.0%}",
+        ]
+    counts = [f"{kernel['rows']:.1f}", f"{kernel['bytes']:,.0f}"]
+    return [f"`{kernel['name']}`", *counts, *times, f"{speed:.1f} GB/s", f"{speed / best['memory']:.0%}"]
+
+
+def picture(method: str) -> str:
+    """Return the name of the file with the flame graph of a method."""
+    return f"performance-{method}.svg"
+
+
+class Call(NamedTuple):
+    """A rectangle: a call, its depth, and when it begins and ends, in samples."""
+
+    name: str
+    depth: int
+    begin: int
+    end: int
+
+
+def sampled(program: str, first: str, environment: Path) -> Counter[Stack]:
+    """Run a Python program; count by py-spy how often each stack of functions was seen, from the function `first` on.
+
+    Parameters
+    ----------
+    environment
+        Where py-spy is, or is installed.
+    """
+    python = interpreter(environment, ["py-spy"])
+    with tempfile.TemporaryDirectory() as name:
+        found = Path(name, "stacks.txt")
+        recorder = [str(python.with_name("py-spy")), "record", "--rate", str(RATE), "--function", "--format", "raw"]
+        command = [*recorder, "--output", str(found), "--", sys.executable, "-c", program]
+        subprocess.run(command, check=True, capture_output=True, cwd=Path(__file__).parents[2])
+        lines = found.read_text(encoding="utf-8").splitlines()
+    counted: Counter[Stack] = Counter()
+    for line in lines:
+        frames, _, count = line.rpartition(" ")
+        names = [frame.partition(" (")[0] for frame in frames.split(";") if "/mesh/thread" not in frame]
+        if first in names:
+            counted[tuple(names[names.index(first) :])] += int(count)
+    return counted
+
+
+def calls(stacks: Counter[Stack], depth: int = 0, begin: int = 0) -> list[Call]:
+    """Return the calls at a depth of stacks that agree up to there, and all that these call, longest first."""
+    inside: dict[str, Counter[Stack]] = {}
+    for stack, count in stacks.items():
+        if len(stack) > depth:
+            inside.setdefault(stack[depth], Counter())[stack] = count
+    found = []
+    for name, those in sorted(inside.items(), key=lambda item: (-item[1].total(), item[0])):
+        found += [Call(name, depth, begin, begin + those.total()), *calls(those, depth + 1, begin)]
+        begin += those.total()
+    return found
+
+
+def drawn(stacks: Counter[Stack]) -> str:
+    """Return an SVG picture; the width of a call is its share of the time, what it calls is below it."""
+    total = stacks.total()
+    large = [call for call in calls(stacks) if call.end - call.begin >= LEAST_DRAWN * total]
+    height = HEIGHT * (1 + max(call.depth for call in large))
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" font-family="monospace" '
+        'font-size="11">'
+    ]
+    for call in large:
+        x, width = WIDTH * call.begin / total, WIDTH * (call.end - call.begin) / total
+        y, share = HEIGHT * call.depth, (call.end - call.begin) / total
+        letters = int((width - 4) / LETTER)
+        shown = call.name if len(call.name) <= letters else f"{call.name[: letters - 1]}…" if letters > 3 else ""
+        lines += [
+            f"<g><title>{escape(call.name)}, {share:.1%}</title>"
+            f'<rect x="{x:.1f}" y="{y}" width="{width:.1f}" height="{HEIGHT - 1}" '
+            f'fill="{COLORS[sum(map(ord, call.name)) % len(COLORS)]}"/>'
+            f'<text x="{x + 3:.1f}" y="{y + 13}">{escape(shown)}</text></g>'
+        ]
+    return "\n".join([*lines, "</svg>", ""])
+
+
+if __name__ == "__main__":
+    main()
