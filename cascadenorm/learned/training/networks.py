@@ -1,6 +1,6 @@
 """Features and networks in torch, for training."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import torch
@@ -31,12 +31,15 @@ class TorchFeatures:
         return torch.cat([self.own(stack), (context - self._context_mean) * self._context_scale], dim=1)
 
 
+ACTIVATIONS: dict[Activation, Callable[[Tensor], Tensor]] = {"silu": torch.nn.functional.silu, "tanh": torch.tanh}
+
+
 class Network(torch.nn.Module):
     """Hidden layers, from the features of a face to one coefficient a filtered normal."""
 
     def __init__(self, widths: Sequence[int], activation: Activation, generator: torch.Generator) -> None:
         super().__init__()
-        self.activation = {"silu": torch.nn.functional.silu, "tanh": torch.tanh}[activation]
+        self.activation = ACTIVATIONS[activation]
         layers = [torch.nn.Linear(i, o) for i, o in pairwise(widths)]
         for layer in layers:
             bound = layer.in_features**-0.5
