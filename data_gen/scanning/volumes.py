@@ -84,7 +84,7 @@ def _enlarged(distance: Volume, *, binary: bool) -> Volume:
     p, q, r = (length // 2 for length in distance.shape)
     means = distance[: 2 * p, : 2 * q, : 2 * r].reshape(p, 2, q, 2, r, 2).mean(axis=(1, 3, 5))
     values = (means < 0).astype(np.float64) if binary else 0.5 - means
-    return values.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
+    return np.asarray(values.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2))
 
 
 def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
