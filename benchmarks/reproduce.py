@@ -24,7 +24,7 @@ from cascadenorm.io.pairs import find_pairs
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.models.models import SHIPPED
 
-PACKAGES = ("cascadenorm", "numpy", "scipy", "numba", "Pillow")
+PACKAGES = ("cascadenorm", "numpy", "scipy", "numba", "matplotlib")
 
 PAGE = """\
 # Results
