@@ -129,8 +129,9 @@ def _draw_image(axes: "Axes", image: Image, left: int, top: int) -> None:
 def _draw_frame(axes: "Axes", left: float, top: float, width: float, height: float, line: float, color: str) -> None:
     from matplotlib.patches import Rectangle
 
-    style = {"fill": False, "edgecolor": color, "linewidth": _points(line), "joinstyle": "miter"}
-    axes.add_patch(Rectangle((left, top), width, height, **style))
+    corner, line = (left, top), _points(line)
+    frame = Rectangle(corner, width, height, fill=False, edgecolor=color, linewidth=line, joinstyle="miter")
+    axes.add_patch(frame)
 
 
 def _write(axes: "Axes", panel: Panel, x: float, y: float, size: float) -> None:
@@ -152,7 +153,7 @@ def _draw_bar(figure: "Figure", bar: Bar, place: tuple[float, float, float, floa
     drawn.ax.patch.set_visible(False)
     drawn.outline.set_linewidth(_points(1))
     drawn.ax.tick_params(labelsize=_points(size), width=_points(1), length=_points(size / 4), pad=_points(size / 4))
-    drawn.ax.yaxis.get_offset_text().set_size(_points(size))
+    drawn.ax.yaxis.get_offset_text().set_fontsize(_points(size))
     drawn.set_label(bar.label, size=_points(size))
 
 

@@ -71,7 +71,8 @@ def _fonts(characters: frozenset[str]) -> tuple[list[str], str]:
 
     plain = [one for one in fontManager.ttflist if (one.style, one.weight, one.stretch) == ("normal", 400, "normal")]
     others = {one.name for one in plain if not one.name.startswith("Last Resort")} - {FONT}  # a font of boxes
-    names, missing = [], set(characters)
+    names: list[str] = []
+    missing = set(characters)
     for name in [FONT, *sorted(others, key=lambda name: ("Sans" not in name, name))]:
         if names and not missing:
             break
