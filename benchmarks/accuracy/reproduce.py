@@ -24,7 +24,7 @@ from cascadenorm.learned.methods import weights_file
 from cascadenorm.models.models import SHIPPED
 
 METHOD_FIGURE = Path(__file__).parents[2] / "docs" / "generate" / "method_figure.py"
-PACKAGES = ("cascadenorm", "numpy", "scipy", "numba", "Pillow")
+PACKAGES = ("cascadenorm", "numpy", "scipy", "numba", "matplotlib")
 LEVELS = (0.0, 0.01, 0.03)
 
 PAGE = """\

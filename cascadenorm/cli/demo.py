@@ -16,7 +16,7 @@ from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.mesh import Mesh, angles_between
-from cascadenorm.render import Camera, Figure, HeatMap, color_bar, png, rasterized, render, side_by_side, stacked
+from cascadenorm.render import Bar, Camera, HeatMap, Panel, montage, pixels, png, render
 
 EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.45, 0.4, 0.8), "head": (0.15, 0.15, 1), "scan": None}
 """Name of each example and the direction that it is seen from."""
@@ -103,14 +103,13 @@ def draw(examples: Sequence[Example], folder: Path) -> None:
 
     Raises
     ------
-    MissingDependencyError
-        Pillow is not installed.
     OutputError
         The folder cannot be written to.
     """
-    for name, drawn in ((BEFORE_AFTER, _before_after), (ERRORS, _errors)):
-        figure = stacked([drawn(example) for example in examples], gap=0)
-        write_atomically(folder / name, [png(rasterized(figure))], force=True)
+    before_after = montage([_before_after(example) for example in examples])
+    errors = montage([_errors(example) for example in examples], bar=Bar("Angle to the truth (°)", _LIMITS))
+    for name, figure in ((BEFORE_AFTER, before_after), (ERRORS, errors)):
+        write_atomically(folder / name, [png(pixels(figure))], force=True)
 
 
 def table(examples: Sequence[Example]) -> Table:
@@ -162,22 +161,24 @@ def _save(folder: Path, example: Example) -> None:
         save_mesh(folder / f"{outcome.method}.ply", outcome.mesh, force=True)
 
 
-def _before_after(example: Example) -> Figure:
+def _before_after(example: Example) -> list[Panel]:
     view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
-    shown = (example.noisy, *example.denoised)
-    pictures = [render(mesh, view=view, size=_PANEL) for mesh in (*(outcome.mesh for outcome in shown), example.clean)]
-    return side_by_side(pictures, [*map(_caption, shown), "true shape"])
-
-
-def _errors(example: Example) -> Figure:
-    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
-    shown = (example.noisy, *example.denoised)
-    maps = [HeatMap(outcome.angles, "face", _LIMITS) for outcome in shown]
-    pictures = [
-        render(outcome.mesh, view=view, size=_PANEL, values=heat) for outcome, heat in zip(shown, maps, strict=True)
+    shown = [(outcome.mesh, _caption(outcome)) for outcome in (example.noisy, *example.denoised)]
+    return [
+        Panel(render(mesh, view=view, size=_PANEL), caption)
+        for mesh, caption in (*shown, (example.clean, "true shape"))
     ]
-    bar = color_bar(_LIMITS, signed=False, unit="°", label="Angle to the truth", height=_PANEL[1], letter=11)
-    return side_by_side([*pictures, bar], [*map(_caption, shown), ""])
+
+
+def _errors(example: Example) -> list[Panel]:
+    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
+    return [
+        Panel(
+            render(outcome.mesh, view=view, size=_PANEL, values=HeatMap(outcome.angles, "face", _LIMITS)),
+            _caption(outcome),
+        )
+        for outcome in (example.noisy, *example.denoised)
+    ]
 
 
 def _caption(outcome: Outcome) -> str:

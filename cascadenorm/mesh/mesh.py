@@ -85,7 +85,7 @@ class Mesh:
         return Mesh, (self.vertices, self.faces)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows of the mesh: its size, and a picture where Pillow is installed."""
+        """What a notebook shows of the mesh: its size, and a picture."""
         return display.described(self)
 
     @property

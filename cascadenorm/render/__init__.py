@@ -3,21 +3,21 @@
 from cascadenorm.render.camera import Camera
 from cascadenorm.render.color import HeatMap, Image, color_map
 from cascadenorm.render.drawing import render
-from cascadenorm.render.figure import Figure, rasterized, stacked
-from cascadenorm.render.panels import color_bar, side_by_side
-from cascadenorm.render.pillow import png, webp
+from cascadenorm.render.encoding import png, webp
+from cascadenorm.render.figure import Bar, Inset, Panel, inline_svg, montage, pixels
 
 __all__ = [
+    "Bar",
     "Camera",
-    "Figure",
     "HeatMap",
     "Image",
-    "color_bar",
+    "Inset",
+    "Panel",
     "color_map",
+    "inline_svg",
+    "montage",
+    "pixels",
     "png",
-    "rasterized",
     "render",
-    "side_by_side",
-    "stacked",
     "webp",
 ]

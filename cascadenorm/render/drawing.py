@@ -5,11 +5,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.mesh import Mesh, unit
 from cascadenorm.render.camera import Camera, projected
-from cascadenorm.render.color import PAPER, STEPS, UNKNOWN, HeatMap, Image, color_map, encoded, linear
+from cascadenorm.render.color import PAPER, STEPS, HeatMap, Image, color_map, encoded, linear, named_colors
 from cascadenorm.render.raster import Painted, rasterize
 
-CLAY = (0.72, 0.76, 0.82)
-INSIDE = (0.80, 0.55, 0.42)
 NEAREST = 0.99
 """Share of the way to the viewer that a face may come; what is nearer is left out."""
 LINE_WIDTH = 0.7
@@ -96,13 +94,14 @@ def _shaded(
         light += strength * np.maximum(at_corners @ unit(np.array(direction)), 0)
     if colors is not None or values is not None:
         light = 0.5 + 0.5 * light  # what a colour stands for matters more than relief
+    inside = linear(named_colors("inside"))
     if values is not None:
         palette, places = _heat(mesh, values)
     elif colors is not None:
-        palette = np.concatenate([linear(colors), [linear(INSIDE)]])
+        palette = np.concatenate([linear(colors), inside])
         places = np.where(outside, np.arange(len(colors)), len(colors))[:, None]
     else:
-        palette, places = linear([CLAY, INSIDE]), np.where(outside, 0, 1)[:, None]
+        palette, places = np.concatenate([linear(named_colors("clay")), inside]), np.where(outside, 0, 1)[:, None]
     shape = (len(mesh.faces), 3)
     return palette, np.broadcast_to(places, shape), np.broadcast_to(light, shape)
 
@@ -114,6 +113,5 @@ def _heat(mesh: Mesh, values: HeatMap) -> tuple[NDArray[np.float64], NDArray[np.
         places = np.clip((values.values - low) / (high - low or 1.0), 0, 1) * (STEPS - 1)
     places = places[:, None] if values.at == "face" else places[mesh.faces]
     unknown = np.isnan(places).any(axis=1, keepdims=True)
-    return np.concatenate([linear(color_map(signed=values.signed)), [linear(UNKNOWN)]]), np.where(
-        unknown, STEPS, places
-    )
+    palette = np.concatenate([linear(color_map(signed=values.signed)), linear(named_colors("unknown"))])
+    return palette, np.where(unknown, STEPS, places)

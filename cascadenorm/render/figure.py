@@ -1,145 +1,217 @@
-"""A figure: pictures, text and frames at their places, as pixels."""
+"""Figures by matplotlib: panels in rows, each with a caption and enlarged parts, and the colour bar of a heat map."""
 
+import io
+import re
+from base64 import b64decode, b64encode
 from collections.abc import Sequence
-from typing import NamedTuple
+from html import escape
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+import PIL.Image
 
-from cascadenorm.render.color import INK, Image, blend, paper
-from cascadenorm.render.pillow import text_coverage
+from cascadenorm.render.color import Image, color_map
+from cascadenorm.render.encoding import webp
+from cascadenorm.render.style import ACCENTS, DPI, FONT, INK, drawing, text_of, warn_of_missing
 
-DPI = 300
-"""Pixels an inch, where a file says how large a figure is."""
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-Color = tuple[float, float, float]
+GAP = 12
+"""Pixels between panels."""
+ALIGNED = 1e-3
+"""Pixels by which a picture is smaller than its place, so that rounding does not resample it."""
 
 
-class Picture(NamedTuple):
-    """Pixels at a place, in pixels of the figure from its upper left."""
+class Inset(NamedTuple):
+    """A square part of a picture, enlarged: its middle and its width as shares of the picture from the upper left."""
+
+    x: float
+    y: float
+    width: float
+    image: Image
+
+
+class Panel(NamedTuple):
+    """A picture above its enlarged parts, which are framed in both, and its caption."""
 
     image: Image
-    left: int
-    top: int
+    caption: str = ""
+    insets: Sequence[Inset] = ()
+
+    @property
+    def height(self) -> int:
+        """Height of the pictures in pixels."""
+        return len(self.image) + max((GAP + len(inset.image) for inset in self.insets), default=0)
 
 
-class Text(NamedTuple):
-    """A line of text.
+class Bar(NamedTuple):
+    """The colour bar of a heat map.
 
     Parameters
     ----------
-    text
-        ASCII and °; the font has boxes for other characters.
-    x, y
-        Where its middle lies, or its beginning; y in the middle of the capital letters.
-    size
-        Height of a capital letter.
-    room
-        Length that there is for it; what does not fit is cut.
-    begins
-        Whether x is the beginning of the line.
-    upward
-        Whether the line runs from bottom to top.
+    label
+        What the values are, with their unit.
+    limits
+        Values at the lower and the upper end.
+    signed
+        As in `HeatMap`.
     """
 
-    text: str
-    x: float
-    y: float
-    size: float
-    room: int
-    begins: bool = False
-    upward: bool = False
+    label: str
+    limits: tuple[float, float]
+    signed: bool = False
 
 
-class Frame(NamedTuple):
-    """The outline of a rectangle; half of the line lies within."""
+def montage(rows: Sequence[Sequence[Panel]], *, bar: Bar | None = None) -> "Figure":
+    """Lay out panels in rows; no pixel of a picture is changed.
 
-    left: float
-    top: float
-    width: float
-    height: float
-    color: Color = INK
-    line: float = 1.0
+    Parameters
+    ----------
+    rows
+        Panels from left to right, at least one.
+    bar
+        It stands to the right of the last row.
+    """
+    sides = [side for row in rows for panel in row for side in panel.image.shape[:2]]
+    size = max(18, min(sides) // 25)  # of the font
+    widths = [sum(panel.image.shape[1] + GAP for panel in row) - GAP for row in rows]
+    heights = [max(panel.height for panel in row) for row in rows]
+    feet = [2 * size if any(panel.caption for panel in row) else GAP * (row is not rows[-1]) for row in rows]
+    place = widths[-1] + 2 * GAP
+    width, height = max(*widths, place + 8 * size if bar else 0), sum(heights) + sum(feet)
+    with drawing("".join(panel.caption for row in rows for panel in row) + (bar.label if bar else "")):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
-
-class Figure(NamedTuple):
-    """Pictures, text and frames, drawn in their order on a sheet of some pixels."""
-
-    width: int
-    height: int
-    items: Sequence[Picture | Text | Frame]
-
-    def moved(self, left: int, top: int) -> list[Picture | Text | Frame]:
-        """Return the items at another place."""
-        return [_moved(item, left, top) for item in self.items]
-
-
-def rasterized(figure: Figure, *, transparent: bool = False) -> Image:
-    """Draw a figure as pixels."""
-    sheet = paper(figure.height, figure.width, transparent=transparent)
-    for item in figure.items:
-        if isinstance(item, Picture):
-            _paste(sheet, item)
-        elif isinstance(item, Text):
-            _write(sheet, item)
-        else:
-            _outline(sheet, item)
-    return sheet
-
-
-def stacked(figures: Sequence[Figure], *, gap: int = 12, side_by_side: bool = False, centered: bool = True) -> Figure:
-    """Join figures from the top to the bottom, or from left to right, centred on one line or from one edge."""
-    along = [figure.width if side_by_side else figure.height for figure in figures]
-    across = [figure.height if side_by_side else figure.width for figure in figures]
-    items: list[Picture | Text | Frame] = []
-    place = 0
-    for figure, length, breadth in zip(figures, along, across, strict=True):
-        beside = (max(across) - breadth) // 2 if centered else 0
-        items += figure.moved(*((place, beside) if side_by_side else (beside, place)))
-        place += length + gap
-    total, broadest = max(place - gap, 0), max(across, default=0)
-    return Figure(*((total, broadest) if side_by_side else (broadest, total)), items)
+        figure = Figure(((width + ALIGNED) / DPI, (height + ALIGNED) / DPI))
+        FigureCanvasAgg(figure)
+        axes = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(height, 0))  # in pixels from the upper left
+        axes.axis("off")
+        top = 0
+        for row, tall, foot in zip(rows, heights, feet, strict=True):
+            left = 0
+            for panel in row:
+                _draw_panel(axes, panel, left, top)
+                _write(axes, panel, left + panel.image.shape[1] / 2, top + tall + foot / 2, _points(size))
+                left += panel.image.shape[1] + GAP
+            top += tall + foot
+        if bar:
+            bottom, long = top - feet[-1] - size, heights[-1] - 2 * size
+            _draw_bar(figure, bar, (place / width, 1 - bottom / height, size / width, long / height), size)
+    return figure
 
 
-def _moved(item: Picture | Text | Frame, left: int, top: int) -> Picture | Text | Frame:
-    if isinstance(item, Text):
-        return item._replace(x=item.x + left, y=item.y + top)
-    if isinstance(item, Picture):
-        return item._replace(left=item.left + left, top=item.top + top)
-    return item._replace(left=item.left + left, top=item.top + top)
+def _draw_panel(axes: "Axes", panel: Panel, left: int, top: int) -> None:
+    """Draw a picture and its enlarged parts."""
+    height, width = panel.image.shape[:2]
+    line = max(2.0, min(height, width) / 150)
+    _draw_image(axes, panel.image, left, top)
+    across = left
+    for number, inset in enumerate(panel.insets):
+        color, side = ACCENTS[number % len(ACCENTS)], inset.width * width
+        corner = left + inset.x * width - side / 2, top + inset.y * height - side / 2
+        _draw_frame(axes, *corner, side, side, line, color)
+        tall, wide = inset.image.shape[:2]
+        below = top + height + GAP
+        _draw_image(axes, inset.image, across, below)
+        _draw_frame(axes, across + line / 2, below + line / 2, wide - line, tall - line, line, color)
+        across += wide + GAP
 
 
-def _paste(sheet: Image, item: Picture) -> None:
-    height, width, channels = item.image.shape
-    there = sheet[item.top : item.top + height, item.left : item.left + width]
-    there[..., :channels] = item.image
-    there[..., channels:] = 255
+def _draw_image(axes: "Axes", image: Image, left: int, top: int) -> None:
+    height, width = image.shape[:2]
+    place = (left + ALIGNED, left + width - ALIGNED, top + height - ALIGNED, top + ALIGNED)
+    axes.imshow(image, extent=place, aspect="auto", interpolation="none")
 
 
-def _write(sheet: Image, item: Text) -> None:
-    coverage = text_coverage(item.text, size=item.size, room=item.room)
-    height, width = coverage.shape
-    if item.upward:
-        coverage, width, height = np.rot90(coverage), height, width
-    left = round(item.x) if item.begins and not item.upward else round(item.x - width / 2)
-    top = round(item.y) - height if item.begins and item.upward else round(item.y - height / 2)
-    first, start = max(top, 0), max(left, 0)
-    there = sheet[first : top + height, start : left + width]
-    blend(there, INK, coverage[first - top :, start - left :][: there.shape[0], : there.shape[1]])
+def _draw_frame(axes: "Axes", left: float, top: float, width: float, height: float, line: float, color: str) -> None:
+    from matplotlib.patches import Rectangle
+
+    corner, line = (left, top), _points(line)
+    frame = Rectangle(corner, width, height, fill=False, edgecolor=color, linewidth=line, joinstyle="miter")
+    axes.add_patch(frame)
 
 
-def _outline(sheet: Image, item: Frame) -> None:
-    """Cover the pixels of the line, those at its ends in part."""
-    rows, columns = np.arange(sheet.shape[0]), np.arange(sheet.shape[1])
-    half = item.line / 2
-    outside, inside = (
-        _covered(rows, item.top - grow, item.top + item.height + grow)[:, None]
-        * _covered(columns, item.left - grow, item.left + item.width + grow)
-        for grow in (half, -half)
-    )
-    blend(sheet, item.color, outside - inside)
+def _write(axes: "Axes", panel: Panel, x: float, y: float, size: float) -> None:
+    """Write the caption of a panel on one line, shortened in its middle where it is too long."""
+    line = "".join(character if character.isprintable() else "\ufffd" for character in panel.caption)
+    written = axes.text(x, y, line, size=size, ha="center", va="center")
+    kept = len(line)
+    while (length := written.get_window_extent().width) > panel.image.shape[1] and kept > 2:
+        kept = min(kept - 1, int(kept * panel.image.shape[1] / length))
+        written.set_text(f"{line[: kept // 2]}…{line[len(line) - kept // 2 :]}")
 
 
-def _covered(pixels: NDArray[np.int_], start: float, stop: float) -> NDArray[np.float64]:
-    """Share of each pixel that lies between two places."""
-    return np.asarray(np.clip(np.minimum(pixels + 1, stop) - np.maximum(pixels, start), 0, 1))
+def _draw_bar(figure: "Figure", bar: Bar, place: tuple[float, float, float, float], size: int) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    colors = ScalarMappable(Normalize(*bar.limits), ListedColormap(color_map(signed=bar.signed)))
+    drawn = figure.colorbar(colors, cax=figure.add_axes(place))
+    drawn.ax.patch.set_visible(False)
+    drawn.outline.set_linewidth(_points(1))
+    drawn.ax.tick_params(labelsize=_points(size), width=_points(1), length=_points(size / 4), pad=_points(size / 4))
+    drawn.ax.yaxis.get_offset_text().set_fontsize(_points(size))
+    drawn.set_label(bar.label, size=_points(size))
+
+
+def _points(pixels: float) -> float:
+    return pixels * 72 / DPI
+
+
+def pixels(figure: "Figure", *, transparent: bool = False) -> Image:
+    """Draw a figure as pixels, on white paper or on none."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    text = text_of(figure)
+    warn_of_missing(text)
+    figure.patch.set_visible(not transparent)
+    with drawing(text):
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+    drawn = np.asarray(canvas.buffer_rgba())
+    return drawn.copy() if transparent else drawn[..., :3].copy()
+
+
+def pdf(figure: "Figure", *, transparent: bool = False) -> bytes:
+    """Return a figure as a PDF file of one page with its fonts embedded, on white paper or on none."""
+    warn_of_missing(text_of(figure))
+    return _saved(figure, "pdf", {"CreationDate": None, "Creator": None, "Producer": None}, transparent=transparent)
+
+
+def svg(figure: "Figure", *, transparent: bool = False) -> bytes:
+    """Return a figure as an SVG file, on white paper or on none; its fonts are those of whoever opens it."""
+    about = {"Date": None, "Creator": None, "Format": None, "Type": None}
+    written = _saved(figure, "svg", about, transparent=transparent)
+    return written.replace(b"image-rendering:crisp-edges;image-rendering:pixelated", b"")
+
+
+def inline_svg(figure: "Figure", about: str) -> str:
+    """Return a figure as an element of a page of HTML: pictures are WebP, text and lines have the colour of the page.
+
+    Parameters
+    ----------
+    about
+        What the figure shows, for those who do not see it.
+    """
+    text = svg(figure, transparent=True).decode()
+    text = re.sub(r"data:image/png;base64,([^\"]+)", lambda found: _as_webp(found[1]), text[text.index("<svg") :])
+    text = re.sub(r' id="[a-z0-9_.]+_\d+"', "", text)  # a page may have several figures
+    text = text.replace(INK, "currentColor").replace(f"'{FONT}'", f"system-ui, '{FONT}'")
+    return text.replace("<svg", f'<svg role="img" aria-label="{escape(about)}"', 1)
+
+
+def _as_webp(data: str) -> str:
+    """Return the address of data that holds a PNG file, for the same picture as WebP."""
+    with PIL.Image.open(io.BytesIO(b64decode(data))) as image:
+        return f"data:image/webp;base64,{b64encode(webp(np.asarray(image))).decode('ascii')}"
+
+
+def _saved(figure: "Figure", kind: str, about: dict[str, None], *, transparent: bool) -> bytes:
+    file = io.BytesIO()
+    figure.patch.set_visible(not transparent)
+    with drawing(text_of(figure)):
+        figure.savefig(file, format=kind, metadata=about)
+    return file.getvalue()

@@ -4,19 +4,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import MeshError
-from cascadenorm.render import Figure, png, rasterized, webp
-from cascadenorm.render.figure import DPI
+from cascadenorm.render import pixels, png, webp
+from cascadenorm.render.encoding import animated_webp
+from cascadenorm.render.figure import pdf, svg
 from cascadenorm.render.mp4 import mp4, require_ffmpeg
-from cascadenorm.render.pdf import pdf
-from cascadenorm.render.pillow import animated_webp, require_pillow
 from cascadenorm.render.scenes import Style, check_style, figure, one_view, scene, turntable_views
-from cascadenorm.render.svg import svg
+from cascadenorm.render.style import DPI
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MILLISECONDS = 60
 """How long each picture of a turntable is seen."""
@@ -38,7 +40,7 @@ def draw(
     meshes
         Paths, or meshes of any kind that `denoise` takes.
     output
-        PNG, WebP, SVG or PDF file; in the last two text and frames are no pixels.
+        PNG, WebP, SVG or PDF file; in the last two, text and lines are not pixels.
     style
         Camera, colours, enlarged parts.
     names
@@ -56,10 +58,12 @@ def draw(
         Values that do not exist or need another mesh, a part outside the picture.
     OutputError
         The file exists and force is not given, it cannot be written, or ffmpeg is missing for an MP4 file.
-    MissingDependencyError
-        Pillow is not installed.
+
+    Warns
+    -----
+    UserWarning
+        No installed font has a character of a caption.
     """
-    require_pillow()
     output, style = Path(output), style or Style()
     encode = _encoder(output, turntable=turntable)
     if encode is mp4:
@@ -72,26 +76,22 @@ def draw(
     named = names or [Path(mesh).name if isinstance(mesh, str | PathLike) else "" for mesh in meshes]
     shown = scene([as_mesh(mesh) for mesh in meshes], named, style)
     if turntable:
-        images = (rasterized(figure(shown, views), transparent=style.transparent) for views in turntable_views(shown))
+        images = (pixels(figure(shown, views), transparent=style.transparent) for views in turntable_views(shown))
         data = encode(images, milliseconds=MILLISECONDS)
     else:
         data = encode(figure(shown, one_view(shown)), transparent=style.transparent)
     write_atomically(output, [data], force=force)
 
 
-def _png(figure: Figure, *, transparent: bool) -> bytes:
-    return png(rasterized(figure, transparent=transparent), dpi=DPI)
+def _png(figure: "Figure", *, transparent: bool) -> bytes:
+    return png(pixels(figure, transparent=transparent), dpi=DPI)
 
 
-def _webp(figure: Figure, *, transparent: bool) -> bytes:
-    return webp(rasterized(figure, transparent=transparent))
+def _webp(figure: "Figure", *, transparent: bool) -> bytes:
+    return webp(pixels(figure, transparent=transparent))
 
 
-def _pdf(figure: Figure, *, transparent: bool) -> bytes:
-    return pdf(figure)
-
-
-ENCODERS: Mapping[str, Callable[..., bytes]] = {".png": _png, ".webp": _webp, ".svg": svg, ".pdf": _pdf, "": _png}
+ENCODERS: Mapping[str, Callable[..., bytes]] = {".png": _png, ".webp": _webp, ".svg": svg, ".pdf": pdf, "": _png}
 """How a figure is written, by the extension of the file."""
 TURNTABLES: Mapping[str, Callable[..., bytes]] = {".webp": animated_webp, ".mp4": mp4}
 """How a turntable is written."""

@@ -3,21 +3,22 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.geometry.fields import QUANTITIES, Field, Quantity, field
+from cascadenorm.geometry.fields import QUANTITIES, Field, field
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh, scale_between, scaled_alike
-from cascadenorm.render import Camera, Figure, HeatMap, Image, color_bar, render, side_by_side, stacked
+from cascadenorm.render import Bar, Camera, HeatMap, Image, Inset, Panel, montage, render
 from cascadenorm.render.camera import Up
-from cascadenorm.render.panels import Inset, letter_size, panel
+from cascadenorm.render.figure import GAP
 
-GAP = 12
-"""Pixels between pictures."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 FRAMES = 72
 """Pictures of a turntable."""
 
@@ -150,32 +151,28 @@ def turntable_views(scene: Scene) -> Iterator[tuple[Camera, ...]]:
     return zip(*walks, strict=True)
 
 
-def figure(scene: Scene, cameras: Sequence[Camera]) -> Figure:
+def figure(scene: Scene, cameras: Sequence[Camera]) -> "Figure":
     """Draw the panels, and the bar of the colours beside them."""
-    panels = [_panel(scene, number, camera) for number, camera in enumerate(cameras)]
-    joined = side_by_side(panels, scene.captions if any(scene.captions) else (), gap=GAP)
-    if scene.quantities is None:
-        return joined
-    quantity = scene.quantities.quantity
-    height = max(one.height for one in panels)
-    bar = color_bar(
-        scene.limits,
-        signed=quantity.signed,
-        unit=quantity.unit,
-        label=_label(quantity, scene.style),
-        height=height,
-        letter=letter_size(scene.style.size, height),
-    )
-    bar = bar._replace(height=joined.height)  # beside the panels, not their captions
-    return stacked([joined, bar], gap=2 * GAP, side_by_side=True)
+    return montage([panels(scene, cameras)], bar=color_bar(scene))
 
 
-def _label(quantity: Quantity, style: Style) -> str:
+def panels(scene: Scene, cameras: Sequence[Camera]) -> list[Panel]:
+    """Draw each mesh as its camera sees it."""
+    return [_panel(scene, number, camera) for number, camera in enumerate(cameras)]
+
+
+def color_bar(scene: Scene) -> Bar | None:
     """Return what the colours mean; the mesh that others are measured from is the reference where one is given."""
-    return quantity.label if style.reference is None else quantity.label.replace("the input", "the reference")
+    if scene.quantities is None:
+        return None
+    quantity = scene.quantities.quantity
+    label = f"{quantity.label} ({quantity.unit})" if quantity.unit else quantity.label
+    if scene.style.reference is not None:
+        label = label.replace("the input", "the reference")
+    return Bar(label, scene.limits, quantity.signed)
 
 
-def _panel(scene: Scene, number: int, camera: Camera) -> Figure:
+def _panel(scene: Scene, number: int, camera: Camera) -> Panel:
     style = scene.style
     size = (style.size, style.size)
 
@@ -197,4 +194,4 @@ def _panel(scene: Scene, number: int, camera: Camera) -> Figure:
         Inset(*crop, picture(camera.cropped(*crop, size=size), side))
         for crop, side in zip(style.crops, sides, strict=True)
     ]
-    return panel(picture(camera, style.size), insets=insets, gap=GAP)
+    return Panel(picture(camera, style.size), scene.captions[number], insets)

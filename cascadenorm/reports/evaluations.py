@@ -1,6 +1,7 @@
 """An evaluation as HTML: tables and figures on one page, and a page with the viewer for each pair."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -20,13 +21,12 @@ from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import FilePair
 from cascadenorm.mesh import Mesh, scaled_alike
-from cascadenorm.render import Camera, rasterized, stacked, webp
+from cascadenorm.render import Camera, inline_svg, montage
 from cascadenorm.render.camera import MARGIN, projected
-from cascadenorm.render.pillow import require_pillow
-from cascadenorm.render.scenes import Style, figure, one_view, scene
-from cascadenorm.reports.box_plots import box_plot
+from cascadenorm.render.scenes import Style, color_bar, one_view, panels, scene
 from cascadenorm.reports.given import given
 from cascadenorm.reports.page import image, page, plain_page, table
+from cascadenorm.reports.plots import box_plot, dot_plot
 from cascadenorm.reports.scene import scene as viewer_scene
 
 WIDTH = 1640
@@ -47,7 +47,6 @@ class _Shown(NamedTuple):
 
 def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
     """Return where the pages of the pairs are written; raises what `report_evaluation` does where it cannot be."""
-    require_pillow()
     output = Path(output)
     check_output(output, force=force)
     return output.with_name(f"{output.stem}_files")
@@ -75,8 +74,6 @@ def report_evaluation(
         The evaluation kept no meshes.
     OutputError
         The file exists and force is not given, or it cannot be written.
-    MissingDependencyError
-        Pillow is not installed.
     """
     folder = check_evaluation(output, force=force)
     if done.records is None:
@@ -86,7 +83,7 @@ def report_evaluation(
     except OSError as error:
         raise OutputError(f"{folder} cannot be created: {error.strerror or error}") from error
     sections = [("Failures", _failures(done.failures))] if done.failures else []
-    sections += [(one.title, _table(one)) for one in tables.all_tables(done)]
+    sections += [("Overview", _overview(done)), *((one.title, _table(one)) for one in tables.all_tables(done))]
     named = {pair.name: pair for pair in done.pairs}
     measured = list(dict.fromkeys(result.pair for result in done.results))
     for number, name in enumerate(measured):
@@ -94,9 +91,9 @@ def report_evaluation(
         shown = _shown(done, named[name])
         file = f"{done.records.mesh_file(name, 'any').parent.name}.html"
         title = f"{name} – evaluation"
-        picture, content = _figure(shown), _pair_sections(shown)
-        link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Turn the meshes of {escape(name)} around</a></p>'
         caption = f"Above: the meshes. Below: angle between the normals of {name} and the true ones, face by face."
+        picture, content = _figure(shown, caption), _pair_sections(shown)
+        link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Turn the meshes of {escape(name)} around</a></p>'
         sections.append((name, image(picture, caption) + "".join(html for _, html in content) + link))
         whole = page(title, [], content, picture=picture, caption=caption, scene=_viewer(shown))
         write_atomically(folder / file, [whole.encode()], force=True)
@@ -113,14 +110,22 @@ def _shown(done: Evaluation, pair: FilePair) -> _Shown:
     return _Shown(pair, results, meshes, as_mesh(pair.clean))
 
 
+def _overview(done: Evaluation) -> str:
+    """The normal errors of all methods, a dot for each pair."""
+    errors: dict[str, list[float]] = {}
+    for result in done.results:
+        errors.setdefault(result.method, []).append(result.measures.normal_error_deg)
+    title = "Normal error (E_a) of each method: one dot for each pair, a line at the mean"
+    return dot_plot(errors, title=title, label="mean angle between face normals and the true ones (°)")
+
+
 def _pair_sections(shown: _Shown) -> list[tuple[str, str]]:
     """The figures of a pair, and how its errors are spread."""
-    rows = [(one.method, _angles(mesh, shown.clean)) for one, mesh in zip(shown.results, shown.meshes, strict=True)]
+    rows = {one.method: _angles(mesh, shown.clean) for one, mesh in zip(shown.results, shown.meshes, strict=True)}
     measured = tables.by_method(shown.results, "Measures")
-    return [
-        ("Measures", _table(measured)),
-        ("Angles between face normals and the true ones", box_plot(rows, unit="°")),
-    ]
+    title = "Angles of all faces: median, quartiles, and 5th to 95th percentile"
+    plot = box_plot(rows, title=title, label="angle between face normal and the true one (°)")
+    return [("Measures", _table(measured)), ("Angles between face normals and the true ones", plot)]
 
 
 def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
@@ -128,18 +133,18 @@ def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
     return found[~np.isnan(found)]
 
 
-def _figure(shown: _Shown) -> bytes:
+def _figure(shown: _Shown, about: str) -> str:
     """The meshes and the truth with a part enlarged, and their errors below on one scale."""
     count = len(shown.meshes) + 1
     size = int(np.clip(WIDTH / count - 12, SMALLEST, LARGEST))
     names = [one.method for one in shown.results]
     camera = Camera.looking_at(shown.clean)
-    style = Style(size=size, direction=camera.axes[2], crops=[_worst_part(shown, camera)])
+    style = Style(size=size, direction=camera.axes[2], crops=[_worst_part(shown, camera)], transparent=True)
     above = scene([*shown.meshes, shown.clean], [*names, "truth"], style)
-    heat = Style(size=size, direction=camera.axes[2], values="normal-error", reference=shown.clean)
+    heat = replace(style, crops=(), values="normal-error", reference=shown.clean)
     below = scene(shown.meshes, names, heat)
-    pictures = [figure(above, one_view(above)), figure(below, one_view(above)[:-1])]
-    return webp(rasterized(stacked(pictures, centered=False)))
+    views = one_view(above)
+    return inline_svg(montage([panels(above, views), panels(below, views[:-1])], bar=color_bar(below)), about)
 
 
 def _worst_part(shown: _Shown, camera: Camera) -> tuple[float, float, float]:

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.geometry.fields import QUANTITIES, Field, Quantity
 from cascadenorm.mesh import Mesh, MeshError, scaled_alike
-from cascadenorm.render import Camera, HeatMap, Image, png, rasterized, render, side_by_side, webp
-from cascadenorm.render.pillow import require_pillow
+from cascadenorm.render import Camera, HeatMap, Panel, inline_svg, montage, pixels, png, render
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.page import frame_page
 from cascadenorm.reports.scene import scene
 
 if TYPE_CHECKING:
     from anywidget import AnyWidget
+    from matplotlib.figure import Figure
 
 OWN = "values"
 """Name of the values that a caller gives."""
@@ -78,10 +78,9 @@ def view(
     ParameterError
         Values that do not exist or need another mesh, or are as many as neither vertices nor faces.
     MissingDependencyError
-        Anywidget or Pillow is not installed.
+        Anywidget is not installed.
     """
     widget = _widget()
-    require_pillow()
     keys = ("mesh",) if other is None and truth is None else ("before", "after", "truth")
     sources = [source for source in zip(keys, (mesh, other, truth), strict=False) if source[1] is not None]
     meshes = [given(key, source) for key, source in sources]
@@ -91,13 +90,13 @@ def view(
         against = "other" if QUANTITIES[shown.color].against == "input" else "truth"
         raise ParameterError(f"{shown.color} compares a mesh with another one", hint=f"give `{against}` as well")
     picture = _picture(shown)
-    names = ", ".join(one.label.lower() for one in shown.meshes)
-    page = frame_page(packed, webp(picture), f"Meshes: {names}", color=shown.color)
-    return widget(page=page, picture=png(picture), height=height)
+    caption = f"Meshes: {', '.join(one.label.lower() for one in shown.meshes)}"
+    page = frame_page(packed, inline_svg(picture, caption), caption, color=shown.color)
+    return widget(page=page, picture=png(pixels(picture)), height=height)
 
 
 def described(mesh: Mesh) -> str:
-    """Return HTML that says what a mesh is, with a picture where Pillow is installed and the mesh is not too large."""
+    """Return HTML that says what a mesh is, with a picture unless the mesh is too large."""
     words = (
         f"{len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces, mean edge length {mesh.mean_edge_length:.4g}, "
         f"bounding box {' × '.join(f'{side:.4g}' for side in np.ptp(mesh.vertices, axis=0))}"
@@ -106,10 +105,9 @@ def described(mesh: Mesh) -> str:
     if len(mesh.faces) > MOST_FACES:
         return f"<figure>{caption}</figure>"
     try:
-        require_pillow()
         (drawn,) = scaled_alike(mesh)
         data = b64encode(png(render(drawn, size=(SMALL, SMALL), transparent=True))).decode("ascii")
-    except (MissingDependencyError, MeshError):
+    except MeshError:
         return f"<figure>{caption}</figure>"
     return f'<figure><img src="data:image/png;base64,{data}" alt="The mesh" width="{SMALL}">{caption}</figure>'
 
@@ -134,7 +132,7 @@ def _values(meshes: Sequence[Given], values: str | ArrayLike | None) -> tuple[st
     raise ParameterError(f"have shape {numbers.shape}; the mesh has {sizes}", parameter="values")
 
 
-def _picture(shown: Shown) -> Image:
+def _picture(shown: Shown) -> "Figure":
     """All meshes side by side, from where the last is seen well, with the caller's own values as colours."""
     meshes = scaled_alike(*(one.mesh for one in shown.meshes))
     camera = Camera.looking_at(meshes[-1])
@@ -145,10 +143,11 @@ def _picture(shown: Shown) -> Image:
         else None
         for one in shown.meshes
     ]
-    pictures = [
-        render(mesh, view=camera, size=(PICTURE, PICTURE), values=heat) for mesh, heat in zip(meshes, maps, strict=True)
+    drawn = [
+        Panel(render(mesh, view=camera, size=(PICTURE, PICTURE), values=heat, transparent=True), one.label)
+        for one, mesh, heat in zip(shown.meshes, meshes, maps, strict=True)
     ]
-    return rasterized(side_by_side(pictures, [one.label for one in shown.meshes]))
+    return montage([drawn])
 
 
 @cache

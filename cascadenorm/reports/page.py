@@ -2,7 +2,6 @@
 
 import json
 import re
-from base64 import b64encode
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
@@ -19,7 +18,7 @@ def page(
     summary: Iterable[str],
     sections: Iterable[tuple[str, str]],
     *,
-    picture: bytes,
+    picture: str,
     caption: str,
     scene: Mapping[str, Any],
 ) -> str:
@@ -32,7 +31,7 @@ def page(
     sections
         Titles and their HTML.
     picture, caption
-        A WebP file, and what it shows.
+        An SVG element, and what it shows.
     scene
         Of the viewer.
     """
@@ -45,7 +44,7 @@ def plain_page(title: str, summary: Iterable[str], sections: Iterable[tuple[str,
     return _html(title, summary, sections)
 
 
-def frame_page(scene: Mapping[str, Any], picture: bytes, caption: str, *, color: str) -> str:
+def frame_page(scene: Mapping[str, Any], picture: str, caption: str, *, color: str) -> str:
     """Return a page with the viewer alone, for a frame in another page.
 
     Parameters
@@ -53,7 +52,7 @@ def frame_page(scene: Mapping[str, Any], picture: bytes, caption: str, *, color:
     scene
         Of the viewer.
     picture, caption
-        A WebP file, and what it shows.
+        An SVG element, and what it shows.
     color
         The quantity that is seen first; "" for none.
     """
@@ -115,10 +114,9 @@ def _html(
 """
 
 
-def image(picture: bytes, caption: str) -> str:
-    """Return a WebP file with what it shows."""
-    source = f"data:image/webp;base64,{b64encode(picture).decode('ascii')}"
-    return f'<figure><img src="{source}" alt="{escape(caption)}"><figcaption>{escape(caption)}</figcaption></figure>'
+def image(picture: str, caption: str) -> str:
+    """Return an SVG element with a caption."""
+    return f"<figure>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def table(

@@ -14,8 +14,7 @@ from cascadenorm.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.registry import find
-from cascadenorm.render import Camera, rasterized, render, side_by_side, webp
-from cascadenorm.render.pillow import require_pillow
+from cascadenorm.render import Camera, Panel, inline_svg, montage, render
 from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.page import code, listed, page, plain_page, table
@@ -45,7 +44,6 @@ class Contents(NamedTuple):
 
 def check_report(output: str | PathLike[str], *, force: bool) -> Path:
     """Return where a report is written; raises what `report` does where it cannot be."""
-    require_pillow()
     check_output(Path(output), force=force)
     return Path(output)
 
@@ -93,8 +91,6 @@ def report(
         A mesh that cannot be read or drawn, or no mesh.
     OutputError
         The file exists and force is not given, or it cannot be written.
-    MissingDependencyError
-        Pillow is not installed.
     """
     output = check_report(output, force=force)
     judged = [given("mesh" if result is None else "before", mesh)]
@@ -138,6 +134,7 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
     sections.append(("Files", table(facts.file_rows(shown))))
     sections.append(("Versions", table(facts.version_rows(done), head=False)))
     names = ", ".join(f"{one.label.lower()}: {one.name}" for one in shown)
+    caption = names[0].upper() + names[1:]
     title = f"{Path(shown[0].name).name} – {'denoised' if done else 'mesh report'}"
     summary = _summary(inspected, measured, done)
     why = _undrawn(shown[0]) if len(shown) == 1 else None
@@ -147,8 +144,8 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
         title,
         summary,
         sections,
-        picture=_picture(shown),
-        caption=names[0].upper() + names[1:],
+        picture=_picture(shown, caption),
+        caption=caption,
         scene=scene(shown, found),
     )
 
@@ -199,9 +196,12 @@ def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequenc
     return title + (f"<dl>{''.join(rows)}</dl>" if rows else "<p>No defects.</p>")
 
 
-def _picture(shown: Sequence[Given]) -> bytes:
+def _picture(shown: Sequence[Given], about: str) -> str:
     """All meshes side by side, from where the last is seen well."""
     meshes = scaled_alike(*(one.mesh for one in shown))
     view = Camera.looking_at(meshes[-1])
-    pictures = [render(mesh, view=view, size=PICTURE) for mesh in meshes]
-    return webp(rasterized(side_by_side(pictures, [one.label for one in shown])))
+    drawn = [
+        Panel(render(mesh, view=view, size=PICTURE, transparent=True), one.label)
+        for one, mesh in zip(shown, meshes, strict=True)
+    ]
+    return inline_svg(montage([drawn]), about)

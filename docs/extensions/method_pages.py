@@ -1,6 +1,6 @@
 """A page for each method with its formula, source, limits and parameters from the registry, and pictures of results."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from cascadenorm.data_gen.scanning.views import view
 from cascadenorm.data_gen.shapes import fields, organic
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import Method, Setting, by_family
-from cascadenorm.render import rasterized, render, side_by_side, stacked, webp
+from cascadenorm.render import Panel, montage, pixels, render, webp
 
 SIZE, SMALL = 320, 150
 """Width and height of a picture on a method's page and on the list of methods, in pixels."""
@@ -89,13 +89,16 @@ def _denoised(method: Method, example: Example) -> Mesh:
 def _picture(results: Mapping[str, Mesh], size: int) -> bytes:
     """The noisy shapes above their denoised versions."""
     rows = [[example.noisy for example in examples().values()], list(results.values())]
-    drawn = [[render(mesh, size=(size, size), transparent=True) for mesh in row] for row in rows]
-    return webp(rasterized(stacked([side_by_side(row) for row in drawn]), transparent=True))
+    return _drawn(rows, size)
 
 
 def _small(results: Mapping[str, Mesh]) -> bytes:
-    drawn = [render(results[shape], size=(SMALL, SMALL), transparent=True) for shape in ("cube", "statue")]
-    return webp(rasterized(side_by_side(drawn), transparent=True))
+    return _drawn([[results[shape] for shape in ("cube", "statue")]], SMALL)
+
+
+def _drawn(rows: Sequence[Sequence[Mesh]], size: int) -> bytes:
+    panels = [[Panel(render(mesh, size=(size, size), transparent=True)) for mesh in row] for row in rows]
+    return webp(pixels(montage(panels), transparent=True))
 
 
 def method_page(method: Method, results: Mapping[str, Mesh]) -> str:

@@ -15,7 +15,7 @@ from cascadenorm.learned.descriptors import SIGMA_R, SIGMA_S, bilateral_descript
 from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.regression import nearest, stage_stack
 from cascadenorm.mesh import angles_between
-from cascadenorm.render import Camera, png, rasterized, render, side_by_side, stacked
+from cascadenorm.render import Camera, Panel, montage, pixels, png, render
 
 ROOT = Path(__file__).parents[2]
 PART = ROOT / "cascadenorm" / "demo_data" / "part"
@@ -69,8 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             (f"vertices, stage {len(model.stages)}: {off(last)}", render(last, view=view, size=PANEL)),
         ],
     ]
-    figure = stacked([side_by_side([p for _, p in row], [c for c, _ in row]) for row in rows], gap=0)
-    write_atomically(output, [png(rasterized(figure))], force=True)
+    figure = montage([[Panel(picture, caption) for caption, picture in row] for row in rows])
+    write_atomically(output, [png(pixels(figure))], force=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 import io
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -78,14 +77,6 @@ def test_a_second_run_replaces_its_own_files_with_force_alone_and_no_other(examp
     assert (folder / "notes.txt").read_text() == "mine"
     assert (folder / ERRORS).read_bytes() == before
     (folder / "notes.txt").unlink()
-
-
-def test_without_pillow_there_are_meshes_and_a_way_to_pictures(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "PIL", None)
-    monkeypatch.setattr("cascadenorm.cli.demo.demo", partial(demo, methods=(METHOD,)))
-    assert run(["demo", str(tmp_path / "plain")]) == 0
-    assert 'pip install "cascadenorm[viz]"' in capsys.readouterr().out
-    assert {path.suffix for path in (tmp_path / "plain").rglob("*.*")} == {".ply"}
 
 
 def test_a_file_in_the_place_of_the_folder_is_left_alone(tmp_path, capsys):

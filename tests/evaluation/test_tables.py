@@ -80,8 +80,12 @@ def test_pages_have_tables_figures_and_the_viewer(measured, tmp_path):
     report_evaluation(tmp_path / "e.html", measured)
     text = (tmp_path / "e.html").read_text(encoding="utf-8")
     assert "ended with code 1" in text and text.count("<strong>") > 10
+    assert text.count("<figure><svg") == 2 and text.count("currentColor") > 50
+    assert all(f">{method}</text>" in text for method in measured.methods)
     data = [b64decode(found) for found in re.findall(r'image/webp;base64,([^"]+)', text)]
-    assert len(data) == 2 and all(PIL.Image.open(io.BytesIO(one)).size[0] > 1200 for one in data)
+    # with enlarged parts and the truth, and errors
+    sides = [PIL.Image.open(io.BytesIO(one)).size[0] for one in data]
+    assert sum(side > 200 for side in sides) == 2 * (3 * len(measured.methods) + 2)
     for name in SHAPES:
         assert f'href="e_files/{name}.html"' in text
         page = (tmp_path / "e_files" / f"{name}.html").read_text(encoding="utf-8")

@@ -1,7 +1,4 @@
 import io
-import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import PIL.Image
@@ -10,14 +7,11 @@ from pictures import decoded
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.cli import run
-from cascadenorm.errors import MissingDependencyError
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh, limit_threads
-from cascadenorm.render import Camera, HeatMap, color_bar, color_map, png, rasterized, render, side_by_side, webp
-from cascadenorm.render.color import UNKNOWN, linear
-from cascadenorm.render.figure import Figure, Frame, Text
+from cascadenorm.render import Camera, HeatMap, color_map, png, render, webp
+from cascadenorm.render.color import linear, named_colors
 from cascadenorm.render.files import draw
-from cascadenorm.render.panels import tick_texts, ticks
 from cascadenorm.render.scenes import Style
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
@@ -160,54 +154,6 @@ def test_a_png_decodes_to_the_same_pixels():
     assert (decoded(png(image)) == image).all()
 
 
-def test_colors_of_values_are_those_of_the_viewer_and_even():
-    """The first scale is viridis, stored as in the viewer; both change lightness in even steps, in OKLab."""
-    source = (Path(__file__).parents[2] / "viewer" / "src" / "colors.ts").read_text(encoding="utf-8")
-    stops = np.frombuffer(bytes.fromhex(re.search(r'VIRIDIS = "(\w+)"', source)[1]), np.uint8).reshape(-1, 3)
-    colors = 255 * color_map(signed=False)
-    places = np.linspace(0, 255, len(stops))
-    for channel in range(3):
-        np.testing.assert_allclose(colors[:, channel], np.interp(range(256), places, stops[:, channel]))
-    brightness = colors @ (0.2126, 0.7152, 0.0722)
-    assert (np.diff(brightness) > 0).all()
-    signed = color_map(signed=True)
-    half = signed[:128] @ (0.2126, 0.7152, 0.0722), signed[:127:-1] @ (0.2126, 0.7152, 0.0722)
-    assert all((np.diff(side) >= -0.004).all() for side in half)
-    assert np.ptp(signed[127]) < 0.02 and signed[0, 2] > signed[0, 0] + 0.3 and signed[-1, 0] > signed[-1, 2] + 0.3
-
-
-@pytest.mark.parametrize(
-    "seen",  # linear light as eyes without red or green cones see it (Viénot, Brettel, Mollon 1999)
-    [
-        [(0.11238, 0.88762, 0), (0.11238, 0.88762, 0), (0.00401, -0.00401, 1)],
-        [(0.29275, 0.70725, 0), (0.29275, 0.70725, 0), (-0.02234, 0.02234, 1)],
-    ],
-    ids=["protanopia", "deuteranopia"],
-)
-def test_colors_of_values_are_told_apart_by_the_color_blind(seen):
-    """In OKLab: values an eighth of the scale apart, and for signed ones those of equal size on both sides of 0."""
-    cones = [
-        (0.41222147, 0.53633254, 0.05144599),
-        (0.2119035, 0.68069955, 0.10739696),
-        (0.08830246, 0.28171884, 0.6299787),
-    ]
-    lab = [
-        (0.21045426, 0.79361778, -0.00407205),
-        (1.9779985, -2.42859221, 0.45059371),
-        (0.02590404, 0.78277177, -0.80867577),
-    ]
-
-    def perceived(signed):
-        light = np.clip(linear(color_map(signed=signed)) @ np.transpose(seen), 0, 1)
-        return np.cbrt(light @ np.transpose(cones)) @ np.transpose(lab)
-
-    colors = perceived(signed=False)
-    apart = np.linalg.norm(colors[32:] - colors[:-32], axis=1)
-    assert apart.min() > 0.05
-    below, above = (perceived(signed=True)[side][:96] for side in (np.s_[:], np.s_[::-1]))
-    assert np.linalg.norm(below - above, axis=1).min() > 0.05
-
-
 def test_a_value_has_its_color_at_faces_and_between_vertices():
     square = grid(1, 1)
     view = parallel(square)
@@ -243,7 +189,7 @@ def test_what_has_no_value_is_grey():
     heat = HeatMap(np.array([np.nan, 0.5]), "face", (0.0, 1.0))
     picture = render(grid(1, 1), view=parallel(grid(1, 1)), size=(50, 50), values=heat)
     grey = [pixel for pixel in picture.reshape(-1, 3) if np.ptp(pixel.astype(int)) < 2 and pixel[0] < 250]
-    assert 900 < len(grey) < 1250 and np.median(grey) <= 255 * UNKNOWN[0]
+    assert 900 < len(grey) < 1250 and np.median(grey) <= 255 * named_colors("unknown").max()
 
 
 def test_a_wireframe_has_lines_along_the_edges_only():
@@ -317,104 +263,6 @@ def test_a_walk_around_ends_where_it_began_and_keeps_all_in_the_picture():
 def test_the_chosen_axis_is_upward(up, upward):
     axes = Camera.looking_at(cube(1), up=up).axes
     assert axes[1] @ upward > 0.8 and axes[0] @ upward == pytest.approx(0, abs=1e-12)
-
-
-@pytest.mark.parametrize(("low", "high"), [(0, 1), (0, 30), (-0.0037, 0.0037), (1e-9, 3.3e-7), (5, 5.1)])
-def test_marks_are_round_and_within(low, high):
-    found = ticks(low, high)
-    steps = np.diff(found)
-    assert 4 <= len(found) <= 11 and low - 1e-9 * high <= found[0] and found[-1] <= high * (1 + 1e-9)
-    assert np.allclose(steps, steps[0]) and f"{steps[0]:.0e}"[0] in "125"
-
-
-@pytest.mark.parametrize(
-    ("values", "texts"),
-    [
-        ([0, 0.05, 0.1], ["0.00", "0.05", "0.10"]),
-        ([-10, 0, 10], ["-10", "0", "10"]),
-        ([0, 0.1 + 0.2], ["0.0", "0.3"]),
-        ([0, 2e-7], ["0", "2e-07"]),
-    ],
-)
-def test_the_numbers_of_a_bar_have_decimals_alike(values, texts):
-    assert tick_texts(values) == texts
-
-
-def test_the_bar_has_the_color_of_each_mark_beside_it():
-    bar = color_bar((0.0, 30.0), signed=False, unit="°", label="Angle", height=300, letter=10)
-    image = rasterized(bar)
-    marks = {item.text: item.y for item in bar.items if isinstance(item, Text) and not item.upward}
-    assert set(marks) == {"0°", "5°", "10°", "15°", "20°", "25°", "30°"}
-    for text, y in marks.items():
-        place = float(text[:-1]) / 30
-        row = min(max(round(y), 22), 277)
-        expected = 255 * color_map(signed=False)[round(255 * place)]
-        assert np.abs(image[row, 8] - expected).max() < 12
-
-
-def test_panels_keep_their_pixels_and_captions_stand_below():
-    left, right = np.full((40, 30, 3), 9, np.uint8), np.full((60, 20, 3), 70, np.uint8)
-    sheet = rasterized(side_by_side([left, right], ["ab", ""], gap=5))
-    assert sheet.shape[1] == 55
-    assert (sheet[10:50, :30] == left).all()
-    assert (sheet[:60, 35:] == right).all()
-    assert (sheet[60:, :30] < 200).any()
-    assert (sheet[60:, 35:] == 255).all()
-    with pytest.raises(ValueError, match="2 pictures and 1 captions"):
-        side_by_side([left, right], ["a"])
-
-
-def written(text, *, size, begins=False):
-    """Ink of a line of text on a white sheet."""
-    line = Text(text, 0 if begins else 200, 60, size, 400, begins=begins)
-    return 255 - rasterized(Figure(400, 120, [line])).astype(int)
-
-
-def test_captions_differ_by_character_and_capitals_are_as_high_as_asked():
-    characters = [chr(code) for code in range(33, 127)] + ["°", "é"]
-    drawn = {written(character, size=20).tobytes() for character in characters}
-    assert len(drawn) == len(characters)
-    assert not written(" ", size=20).any()
-    for size in (10, 40):
-        rows = np.flatnonzero(written("HEX", size=size).any(axis=(1, 2)))
-        assert np.ptp(rows) + 1 == pytest.approx(size, abs=1)
-        assert rows.mean() == pytest.approx(60, abs=1)
-
-
-def test_captions_are_centered_and_cut_where_their_room_ends():
-    columns = np.flatnonzero(written("HEX", size=20).any(axis=(0, 2)))
-    assert columns.mean() == pytest.approx(200, abs=2)
-    assert np.flatnonzero(written("HEX", size=20, begins=True).any(axis=(0, 2)))[0] == pytest.approx(2, abs=3)
-    long = written("H" + 100 * "m", size=20)
-    assert long[:, -1].any()
-    assert (long[:, :12] == written("H", size=20, begins=True)[:, :12]).all()
-
-
-def test_text_upward_is_the_line_turned():
-    line = Text("Hex", 60, 60, 12, 120)
-    level, upward = (rasterized(Figure(120, 120, [one])).astype(int) for one in (line, line._replace(upward=True)))
-    assert (np.rot90(level) == upward).mean() > 0.99
-
-
-def test_a_frame_covers_its_line_in_part_where_it_ends_within_a_pixel():
-    sheet = 255 - rasterized(Figure(20, 20, [Frame(4.5, 4, 10, 10, (0.0, 0.0, 0.0), 2.0)])).astype(int)[..., 0]
-    assert sheet[10, 2:7].tolist() == [0, 128, 255, 128, 0] or sheet[10, 2:7].tolist() == [0, 127, 255, 127, 0]
-    assert not sheet[7:11, 7:12].any()
-
-
-@pytest.mark.parametrize("name", ["two\nlines", "\udcff", "\0", "\t", "名前"])
-def test_any_name_of_a_file_is_a_caption_of_one_line(name):
-    rows = np.flatnonzero(written(name, size=20).any(axis=(1, 2)))
-    assert 0 < np.ptp(rows) < 40
-
-
-def test_pictures_without_pillow_say_what_to_install(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "PIL", None)
-    with pytest.raises(MissingDependencyError, match="needs Pillow") as raised:
-        draw([cube(1)], tmp_path / "cube.png")
-    assert raised.value.extra == "viz"
-    assert not list(tmp_path.iterdir())
-    assert render(cube(1), size=(9, 9)).shape == (9, 9, 3)
 
 
 def stray(vertices, faces):

@@ -254,6 +254,22 @@ def test_a_range_is_picked_by_dragging_over_the_histogram_and_cleared(browser, r
 
 
 @needs_browser
+def test_counts_in_the_histogram_are_logarithmic_unless_switched_off(browser, report):
+    browser.open(report, f"mode=one&left=before&color=normal-error&{FACE_ON}")
+    heights = "return [...document.querySelectorAll('.bars .bar')].map(e => Number(e.getAttribute('height')))"
+    logarithmic = np.array(browser.js(heights))
+    browser.one(".histogram input[type=checkbox]").click()
+    linear = np.array(browser.js(heights))
+    angles = np.degrees(np.arccos(np.clip((ROUGH.face_normals * CLEAN.face_normals).sum(axis=1), -1, 1)))
+    high = float(browser.one(".ticks").text.split()[2].rstrip("°"))
+    counts = np.histogram(np.minimum(angles, high * 0.9999), bins=len(linear), range=(0, high))[0]
+    share = linear / linear.max()
+    assert np.cumsum(share) / share.sum() == pytest.approx(np.cumsum(counts) / counts.sum(), abs=0.03)
+    most = len(ROUGH.faces) / share.sum()
+    assert logarithmic / logarithmic.max() == pytest.approx(np.log1p(share * most) / np.log1p(most), abs=0.06)
+
+
+@needs_browser
 def test_keys_turn_blink_and_change_the_mode_and_the_address_shows_it_again(browser, report):
     browser.open(report, f"mode=split&{FACE_ON}")
     browser.press("3")
@@ -424,8 +440,8 @@ def test_without_webgl_picture_and_text_stay(report):
         browser.open(report)
         assert browser.js("return document.getElementById('viewer').dataset.state") == "still"
         assert "no WebGL" in browser.one("#viewer").text
-        image = browser.one("#viewer img")
-        assert image.is_displayed() and browser.js("return arguments[0].naturalWidth", image) > 1000
+        image = browser.one("#viewer svg")
+        assert image.is_displayed() and image.rect["width"] > 1000
         assert "Findings" in browser.one("main").text
     finally:
         browser.driver.quit()

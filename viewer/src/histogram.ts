@@ -1,7 +1,7 @@
 // How often each value of a field occurs, over the colours that stand for it; a range is picked by dragging.
 
 import { colorMap, STEPS } from "./colors";
-import { make, makeSvg, short, withUnit } from "./dom";
+import { checkbox, make, makeSvg, short, withUnit } from "./dom";
 import { Field } from "./model";
 
 const BARS = 48;
@@ -21,6 +21,12 @@ export class Histogram {
   private readonly lower: HTMLInputElement;
   private readonly upper: HTMLInputElement;
   private readonly clear: HTMLButtonElement;
+  private readonly log = checkbox("Log scale of counts", () => this.logarithmic, (on) => {
+    this.logarithmic = on;
+    this.redraw();
+  });
+  private logarithmic = true; // else all but the most frequent values are too few to be seen
+  private redraw = () => {};
   private field: Field | null = null;
   private limits: [number, number] = [0, 1];
   private counted: { key: string; counts: number[][] } = { key: "", counts: [] };
@@ -40,6 +46,7 @@ export class Histogram {
       this.drawing as unknown as HTMLElement,
       this.ticks,
       this.caption,
+      this.log.element,
       make("div", { class: "range" }, make("span", {}, "Highlight"), this.lower, "to", this.upper, this.clear),
     );
     this.drawing.addEventListener("pointerdown", (event) => this.drag(event as PointerEvent));
@@ -50,7 +57,9 @@ export class Histogram {
     this.limits = limits;
     const key = [field.name, ...series.map(({ label }) => label), ...limits].join();
     if (key !== this.counted.key) this.counted = { key, counts: series.map(({ values }) => this.count(values)) };
-    this.draw(series, range);
+    this.redraw = () => this.draw(series, range);
+    this.log.update();
+    this.redraw();
   }
 
   // Values beyond the limits count in the outermost bars.
@@ -73,7 +82,8 @@ export class Histogram {
       return `rgb(${colors[at]},${colors[at + 1]},${colors[at + 2]})`;
     };
     const tallest = Math.max(...this.counted.counts.flat(), 1);
-    const y = (count: number) => HEIGHT - (count > 0 ? Math.max((HEIGHT - 2) * (count / tallest), 1) : 0);
+    const share = (count: number) => (this.logarithmic ? Math.log1p(count) / Math.log1p(tallest) : count / tallest);
+    const y = (count: number) => HEIGHT - (count > 0 ? Math.max((HEIGHT - 2) * share(count), 1) : 0);
     const [step, parts] = [WIDTH / BARS, [] as Node[]];
     const last = this.counted.counts.length - 1;
     this.counted.counts[last].forEach((count, i) => {
@@ -95,7 +105,7 @@ export class Histogram {
     this.ticks.replaceChildren(...marks);
     const what = field.at === "face" ? "faces" : "vertices";
     this.caption.textContent = [
-      field.unit === "°" || field.unit === "" ? "" : `In ${field.unit}. `,
+      `${field.label}${field.unit && ` (${field.unit})`}, number of ${what} upward. `,
       last > 0 ? `${series[last].label} filled, ${series[0].label.toLowerCase()} outlined. ` : "",
       `Drag to highlight ${what}.`,
     ].join("");

@@ -1,11 +1,13 @@
 // One program draws every surface: three vertices a face without an index, so that faces have values of their own and
 // flat shading needs no normals. What belongs to a vertex or a face lies in textures WIDTH texels wide.
 
-import { PINNED } from "./colors";
+import { CLAY, Color, INSIDE, PINNED, UNKNOWN } from "./colors";
 
 export const WIDTH = 2048;
 export const NOTHING = -3e38; // stands for NaN, which a texture need not keep
 export const PIN = -1e38; // stands for a vertex that stays
+
+const vec3 = (color: Color) => `vec3(${color.join(".0, ")}.0) / 255.0`;
 
 export const vertexShader = `
 precision highp float;
@@ -82,10 +84,10 @@ flat in int face;
 
 out vec4 color;
 
-const vec3 CLAY = vec3(0.72, 0.76, 0.82);
-const vec3 INSIDE = vec3(0.80, 0.55, 0.42);
-const vec3 UNKNOWN = vec3(0.62);
-const vec3 PINNED = vec3(${PINNED.join(".0, ")}.0) / 255.0;
+const vec3 CLAY = ${vec3(CLAY)};
+const vec3 INSIDE = ${vec3(INSIDE)};
+const vec3 UNKNOWN = ${vec3(UNKNOWN)};
+const vec3 PINNED = ${vec3(PINNED)};
 
 vec3 linear(vec3 c) { return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c)); }
 vec3 encoded(vec3 c) {

@@ -1,5 +1,7 @@
 """Commands that draw meshes."""
 
+import sys
+import warnings
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -20,17 +22,12 @@ def demo(
     """Denoise three meshes that come with the package, and write meshes and pictures into a folder."""
     from cascadenorm.cli import demo as demonstration
     from cascadenorm.cli import progress_bars, tables
-    from cascadenorm.errors import MissingDependencyError
 
     with progress_bars.progress_tasks() as progress:
         examples = demonstration.demo(folder, force=force, progress=progress)
     tables.print_table(demonstration.table(examples))
-    try:
-        demonstration.draw(examples, folder)
-    except MissingDependencyError as error:
-        print(f"the meshes are in {folder}; to draw pictures of them, install Pillow: {error.command}")
-    else:
-        print(f"the meshes and pictures are in {folder}; start with {folder / demonstration.BEFORE_AFTER}")
+    demonstration.draw(examples, folder)
+    print(f"the meshes and pictures are in {folder}; start with {folder / demonstration.BEFORE_AFTER}")
 
 
 Meshes = Annotated[
@@ -128,5 +125,9 @@ def render(
     )
     for path, turning in ((output, False), (turntable, True)):
         if path is not None:
-            draw(meshes, path, style, turntable=turning, force=force)
+            with warnings.catch_warnings(record=True) as said:
+                warnings.filterwarnings("always", "no font on this machine", UserWarning)
+                draw(meshes, path, style, turntable=turning, force=force)
+            for line in dict.fromkeys(str(one.message) for one in said):
+                print(f"warning: {line}", file=sys.stderr)
             print(path)

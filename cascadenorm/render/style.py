@@ -1,0 +1,83 @@
+"""How matplotlib draws our figures, with fonts for whatever their text is written in."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 300
+"""Pixels an inch."""
+INK = "#333842"
+"""Colour of text and lines."""
+ACCENTS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")
+"""Colours that the colour-blind tell apart (Okabe and Ito 2008)."""
+FONT = "DejaVu Sans"
+"""The font that comes with matplotlib: Latin, Greek, Cyrillic and more."""
+SETTINGS = {
+    "figure.dpi": DPI,
+    "savefig.dpi": "figure",
+    "text.parse_math": False,  # a dollar sign in the name of a file is one
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.edgecolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cascadenorm",  # the same names in every run
+    "pdf.fonttype": 42,
+}
+
+
+@contextmanager
+def drawing(text: str) -> Iterator[None]:
+    """Set matplotlib up for a figure that contains some text, whatever the user's own settings are."""
+    from matplotlib import style
+
+    settings = {**SETTINGS, "font.family": [*fonts(text)[0], "sans-serif"], "font.sans-serif": FONT}
+    with style.context(["default", settings]), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)  # fonts() tells which
+        yield
+
+
+def text_of(figure: "Figure") -> str:
+    """Return all that is written in a figure."""
+    from matplotlib.text import Text
+
+    return "".join(text.get_text() for text in figure.findobj(Text))
+
+
+def warn_of_missing(text: str) -> None:
+    """Warn of characters that no font on this machine has."""
+    missing = fonts(text)[1]
+    if missing:
+        names = ", ".join(f"{character} (U+{ord(character):04X})" for character in missing)
+        problem = f"no font on this machine has {names}; boxes are drawn instead"
+        warnings.warn(f"{problem}: install a font such as Noto Sans, or write an SVG file", stacklevel=3)
+
+
+def fonts(text: str) -> tuple[list[str], str]:
+    """Return the names of fonts that together have the characters of a text, and the characters that none has."""
+    return _fonts(frozenset(filter(str.isprintable, text)))
+
+
+@cache
+def _fonts(characters: frozenset[str]) -> tuple[list[str], str]:
+    from matplotlib.font_manager import FontProperties, findfont, fontManager, get_font
+
+    plain = [one for one in fontManager.ttflist if (one.style, one.weight, one.stretch) == ("normal", 400, "normal")]
+    others = {one.name for one in plain if not one.name.startswith("Last Resort")} - {FONT}  # a font of boxes
+    names: list[str] = []
+    missing = set(characters)
+    for name in [FONT, *sorted(others, key=lambda name: ("Sans" not in name, name))]:
+        if names and not missing:
+            break
+        known = {chr(code) for code in get_font(findfont(FontProperties(family=[name]))).get_charmap()}
+        if name == FONT or known & missing:
+            names.append(name)
+            missing -= known
+    return names, "".join(sorted(missing))

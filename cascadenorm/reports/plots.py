@@ -1,0 +1,92 @@
+"""Plots of an evaluation as SVG elements, in the colours of the page."""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cascadenorm.render import inline_svg
+from cascadenorm.render.style import ACCENTS, INK, drawing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+QUANTILES = {"whislo": 0.05, "q1": 0.25, "med": 0.5, "q3": 0.75, "whishi": 0.95}
+"""Ends of the whiskers and of the box, and the line in it, as matplotlib calls them."""
+WIDTH, ROW, BESIDES = 720, 30, 80
+"""Pixels: width of a plot, height of a row, and height of title and axis together."""
+FONT = 13
+"""Size of the text in pixels."""
+
+
+def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
+    """Draw how values are spread, a row each: box from the first to the third quartile, whiskers from 5 to 95 %.
+
+    Parameters
+    ----------
+    rows
+        Names and their values, at least one each.
+    title
+        What the plot shows.
+    label
+        Name and unit of the values.
+    """
+    boxes = [{name: float(np.quantile(values, share)) for name, share in QUANTILES.items()} for values in rows.values()]
+
+    def draw(axes: "Axes") -> None:
+        axes.bxp(
+            boxes,
+            positions=range(len(boxes)),
+            widths=0.5,
+            orientation="horizontal",
+            showfliers=False,
+            showcaps=False,
+            patch_artist=True,
+            boxprops={"facecolor": INK, "alpha": 0.35, "linewidth": 0},
+            whiskerprops={"color": INK},
+            medianprops={"color": ACCENTS[0], "linewidth": 2.5},
+        )
+
+    medians = [f"{name}: median {box['med']:.2f}" for name, box in zip(rows, boxes, strict=True)]
+    return _plot(rows, title, label, draw, f"{title}. {'; '.join(medians)}")
+
+
+def dot_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
+    """Draw a dot for each value and a line at the mean, a row each.
+
+    Parameters
+    ----------
+    rows, title, label
+        As in `box_plot`.
+    """
+    means = {name: float(np.mean(values)) for name, values in rows.items()}
+
+    def draw(axes: "Axes") -> None:
+        for place, values in enumerate(rows.values()):
+            axes.plot(values, np.full(np.size(values), place), "o", color=INK, alpha=0.5, mew=0)
+        axes.plot(list(means.values()), range(len(means)), "|", color=ACCENTS[0], markersize=18, mew=2.5)
+
+    shown = [f"{name}: mean {mean:.2f}" for name, mean in means.items()]
+    return _plot(rows, title, label, draw, f"{title}. {'; '.join(shown)}")
+
+
+def _plot(rows: Mapping[str, ArrayLike], title: str, label: str, draw: Callable[["Axes"], None], about: str) -> str:
+    """Draw a plot with a row for each name, and values from zero to the right."""
+    names = [name.replace("\n", " ") for name in rows]
+    with drawing("".join([*names, title, label])):
+        from matplotlib.figure import Figure
+
+        size = WIDTH / 72, (BESIDES + ROW * len(names)) / 72
+        figure = Figure(size, dpi=72, layout="constrained")  # a point is a pixel
+        axes = figure.subplots()
+        draw(axes)
+        axes.set_title(title, size=FONT, loc="left")
+        axes.set_xlabel(label, size=FONT)
+        axes.set_yticks(range(len(names)), names)
+        axes.tick_params(labelsize=FONT, length=0)
+        axes.set(xlim=(0, None), ylim=(len(names) - 0.5, -0.5))
+        axes.grid(axis="x", color=INK, alpha=0.2)
+        axes.spines[:].set_visible(False)
+        axes.patch.set_visible(False)
+    return inline_svg(figure, about)
