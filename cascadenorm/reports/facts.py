@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from cascadenorm.api.denoised_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
@@ -21,6 +21,11 @@ from cascadenorm.version import __version__
 
 Rows = list[tuple[str, ...]]
 
+SYMBOLS = (
+    "E_a is the mean angle between the face normals and those of the true mesh, and E_v the mean distance of the "
+    "vertices to its surface. Distances are in mean edge lengths of the true mesh or in diagonals of its bounding box."
+)
+"""What the symbols and units of the errors mean."""
 LIBRARIES = ("numpy", "scipy", "numba")
 """Packages whose version may change the last digits of a result."""
 
@@ -51,32 +56,54 @@ def _shape(found: Inspection) -> dict[str, str]:
         "spikes": _counted(found.spikes),
         "small components": _counted(found.small_components),
         "genus": "none" if found.genus is None else str(found.genus),
-        "mean edge length": _number(found.mean_edge_length),
-        "area": _number(found.area),
-        "enclosed volume": _number(found.volume),
-        "noise along the normal": "unknown" if found.noise is None else f"{found.noise:.2g} mean edge lengths",
+        "mean edge length (mesh units)": _number(found.mean_edge_length),
+        "area (mesh units²)": _number(found.area),
+        "enclosed volume (mesh units³)": _number(found.volume),
+        "noise along the normal (mean edge lengths)": "unknown" if found.noise is None else f"{found.noise:.2g}",
         "kind of error": "not determined for so many faces" if found.error is None else str(found.error),
         "treated as": "" if found.treated_as is None else str(found.treated_as),
     }
 
 
 def measure_rows(measured: Sequence[tuple[Given, Measures]]) -> Rows:
-    """Errors against the truth, a column a mesh."""
-    words = [measures.in_words() for _, measures in measured]
+    """Return the errors against the truth, with a column for each mesh."""
     head = ("", *(given.label for given, _ in measured))
-    return [head, *((name, *(of[name] for of in words)) for name in (words[0] if words else ()))]
+    columns = [_measured(measures) for _, measures in measured]
+    return [head, *((name, *(column[name] for column in columns)) for name in columns[0])]
 
 
-def setting_rows(done: DenoisingSummary) -> Rows:
-    """Every parameter of the method and every control, with its value and whether it was given."""
-    rows: Rows = [("", "value", "default", "meaning")]
-    for parameter in find(done.method).given_by_name:
-        value = done.parameters.get(parameter.name, parameter.default)
-        rows.append((parameter.name, _setting(value), _setting(parameter.default), parameter.about.help))
-    given = {"strength": done.strength, **done.controls}
-    for name, value in given.items():
-        rows.append((name, _setting(value), _setting(CONTROLS[name].default), CONTROLS[name].about.help))
-    return rows
+def _measured(measures: Measures) -> dict[str, str]:
+    ratio = measures.volume_ratio
+    return {
+        "mean angle E_a (°)": f"{measures.normal_error_deg:.3f}",
+        "root mean square angle (°)": f"{measures.normal_error_rms_deg:.3f}",
+        "95th percentile of the angle (°)": f"{measures.normal_error_p95_deg:.3f}",
+        "mean angle by area (°)": f"{measures.normal_error_area_deg:.3f}",
+        "flipped faces (%)": f"{measures.flipped_percent:.3f}",
+        "mean distance E_v (mean edge lengths)": f"{measures.vertex_error_edges:.4f}",
+        "root mean square distance (mean edge lengths)": f"{measures.vertex_rms_edges:.4f}",
+        "Hausdorff distance (diagonals)": f"{measures.hausdorff_diagonal:.5f}",
+        "volume ratio": "open" if ratio is None else f"{ratio:.6f}",
+    }
+
+
+class Settings(NamedTuple):
+    """Rows of the parameters and controls: those that differ from their defaults, and the others; both with a head."""
+
+    changed: Rows
+    usual: Rows
+
+
+def settings(done: DenoisingSummary) -> Settings:
+    """Return every parameter of the method and every control, with its value, its default and its meaning."""
+    head = ("", "value", "default", "meaning")
+    found = Settings([head], [head])
+    listed = [(one, done.parameters.get(one.name, one.default)) for one in find(done.method).given_by_name]
+    listed += [(CONTROLS[name], value) for name, value in {"strength": done.strength, **done.controls}.items()]
+    for setting, value in listed:
+        row = (setting.name, _setting(value), _setting(setting.default), setting.about.help)
+        (found.usual if value == setting.default else found.changed).append(row)
+    return found
 
 
 def version_rows(done: DenoisingSummary | None) -> Rows:

@@ -18,12 +18,11 @@ from cascadenorm.render import Camera, rasterized, render, side_by_side, webp
 from cascadenorm.render.pillow import require_pillow
 from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
-from cascadenorm.reports.page import code, listed, page, plain_page, table
+from cascadenorm.reports.key_figures import Inspected, Measured, headline, key_figures
+from cascadenorm.reports.page import code, folded, listed, page, plain_page, table
 from cascadenorm.reports.places import Place, places
 from cascadenorm.reports.scene import scene
 
-Inspected = Sequence[tuple[Given, Inspection]]
-Measured = Sequence[tuple[Given, Measures]]
 PICTURE = (560, 560)
 """Size of each picture of a mesh, in pixels."""
 
@@ -123,38 +122,57 @@ def report_denoised(
 def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> str:
     """Return the page of a report."""
     found = [place for one, inspection in inspected for place in places(one, inspection)]
-    warnings = facts.warnings(done, inspected)
-    sections = [("Warnings", listed(warnings))] if warnings else []
-    if measured:
-        sections.append(("Errors against the truth", table(facts.measure_rows(measured))))
-    sections.append(("Shape", table(facts.shape_rows(inspected))))
-    sections.append(("Findings", "".join(_findings(*one, len(inspected) > 1, found) for one in inspected)))
-    if done is not None:
-        method = find(done.method)
-        about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
-        sections.append(("Method and settings", about + table(facts.setting_rows(done), prose=True)))
-        again = code(facts.command_line(done)) + code(facts.python_call(done))
-        sections.append(("Reproduce", again))
-    sections.append(("Files", table(facts.file_rows(shown))))
-    sections.append(("Versions", table(facts.version_rows(done), head=False)))
+    sections = _sections(shown, inspected, measured, done, found)
     names = ", ".join(f"{one.label.lower()}: {one.name}" for one in shown)
     title = f"{Path(shown[0].name).name} – {'denoised' if done else 'mesh report'}"
-    summary = _summary(inspected, measured, done)
     why = _undrawn(shown[0]) if len(shown) == 1 else None
     if why is not None:
-        return plain_page(title, [f"There is nothing to show: {why}.", *summary], sections)
+        return plain_page(title, [f"There is nothing to show: {why}."], sections)
     return page(
         title,
-        summary,
+        headline(inspected, done),
         sections,
+        tiles=key_figures(inspected, measured, done),
         picture=_picture(shown),
         caption=names[0].upper() + names[1:],
         scene=scene(shown, found),
     )
 
 
+def _sections(
+    shown: Sequence[Given],
+    inspected: Inspected,
+    measured: Measured,
+    done: DenoisingSummary | None,
+    found: Sequence[Place],
+) -> list[tuple[str, str]]:
+    """Return the titles and the HTML of what stands below the viewer."""
+    warnings = facts.warnings(done, inspected)
+    sections = [("Warnings", listed(warnings))] if warnings else []
+    if measured:
+        errors = table(facts.measure_rows(measured), numbers=True)
+        sections.append(("Errors against the truth", f"<p>{escape(facts.SYMBOLS)}</p>{errors}"))
+    sections.append(("Findings", "".join(_findings(*one, len(inspected) > 1, found) for one in inspected)))
+    sections.append(("Shape", table(facts.shape_rows(inspected))))
+    if done is not None:
+        sections.append(("Method and settings", _settings(done)))
+        sections.append(("Reproduce", code(facts.command_line(done)) + code(facts.python_call(done))))
+    files = table(facts.file_rows(shown), stacked=True)
+    sections.append(("Files", files + folded("Versions", table(facts.version_rows(done), head=False))))
+    return sections
+
+
+def _settings(done: DenoisingSummary) -> str:
+    """Return what the method is, the settings that were changed, and below a fold the others."""
+    method, settings = find(done.method), facts.settings(done)
+    about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
+    changed = table(settings.changed, prose=True) if settings.changed[1:] else ""
+    title = counted(len(settings.usual) - 1, "setting has its default", "settings have their defaults")
+    return about + changed + folded(title, table(settings.usual, prose=True))
+
+
 def _undrawn(alone: Given) -> str | None:
-    """Why a mesh has no surface that can be drawn; None where it has one."""
+    """Return why a mesh has no surface that can be drawn; None where it has one."""
     if not len(alone.file.polygons):
         return f"{alone.name} has no faces"
     try:
@@ -162,25 +180,6 @@ def _undrawn(alone: Given) -> str | None:
     except MeshError as error:
         return error.problem
     return None
-
-
-def _summary(inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> list[str]:
-    """What matters most, in a sentence each."""
-    said = []
-    if done is not None:
-        said.append(
-            f"{done.method} moved {done.moved:,} of {done.vertices:,} vertices by "
-            f"{done.mean_displacement:.3g} mean edge lengths on average and {done.largest_displacement:.3g} at most, "
-            f"in {done.seconds:.1f} s."
-        )
-    if measured:
-        errors = [f"{one.label.lower()} {measures.normal_error_deg:.2f}°" for one, measures in measured]
-        said.append(f"Mean angle between the normals and the true ones: {', '.join(errors)}.")
-    for one, found in inspected:
-        noise = "noise unknown" if found.noise is None else f"noise of about {found.noise:.2g} mean edge lengths"
-        kinds = counted(len(found.findings), "kind of defect", "kinds of defects") if found.findings else "no defects"
-        said.append(f"{one.label}: {found.faces:,} {'face' if found.faces == 1 else 'faces'}, {noise}, {kinds}.")
-    return said
 
 
 def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequence[Place]) -> str:
