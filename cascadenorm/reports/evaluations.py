@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import tables
 from cascadenorm.evaluation.harness import Evaluation, Failure, Result
+from cascadenorm.evaluation.runs import NOISY
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.metrics import errors
 from cascadenorm.io import OutputError
@@ -26,12 +27,22 @@ from cascadenorm.render.pillow import require_pillow
 from cascadenorm.render.scenes import Style, figure, one_view, scene
 from cascadenorm.reports.box_plots import box_plot
 from cascadenorm.reports.given import given
-from cascadenorm.reports.page import image, page, plain_page, table
+from cascadenorm.reports.overview import overview
+from cascadenorm.reports.page import Tile, image, page, plain_page, table
 from cascadenorm.reports.scene import scene as viewer_scene
 
 WIDTH = 1640
 """Of a row of pictures, in pixels; they are the smaller, the more there are."""
 LARGEST, SMALLEST = 420, 160
+OVERVIEW = "Mean angle by method"
+SYMBOLS = (
+    "E_a is the mean angle between the face normals of a mesh and those of the true mesh, in degrees. E_v is the mean "
+    "distance of its vertices to the true surface, in mean edge lengths."
+)
+BOXES = (
+    '<p class="note">Boxes span the quartiles, and the line in each is the median; whiskers end at the 5th and the '
+    "95th percentile.</p>"
+)
 CROP = 0.22
 """Width of the part that is enlarged, as a share of the picture."""
 
@@ -86,7 +97,14 @@ def report_evaluation(
     except OSError as error:
         raise OutputError(f"{folder} cannot be created: {error.strerror or error}") from error
     sections = [("Failures", _failures(done.failures))] if done.failures else []
-    sections += [(one.title, _table(one)) for one in tables.all_tables(done)]
+    means = [
+        (f"{one.method} *" if one.method in done.partial else one.method, one.measures.normal_error_deg)
+        for one in done.means
+    ]
+    sections.append((OVERVIEW, overview(means, unit="°")))
+    of_pairs, *others = tables.all_tables(done)
+    sections.append((f"Mean angle {of_pairs.title}", f"<p>{SYMBOLS}</p>{_table(of_pairs)}"))
+    sections += [(one.title, _table(one)) for one in others]
     named = {pair.name: pair for pair in done.pairs}
     measured = list(dict.fromkeys(result.pair for result in done.results))
     for number, name in enumerate(measured):
@@ -95,15 +113,28 @@ def report_evaluation(
         file = f"{done.records.mesh_file(name, 'any').parent.name}.html"
         title = f"{name} – evaluation"
         picture, content = _figure(shown), _pair_sections(shown)
-        link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Turn the meshes of {escape(name)} around</a></p>'
-        caption = f"Above: the meshes. Below: angle between the normals of {name} and the true ones, face by face."
-        sections.append((name, image(picture, caption) + "".join(html for _, html in content) + link))
+        link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Open {escape(name)} in the 3-D viewer</a></p>'
+        caption = f"Above: the meshes. Below: angle between the face normals of {name} and the true ones."
+        parts = "".join(f"<h3>{escape(about)}</h3>{html}" for about, html in content)
+        sections.append((name, image(picture, caption) + link + parts))
         whole = page(title, [], content, picture=picture, caption=caption, scene=_viewer(shown))
         write_atomically(folder / file, [whole.encode()], force=True)
     progress("writing", len(measured), len(measured))
-    count = f"{len(measured)} pairs, {len(done.methods)} rows each."
-    about = [count, "The best value of each row or column is in bold; – marks unknown values."]
-    write_atomically(Path(output), [plain_page("Evaluation", about, sections).encode()], force=force)
+    about = ["The best value of each row or column is in bold; – marks unknown values."]
+    whole = plain_page("Evaluation", about, sections, tiles=_tiles(done, len(measured)))
+    write_atomically(Path(output), [whole.encode()], force=force)
+
+
+def _tiles(done: Evaluation, pairs: int) -> list[Tile]:
+    """Return the figures at the top: the best mean angle, that of the noisy meshes, and the counts."""
+    means = {one.method: one.measures.normal_error_deg for one in done.means}
+    judged = {method: angle for method, angle in means.items() if method != NOISY and method not in done.partial}
+    tiles = [Tile("Noisy", (f"{means[NOISY]:.2f}°",), "mean angle E_a")] if NOISY in means else []
+    if judged:
+        best = min(judged, key=judged.__getitem__)
+        tiles.append(Tile(f"Best: {best}", (f"{judged[best]:.2f}°",), "mean angle E_a"))
+    tiles += [Tile("Pairs", (f"{pairs:,}",)), Tile("Methods", (f"{len(done.methods) - (NOISY in done.methods):,}",))]
+    return [*tiles, Tile("Failures", (f"{len(done.failures):,}",))] if done.failures else tiles
 
 
 def _shown(done: Evaluation, pair: Pair) -> _Shown:
@@ -114,12 +145,15 @@ def _shown(done: Evaluation, pair: Pair) -> _Shown:
 
 
 def _pair_sections(shown: _Shown) -> list[tuple[str, str]]:
-    """The figures of a pair, and how its errors are spread."""
+    """Return the measures of a pair, and how its errors are spread."""
     rows = [(one.method, _angles(mesh, shown.clean)) for one, mesh in zip(shown.results, shown.meshes, strict=True)]
     measured = tables.by_method(shown.results, "Measures")
     return [
         ("Measures", _table(measured)),
-        ("Angles between face normals and the true ones", box_plot(rows, unit="°")),
+        (
+            "Angle between the face normals and the true ones",
+            f'<div class="chart">{box_plot(rows, unit="°")}</div>{BOXES}',
+        ),
     ]
 
 
