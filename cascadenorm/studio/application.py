@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from cascadenorm.errors import CascadenormError, ParameterError
@@ -59,6 +59,7 @@ class Application:
     def __init__(self, session: Session, uploads: Uploads) -> None:
         self._session, self._uploads = session, uploads
         self._drops = 0
+        self._saved: list[str] = []
 
     def routes(self) -> list[Route]:
         """Return the routes."""
@@ -76,6 +77,7 @@ class Application:
             "/api/cancel": ("POST", self.cancel),
             "/api/recipe": ("POST", self.recipe),
             "/api/save": ("POST", self.save),
+            "/api/saved/{number:int}": ("GET", self.saved),
             "/api/download": ("POST", self.download),
         }
         routes = [
@@ -188,7 +190,17 @@ class Application:
         target, force = self._target(given.get("name")), given.get("force") is True
         if not (self._session.opened or {}).get("saves"):
             raise ParameterError("a dropped file has no folder to save to", hint="download the result")
-        return Json(await self._session.ask("save", settings=_of(given), target=str(target), force=force))
+        done = await self._session.ask("save", settings=_of(given), target=str(target), force=force)
+        self._saved += [path for path in done["files"] if path not in self._saved]
+        files = [{"path": path, "number": self._saved.index(path)} for path in done["files"]]
+        return Json({**done, "files": files})
+
+    async def saved(self, request: Request) -> Response:
+        """A file that was saved in this session, by the number that `save` gave."""
+        number = request.path_params["number"]
+        if not number < len(self._saved) or not Path(self._saved[number]).is_file():
+            raise HTTPException(404)
+        return FileResponse(self._saved[number], media_type="application/octet-stream")
 
     async def download(self, request: Request) -> Response:
         """A result as a file to download."""

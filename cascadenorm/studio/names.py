@@ -26,9 +26,24 @@ def _bytes_in_utf8(text: str) -> int:
         return 0
 
 
+LABELS = {
+    "mask": "Displacement weights",
+    "fixed": "Fixed vertices",
+    "only": "Restrict to faces",
+    "boundary": "Boundary vertices",
+    "creases": "Crease edges",
+    "keep_detail": "Keep details of width",
+    "remove_detail": "Remove errors up to width",
+    "volume": "Enclosed volume",
+    "max_displacement": "Largest displacement",
+    "on_bad": "Invalid vertices and faces",
+}
+"""Labels of settings whose names alone do not say what they are."""
+
+
 def label(name: str) -> str:
     """Return the form's label of a setting."""
-    return name.replace("_", " ").capitalize()
+    return LABELS.get(name, name.replace("_", " ").capitalize())
 
 
 def spelled(name: str, value: object = None) -> str:

@@ -41,8 +41,12 @@ def save(
 
     Returns
     -------
-    file
-        The path; left_out : what its format cannot hold, in words; command, python : what makes it again.
+    file, files
+        The path as it was given, and the absolute paths of all files that were written.
+    left_out
+        What the format cannot hold, in words.
+    command, python
+        Text that makes the file again.
 
     Raises
     ------
@@ -65,7 +69,10 @@ def save(
         opened, result.vertices, asked.method, asked.parameters, asked.controls, seconds=result.seconds, force=force
     )
     write_together([(path, [_npy(values)]) for path, values in painted.values()], force=force)
-    return {"file": str(target), "left_out": list(done.summary.left_out), **recipe(bench, settings, target)}
+    sidecars = bench.file.may_write(target) if format == bench.file.format else ()
+    files = [str(path.absolute()) for path in dict.fromkeys([*paths, *sidecars]) if path.is_file()]
+    about = {"file": str(target), "files": files, "left_out": list(done.summary.left_out)}
+    return {**about, **recipe(bench, settings, target)}
 
 
 def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:

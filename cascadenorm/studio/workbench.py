@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import controlled, step_key
+from cascadenorm.api.denoised_files import error_found
 from cascadenorm.api.selection import selected
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import Controls
@@ -18,7 +19,7 @@ from cascadenorm.errors import CascadenormError, MeshError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.files import beside
 from cascadenorm.io.interop import mesh_of_file
-from cascadenorm.mesh import Vectors, limit_threads
+from cascadenorm.mesh import Vectors, in_frame, limit_threads, without_lines
 from cascadenorm.reports.display import display
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.scene import Comparison, scene
@@ -42,10 +43,22 @@ def suggested_name(file: io.MeshFile, name: Path) -> str:
 
 
 class Result(NamedTuple):
-    """New vertices, (n, 3), and how long the method took."""
+    """What a method made of the mesh.
+
+    Parameters
+    ----------
+    vertices
+        (n, 3) new vertices.
+    seconds
+        How long the method took.
+    error, treated_as
+        The kind of error and what `auto` treats the mesh as, as `denoise` prints them. None for other methods.
+    """
 
     vertices: NDArray[Any]
     seconds: float
+    error: str | None
+    treated_as: str | None
 
 
 class Steps(NamedTuple):
@@ -133,7 +146,8 @@ class Workbench:
         after = self.file.with_vertices(result.vertices)
         moved = int((result.vertices != self.mesh.vertices).any(axis=1).sum())
         both = self.scenes.with_result(Given("after", self.target, after), result.vertices)
-        return {"seconds": result.seconds, "moved": moved, "scene": packed_scene(both)}
+        about = {"seconds": result.seconds, "error": result.error, "treated_as": result.treated_as}
+        return {**about, "moved": moved, "scene": packed_scene(both)}
 
     def asked(self, settings: dict[str, Any]) -> Chosen:
         """Return the settings with the controls as arrays over the mesh, those that are painted among them."""
@@ -151,11 +165,19 @@ class Workbench:
             asked = self.asked(settings)
             watch = Stopwatch()
             vertices = self._controlled(asked, listener)
-            known = Result(vertices, watch.seconds())
+            known = Result(vertices, watch.seconds(), *self._error(asked, vertices))
         self._results[key] = known
         if len(self._results) > KEPT:
             del self._results[next(iter(self._results))]
         return known
+
+    def _error(self, asked: Chosen, vertices: NDArray[Any]) -> tuple[str | None, str | None]:
+        """Return the kind of error that was removed and what the mesh was treated as, in words."""
+        small, exponent = in_frame(without_lines(self.mesh))
+        moves = np.ldexp(vertices - self.mesh.vertices, -exponent)
+        found = error_found(asked.method, small, exponent, moves, asked.parameters, asked.controls["strength"])
+        error, treated_as = (None if found[name] is None else str(found[name]) for name in ("error", "treated_as"))
+        return error, treated_as
 
     def _controlled(self, asked: Chosen, listener: Listener) -> NDArray[Any]:
         controls: Controls = {**asked.controls, "progress": listener}

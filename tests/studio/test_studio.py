@@ -190,6 +190,11 @@ def test_a_result_is_saved_with_all_that_the_file_holds_as_the_command_line_save
     done = studio.done("/api/save", {"settings": LAPLACIAN, "name": "out.ply"})
     assert (done["file"], done["left_out"]) == ("out.ply", [])
     saved = (studio.folder / "out.ply").read_bytes()
+    (listed,) = done["files"]
+    assert listed["path"] == str(studio.folder / "out.ply")
+    assert studio.asked("GET", f"/api/saved/{listed['number']}") == (200, saved)
+    assert studio.asked("GET", f"/api/saved/{listed['number']}", authorization=None)[0] == 401
+    assert studio.asked("GET", f"/api/saved/{listed['number'] + 1}")[0] == 404
     (studio.folder / "out.ply").unlink()
 
     monkeypatch.chdir(studio.folder)
