@@ -126,13 +126,17 @@ export class SettingsForm {
       { class: `field ${input.kind}` },
       make("label", { for: id }, input.label),
       field,
-      make("p", { class: "note", id: `${id}-help` }, sentence(range ? `${input.help} (${range})` : input.help)),
+      make("p", { class: "note", id: `${id}-help` }, sentence(range ? `${input.help.replace(/\.$/, "")} (${range})` : input.help)),
     );
   }
 
   private input(kind: "parameters" | "controls", input: Input): HTMLInputElement | HTMLSelectElement {
     if (input.kind === "choice") {
-      const select = make("select", { name: input.name }, ...input.choices.map((value) => make("option", { value }, value)));
+      const select = make(
+        "select",
+        { name: input.name },
+        ...input.choices.map((value) => make("option", { value }, kind === "parameters" && value === "none" ? "automatic" : value)),
+      );
       select.addEventListener("change", () => this.set(() => this.put(kind, input, select.value), true));
       return select;
     }
