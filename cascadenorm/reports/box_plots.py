@@ -15,14 +15,14 @@ WIDTH, ROW, LEFT, TOP = 720, 30, 170, 8
 
 
 def box_plot(rows: Sequence[tuple[str, NDArray[np.float64]]], *, unit: str) -> str:
-    """Draw how values are spread, a row each: box from the first to the third quartile, whiskers from 5 to 95 %.
+    """Draw a box for each row from the first to the third quartile, with whiskers from the 5th to the 95th percentile.
 
     Parameters
     ----------
     rows
-        Names and their values, at least one each.
+        Names with their values, at least one value each.
     unit
-        Of the values, written after the numbers of the axis.
+        Unit of the values, written after the numbers of the axis.
     """
     spread = [np.quantile(values, QUANTILES) for _, values in rows]
     end = max(float(quantiles[-1]) for quantiles in spread) or 1.0

@@ -1,4 +1,4 @@
-"""An evaluation as HTML: tables and figures on one page, and a page with the viewer for each pair."""
+"""Evaluations as HTML: one page with tables and figures, and a page with the viewer for each pair."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -32,7 +32,7 @@ from cascadenorm.reports.page import Tile, image, page, plain_page, table
 from cascadenorm.reports.scene import scene as viewer_scene
 
 WIDTH = 1640
-"""Of a row of pictures, in pixels; they are the smaller, the more there are."""
+"""Width of a row of pictures, in pixels; each is smaller, the more there are."""
 LARGEST, SMALLEST = 420, 160
 OVERVIEW = "Mean angle by method"
 SYMBOLS = (
@@ -48,7 +48,7 @@ CROP = 0.22
 
 
 class _Shown(NamedTuple):
-    """The meshes of a pair by their methods, and the true one."""
+    """The meshes of a pair by method, and the true mesh."""
 
     pair: Pair
     results: list[Result]
@@ -57,7 +57,7 @@ class _Shown(NamedTuple):
 
 
 def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
-    """Return where the pages of the pairs are written; raises what `report_evaluation` does where it cannot be."""
+    """Return the folder of the pages of the pairs; raise the errors of `report_evaluation` before any work."""
     require_pillow()
     output = Path(output)
     check_output(output, force=force)
@@ -67,18 +67,18 @@ def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
 def report_evaluation(
     output: str | PathLike[str], done: Evaluation, *, force: bool = False, progress: Progress = silent
 ) -> None:
-    """Write what was measured as a page of HTML, and beside it a folder with a page for each pair.
+    """Write an evaluation as an HTML page, and beside it a folder with a page for each pair.
 
     Parameters
     ----------
     output
-        HTML file; the folder has its name with `_files` in the place of the extension.
+        HTML file. The folder has its name, with `_files` instead of the extension.
     done
-        By `evaluate` with `keep`, since the meshes are shown.
+        Result of `evaluate` with `keep`, since the meshes are shown.
     force
         Replace an existing file.
     progress
-        Called with (task, pairs done, pairs in all, the next one).
+        Called with (task, pairs done, total pairs, next pair).
 
     Raises
     ------
@@ -163,7 +163,7 @@ def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
 
 
 def _figure(shown: _Shown) -> bytes:
-    """The meshes and the truth with a part enlarged, and their errors below on one scale."""
+    """Return a picture of the meshes and the true mesh with an enlarged part, and below it the errors on one scale."""
     count = len(shown.meshes) + 1
     size = int(np.clip(WIDTH / count - 12, SMALLEST, LARGEST))
     names = [one.method for one in shown.results]
@@ -177,7 +177,7 @@ def _figure(shown: _Shown) -> bytes:
 
 
 def _worst_part(shown: _Shown, camera: Camera) -> tuple[float, float, float]:
-    """The part of the picture in which the methods leave most error, summed over their faces that are seen."""
+    """Return the part of the picture with the largest error, summed over the visible faces of all methods."""
     cells = int(1 / CROP * 2)
     total = np.zeros((cells, cells))
     denoised = shown.meshes[1:] or shown.meshes
@@ -195,7 +195,7 @@ def _worst_part(shown: _Shown, camera: Camera) -> tuple[float, float, float]:
 
 
 def _viewer(shown: _Shown) -> Mapping[str, object]:
-    """All meshes of the pair in the viewer, the truth last."""
+    """Return the scene with all meshes of the pair, the true mesh last."""
     meshes = [
         given(one.method, mesh)._replace(name=one.method) for one, mesh in zip(shown.results, shown.meshes, strict=True)
     ]
@@ -204,12 +204,12 @@ def _viewer(shown: _Shown) -> Mapping[str, object]:
 
 
 def _table(one: tables.Table) -> str:
-    """A table whose best cells are in bold."""
+    """Return a table with its best cells in bold."""
     return table([one.head, *[[cell.text for cell in row] for row in one.rows]], bold=_bold(one.rows), numbers=True)
 
 
 def _bold(rows: Iterable[Sequence[tables.Cell]]) -> set[tuple[int, int]]:
-    """Row, from 1 after the head, and column of the best cells."""
+    """Return the row, counted from 1 after the head, and the column of the best cells."""
     return {(i, j) for i, row in enumerate(rows, start=1) for j, cell in enumerate(row) if cell.best}
 
 

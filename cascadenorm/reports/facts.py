@@ -1,4 +1,4 @@
-"""What a report says besides what it shows: files, measures, findings, and how to make the result again."""
+"""The tables of a report: files, shape, measures, settings, versions, and the commands that reproduce the result."""
 
 import platform
 import shlex
@@ -27,11 +27,11 @@ SYMBOLS = (
 )
 """What the symbols and units of the errors mean."""
 LIBRARIES = ("numpy", "scipy", "numba")
-"""Packages whose version may change the last digits of a result."""
+"""Packages whose versions may change the last digits of a result."""
 
 
 def file_rows(shown: Sequence[Given]) -> Rows:
-    """Name, size and checksum of each file."""
+    """Return the name, size and checksum of each file."""
     rows: Rows = [("", "file", "bytes", "SHA-256")]
     for given in shown:
         size, digest = given.checksum() or (None, "in memory" if not given.from_file else "written to a stream")
@@ -40,7 +40,7 @@ def file_rows(shown: Sequence[Given]) -> Rows:
 
 
 def shape_rows(inspected: Sequence[tuple[Given, Inspection]]) -> Rows:
-    """What each mesh is, a column a mesh."""
+    """Return the properties of the meshes, with a column for each."""
     columns = [_shape(found) for _, found in inspected]
     head = ("", *(given.label for given, _ in inspected))
     return [head, *((name, *(column[name] for column in columns)) for name in columns[0])]
@@ -107,11 +107,11 @@ def settings(done: DenoisingSummary) -> Settings:
 
 
 def version_rows(done: DenoisingSummary | None) -> Rows:
-    """What the result depends on besides files and settings."""
+    """Return what the result depends on besides files and settings."""
     rows: Rows = [("cascadenorm", __version__), ("Python", platform.python_version())]
     rows += [(name, version(name)) for name in LIBRARIES]
     if done is not None:
-        rows.append(("seed", "none: no random numbers are drawn, and the number of threads changes nothing"))
+        rows.append(("seed", "none; no random numbers are used, and the number of threads has no effect"))
         weights = _weights(done)
         if weights is not None:
             rows.append((f"weights of {done.method}", f"SHA-256 {file_digest(weights)}"))
@@ -119,7 +119,7 @@ def version_rows(done: DenoisingSummary | None) -> Rows:
 
 
 class Recipe(Protocol):
-    """What makes a file, as in `DenoisingSummary`."""
+    """The inputs of a result, as in `DenoisingSummary`."""
 
     @property
     def source(self) -> str: ...
@@ -136,7 +136,7 @@ class Recipe(Protocol):
 
 
 def command_line(done: Recipe) -> str:
-    """Return the command that makes the same file again."""
+    """Return the command that reproduces the file."""
     words = ["cascadenorm", "denoise", done.source, "-o", done.output, "--method", done.method]
     parameters = {name: value for name, value in done.parameters.items() if name != "model"}
     words += [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
@@ -152,7 +152,7 @@ def command_line(done: Recipe) -> str:
 
 
 def python_call(done: Recipe) -> str:
-    """Return the call that makes the same file again."""
+    """Return the Python call that reproduces the file."""
     controls = {"strength": done.strength, **done.controls}
     settings: dict[str, Any] = {name: v for name, v in controls.items() if v != CONTROLS[name].default}
     arguments = [repr(done.source), repr(done.output), f"method={done.method!r}"]
@@ -163,7 +163,7 @@ def python_call(done: Recipe) -> str:
 
 
 def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Inspection]]) -> list[str]:
-    """What a reader should know before using the result, in sentences."""
+    """Return sentences that a reader should know before using the result."""
     said = [] if done is None else [f"left out of the output: {loss}" for loss in done.left_out]
     if done is not None and (done.isolated_vertices or done.isolated_faces):
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
@@ -191,7 +191,7 @@ def _number(value: float | None) -> str:
 
 
 def _weights(done: DenoisingSummary) -> Path | None:
-    """The weights file of a learned method."""
+    """Return the weights file of a learned method."""
     if "model" not in find(done.method).settings:
         return None
     return weights_file(done.method, done.parameters.get("model"))

@@ -1,4 +1,4 @@
-"""One self-contained page of HTML: text and a picture, and the viewer where scripts run."""
+"""Self-contained HTML pages of text and a picture, with the viewer where scripts run."""
 
 import json
 import re
@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-"""What browsers enforce: the page loads nothing from elsewhere."""
+"""Content security policy: the page loads nothing from elsewhere."""
 
 CODE, CODE_IN_HTML = re.compile("`([^`<>]+)`"), r"<code>\1</code>"
 
@@ -53,7 +53,7 @@ def page(
     tiles
         Figures in a row below the summary.
     picture, caption
-        A WebP file, and what it shows.
+        A WebP file, and its caption.
     scene
         Scene of the viewer.
     """
@@ -69,16 +69,16 @@ def plain_page(
 
 
 def frame_page(scene: Mapping[str, Any], picture: bytes, caption: str, *, color: str) -> str:
-    """Return a page with the viewer alone, for a frame in another page.
+    """Return a page that contains only the viewer, for a frame in another page.
 
     Parameters
     ----------
     scene
-        Of the viewer.
+        Scene of the viewer.
     picture, caption
-        A WebP file, and what it shows.
+        A WebP file, and its caption.
     color
-        The quantity that is seen first; "" for none.
+        The quantity that is shown first; "" for none.
     """
     first = "history.replaceState = () => {};"  # a frame has no address of its own
     if color:
@@ -155,7 +155,7 @@ def _tiles(tiles: Sequence[Tile]) -> str:
 
 
 def image(picture: bytes, caption: str) -> str:
-    """Return a WebP file with what it shows."""
+    """Return a figure of a WebP file with its caption."""
     source = f"data:image/webp;base64,{b64encode(picture).decode('ascii')}"
     return f'<figure><img src="{source}" alt="{escape(caption)}"><figcaption>{escape(caption)}</figcaption></figure>'
 
@@ -169,7 +169,7 @@ def table(
     prose: bool = False,
     stacked: bool = False,
 ) -> str:
-    """Return a table, the first cell of each row and the first row, if it is a head, naming the others.
+    """Return a table; the first cell of each row, and the first row if it is a head, are headings.
 
     Parameters
     ----------
@@ -210,5 +210,5 @@ def listed(lines: Iterable[str]) -> str:
 
 
 def code(text: str) -> str:
-    """Return text to be copied."""
+    """Return a block of code."""
     return f"<pre><code>{escape(text)}</code></pre>"

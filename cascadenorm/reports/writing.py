@@ -1,4 +1,4 @@
-"""A report: one file of HTML that shows meshes, and says what they are, what was done, and how to do it again."""
+"""Reports: one HTML file that shows meshes, their properties, what was done, and how to reproduce it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,14 +28,14 @@ PICTURE = (560, 560)
 
 
 class Contents(NamedTuple):
-    """What a report says, by the meshes that it is about: "mesh", or "before" and "after".
+    """The inspections and measures of a report, by mesh: "mesh", or "before" and "after".
 
     Parameters
     ----------
     inspections
-        What each mesh is and what is wrong with it.
+        Inspection of each mesh.
     measures
-        How far each is from the truth; empty without one.
+        Errors of each mesh against the truth; empty without one.
     """
 
     inspections: dict[str, Inspection]
@@ -43,7 +43,7 @@ class Contents(NamedTuple):
 
 
 def check_report(output: str | PathLike[str], *, force: bool) -> Path:
-    """Return where a report is written; raises what `report` does where it cannot be."""
+    """Return the path of a report; raise the errors of `report` before any work."""
     require_pillow()
     check_output(Path(output), force=force)
     return Path(output)
@@ -59,7 +59,7 @@ def report(
     self_intersections: bool | None = None,
     force: bool = False,
 ) -> Contents:
-    """Write a report on a mesh, on what was made of it, and on how far both are from the truth.
+    """Write a report on a mesh, its denoised version, and the errors of both against the truth.
 
     It is one self-contained HTML file: meshes in a 3-D viewer, heat maps, findings, and, with `summary`, how to
     reproduce the result. Without scripts or WebGL it shows text and a picture.
@@ -69,14 +69,14 @@ def report(
     output
         HTML file.
     mesh
-        Of any kind that `denoise` takes; where it is alone, bad vertices and faces are left out of the view, and one
-        without a usable face has a report in text.
+        Mesh of any kind that `denoise` accepts. A single mesh is shown without its invalid vertices and faces. If
+        it has no valid face, the report is text only.
     result
         The denoised mesh.
     truth
         The true mesh.
     summary
-        What `denoise_file` returned for `result`.
+        Summary that `denoise_file` returned for `result`.
     self_intersections
         Whether to look for faces that cross each other, as in `inspect`.
     force
@@ -84,12 +84,12 @@ def report(
 
     Returns
     -------
-    What was found, as `inspect` and `compare` return it
+    The inspections and measures, as `inspect` and `compare` return them.
 
     Raises
     ------
     ReadError, MeshError
-        A mesh that cannot be read or drawn, or no mesh.
+        A mesh cannot be read or drawn, or is invalid.
     OutputError
         The file exists and force is not given, or it cannot be written.
     MissingDependencyError
@@ -183,7 +183,7 @@ def _undrawn(alone: Given) -> str | None:
 
 
 def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequence[Place]) -> str:
-    """The defects of a mesh, each with the places that are known; the viewer makes buttons of them."""
+    """Return the defects of a mesh with their first places, which the viewer turns into buttons."""
     rows = []
     for name, finding in found.findings.items():
         there = [
@@ -199,7 +199,7 @@ def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequenc
 
 
 def _picture(shown: Sequence[Given]) -> bytes:
-    """All meshes side by side, from where the last is seen well."""
+    """Draw all meshes side by side from the best view of the last."""
     meshes = scaled_alike(*(one.mesh for one in shown))
     view = Camera.looking_at(meshes[-1])
     pictures = [render(mesh, view=view, size=PICTURE) for mesh in meshes]

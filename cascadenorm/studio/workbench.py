@@ -29,11 +29,11 @@ from cascadenorm.studio.previews import Coarse, coarse
 from cascadenorm.studio.settings import Chosen, chosen
 
 KEPT = 8
-"""Number of results that are cached, so that undo and redo show them at once."""
+"""Number of cached results, which undo and redo show at once."""
 
 
 def suggested_name(file: io.MeshFile, name: Path) -> str:
-    """Return a name for the result; a format that is only read gives way to PLY."""
+    """Return a name for the result; PLY replaces formats that cannot be written."""
     named = beside(Path(name.name), "denoised")
     try:
         io.output_format(named)
@@ -62,7 +62,7 @@ class Result(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """What a method gave on the whole mesh and on the coarse one, as `controlled` takes and fills them."""
+    """Results of a method on the whole and the coarse mesh, as `controlled` uses and fills them."""
 
     whole: list[Vectors]
     coarse: list[Vectors]
@@ -76,12 +76,12 @@ class Workbench:
     path
         Of the file.
     name
-        What it is called in messages and commands: the path as the user gave it, or the name of a dropped file.
+        Name in messages and commands: the path as the user gave it, or the name of a dropped file.
 
     Raises
     ------
     ReadError, MeshError
-        No mesh; vertices that are not finite and faces without vertices are isolated.
+        The file is not a mesh. Vertices that are not finite and faces without vertices are isolated instead.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -107,11 +107,11 @@ class Workbench:
 
     @cached_property
     def coarse(self) -> Coarse | None:
-        """The mesh of the previews; None for a small one."""
+        """The mesh of the previews; None for a small mesh."""
         return coarse(self.mesh)
 
     def about(self) -> dict[str, Any]:
-        """Return the facts about the file that the page shows, and its scene."""
+        """Return the properties of the file that the page shows, and its scene."""
         return {
             "name": Path(self.name).name,
             "suggested": Path(self.target).name,
@@ -123,7 +123,7 @@ class Workbench:
         }
 
     def take_paint(self, codes: bytes) -> None:
-        """Set the paint from codes of the shown vertices; each other vertex gets the code of the nearest one."""
+        """Set the paint from codes of the displayed vertices; other vertices get the code of the nearest one."""
         self.paint = over_painted(codes, self.mesh, self.shown)
 
     def denoise(
@@ -150,7 +150,7 @@ class Workbench:
         return {**about, "moved": moved, "scene": packed_scene(both)}
 
     def asked(self, settings: dict[str, Any]) -> Chosen:
-        """Return the settings with the controls as arrays over the mesh, those that are painted among them."""
+        """Return the settings with controls as arrays over the mesh, including the paint."""
         asked = chosen(settings)
         controls = asked.controls.copy()
         if self.notice:
@@ -158,7 +158,7 @@ class Workbench:
         return asked._replace(controls=with_paint(selected(controls, self.file), self.paint))
 
     def result(self, settings: dict[str, Any], listener: Listener) -> Result:
-        """Return the denoised vertices, which may be known already."""
+        """Return the result of some settings, possibly from the cache."""
         key = self._key(settings)
         known = self._results.pop(key, None)
         if known is None:
@@ -199,7 +199,7 @@ class Workbench:
         return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())
 
     def _steps_of(self, asked: Chosen) -> Steps:
-        """Return what is known of these settings: another strength only blends it.
+        """Return the known results of these settings: another strength only blends them.
 
         The results of other settings are dropped, and of strengths above 1 all but the last.
         """

@@ -443,7 +443,7 @@ def test_what_cannot_be_served_is_said_on_the_command_line(tmp_path, capsys):
     assert run(["studio", "--no-browser", str(tmp_path)]) == 3
     assert "is a folder" in capsys.readouterr().err
     assert run(["studio", "--no-browser", str(tmp_path / "scan.ply"), "--max-size", "0.001"]) == 3
-    assert "larger than the studio takes" in capsys.readouterr().err
+    assert "exceeds the limit of the studio" in capsys.readouterr().err
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
