@@ -220,7 +220,7 @@ def written_file(
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
-        **_found(method, small, exponent, moves, parameters, controls["strength"]),
+        **error_found(method, small, exponent, moves, parameters, controls["strength"]),
         left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
         nearly_coincident=int(nearly_coincident(small).sum()),
         dropped_components=opened.dropped.components if opened.dropped else 0,
@@ -229,7 +229,7 @@ def written_file(
     return Denoised(summary, file, moved)
 
 
-def _found(
+def error_found(
     method: Method, small: Mesh, exponent: int, moves: Vectors, parameters: dict[str, Any], strength: float
 ) -> dict[str, Any]:
     """Tell the kind of error from what `auto` removed, and what it treated the mesh as.

@@ -1,4 +1,4 @@
-"""Work in a thread, so that a program draws and hears Esc meanwhile."""
+"""Work in a background thread, so that the program stays responsive."""
 
 import threading
 from collections.abc import Callable
@@ -10,21 +10,21 @@ Result = TypeVar("Result")
 
 
 class Cancelled(Exception):
-    """The work was to end."""
+    """The job was cancelled."""
 
 
 class Job(Generic[Result]):
-    """A function in a thread of its own; it must not touch what belongs to the program.
+    """A function that runs in its own thread; it must not access data of the host program.
 
     Parameters
     ----------
     work
-        Called with a listener of its progress, which ends it once the job is cancelled.
+        Function called with a progress listener, which raises Cancelled once the job is cancelled.
 
     Attributes
     ----------
     fraction
-        That is done, from 0 to 1.
+        Share of the work that is done, from 0 to 1.
     """
 
     def __init__(self, work: Callable[[Listener], Result]) -> None:
@@ -37,20 +37,20 @@ class Job(Generic[Result]):
 
     @property
     def done(self) -> bool:
-        """Whether the work has ended, well or not."""
+        """Whether the work has ended, successfully or not."""
         return not self._thread.is_alive()
 
     @property
     def cancelled(self) -> bool:
-        """Whether the work is to end."""
+        """Whether the job was cancelled."""
         return self._cancelled.is_set()
 
     def cancel(self) -> None:
-        """Have the work end at the next step of its progress."""
+        """End the work at its next progress report."""
         self._cancelled.set()
 
     def result(self) -> Result:
-        """Wait for the end, and return what the function returned or raise what it raised; Cancelled once cancelled."""
+        """Wait for the end; return the result of the function or raise its exception, Cancelled after `cancel`."""
         self._thread.join()
         if self._error is not None:
             raise self._error

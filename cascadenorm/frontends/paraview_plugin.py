@@ -9,4 +9,4 @@ from cascadenorm.frontends.vtk_filter import DenoiseFilter
 @smproxy.filter(name="DenoiseMesh", label="Denoise Mesh")
 @smproperty.xml(declaration())
 class DenoiseMesh(DenoiseFilter):
-    """The filter under the name that it has in ParaView."""
+    """The filter under its name in ParaView."""

@@ -1,4 +1,4 @@
-"""The properties of the filter as ParaView declares them, in XML."""
+"""The properties of the filter as XML declarations for ParaView."""
 
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -10,7 +10,7 @@ from cascadenorm.registry import Setting
 
 
 def declaration() -> str:
-    """Return the elements of the input and of every property, those of a method shown where it is chosen."""
+    """Return the elements of the input and of every property; those of a method are shown when it is selected."""
     given = Element("InputProperty", name="Input", command="SetInputConnection")
     SubElement(given, "ProxyGroupDomain", name="groups").extend(
         [Element("Group", name=n) for n in ("sources", "filters")]
@@ -24,7 +24,7 @@ def declaration() -> str:
 
 
 def _element(property: Property) -> Element:
-    """Declare a number with its range, a choice, or a text, which may be empty where the default is None."""
+    """Declare a number with its range, a choice, or text, which may be empty if the default is None."""
     setting = property.setting
     numbers = {(float,): "Double", (int,): "Int"}
     if setting.choices:

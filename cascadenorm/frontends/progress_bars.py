@@ -9,7 +9,7 @@ from cascadenorm.execution.progress import Listener
 
 @contextmanager
 def progress_bar(text: str = "Denoising") -> Iterator[Listener]:
-    """Show the fraction that is done, from `progress=` of any function that takes it.
+    """Show a progress bar and return a listener for the `progress` argument of other functions.
 
         with cn.progress_bar() as progress:
             smooth = cn.denoise(mesh, progress=progress)
@@ -17,7 +17,7 @@ def progress_bar(text: str = "Denoising") -> Iterator[Listener]:
     Parameters
     ----------
     text
-        Stands before the bar.
+        Label before the bar.
 
     Raises
     ------

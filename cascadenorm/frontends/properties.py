@@ -1,4 +1,4 @@
-"""Every control, and every parameter of every method, as a property of a filter, made from their declarations."""
+"""Filter properties for every control and every method parameter, generated from their declarations."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -11,18 +11,18 @@ Filter = type[Any]
 
 
 class Property(NamedTuple):
-    """A property that a filter has: `SetKeepDetail`, `GetKeepDetail`.
+    """A property of a filter, with a setter and a getter such as `SetKeepDetail` and `GetKeepDetail`.
 
     Parameters
     ----------
     name
-        Such as KeepDetail for the control keep_detail, or TaubinIterations for iterations of the method taubin.
+        Name, such as KeepDetail for the control keep_detail or TaubinIterations for iterations of the method taubin.
     setting
-        Its type, default and range.
+        Type, default and range.
     method
-        Whose parameter it is; empty for a control.
+        Name of the method that has this parameter. Empty for a control.
     help
-        A sentence or two.
+        Help text.
     """
 
     name: str
@@ -32,12 +32,12 @@ class Property(NamedTuple):
 
     @property
     def default(self) -> Any:
-        """The default; None is the empty text, which any property takes for it."""
+        """The default; an empty string stands for None."""
         return "" if self.setting.default is None else self.setting.default
 
 
 def properties() -> Iterator[Property]:
-    """Yield the controls that are more than a callback, then the parameters of each method."""
+    """Yield the visible controls, then the parameters of each method."""
     for name, control in CONTROLS.items():
         if not control.about.hidden:
             yield Property(_camel(name), control, "", control.help(""))
@@ -48,7 +48,7 @@ def properties() -> Iterator[Property]:
 
 
 def with_properties(kind: Filter) -> Filter:
-    """Give a class of filters a setter and a getter for each property; `_values` holds what was set."""
+    """Add a setter and a getter for each property to a filter class; `_values` holds the values."""
     for property in properties():
         setattr(kind, f"Set{property.name}", _setter(property))
         setattr(kind, f"Get{property.name}", _getter(property))
@@ -56,7 +56,7 @@ def with_properties(kind: Filter) -> Filter:
 
 
 def settings_of(values: dict[str, Any], method: str = DEFAULT_METHOD) -> dict[str, Any]:
-    """Return what was set as keyword arguments of `denoise`: controls, and parameters of one method."""
+    """Return the values as keyword arguments of `denoise`: the controls and the parameters of one method."""
     return {
         property.setting.name: values[property.name]
         for property in properties()
@@ -65,7 +65,7 @@ def settings_of(values: dict[str, Any], method: str = DEFAULT_METHOD) -> dict[st
 
 
 def spelled(name: str, value: object = None) -> str:
-    """Return what a filter calls a control, for messages; parameters of methods keep their names."""
+    """Return the name of a control in a filter, for messages; method parameters keep their names."""
     if name not in CONTROLS:
         return name
     return _camel(name) if value is None else f"Set{_camel(name)}({value!r})"

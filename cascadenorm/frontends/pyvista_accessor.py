@@ -1,4 +1,4 @@
-"""`mesh.cascadenorm` on the datasets of PyVista, which finds this module by its entry point when it is first used."""
+"""The accessor `mesh.cascadenorm` on PyVista datasets; PyVista finds this module by its entry point."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,20 +26,19 @@ class BlocksAccessor:
 
     @takes_controls
     def denoise(self, *, method: str = DEFAULT_METHOD, progress_bar: bool = False, **parameters: Any) -> Any:
-        """Return a denoised copy; the dataset is not changed.
+        """Return a denoised copy of the dataset.
 
-        Walls that blocks share stay shared. Point, cell and field data are kept, and normals are computed anew.
+        Walls shared by blocks stay shared. Point, cell and field data are kept; normals are recomputed.
 
         Parameters
         ----------
         method
             One of `cascadenorm.methods()`.
         progress_bar
-            Show the fraction done by tqdm, as filters of PyVista do.
+            Whether to show a tqdm progress bar, as PyVista filters do.
         parameters
-            Of the method.
-
-        Of one PolyData mask and fixed may be names of point arrays, only that of a cell array, or "array=value".
+            Parameters of the method, and controls. For a single PolyData, `mask` and `fixed` may be names of point
+            arrays, and `only` that of a cell array or "array=value".
 
         Returns
         -------
@@ -50,7 +49,7 @@ class BlocksAccessor:
         MeshError, ParameterError
             As in `cascadenorm.denoise`.
         MissingDependencyError
-            Tqdm is not installed, and a progress bar is asked for.
+            A progress bar is requested and tqdm is not installed.
         """
         with _bar(progress_bar, parameters.pop("progress", None)) as progress:
             settings = {**parameters, "method": method, "progress": progress}
@@ -62,17 +61,17 @@ class PolyDataAccessor(BlocksAccessor):
     """Denoise, inspect or measure a `pyvista.PolyData` of triangles."""
 
     def inspect(self, *, self_intersections: bool | None = None) -> Inspection:
-        """Return what the mesh is, its defects and where they are, and how noisy it is; see `cascadenorm.inspect`."""
+        """Return the properties, defects and noise of the mesh, as `cascadenorm.inspect` does."""
         return inspect(self._dataset, self_intersections=self_intersections)
 
     def compare(self, truth: Any) -> Measures:
-        """Measure the mesh against the true one, of any kind that `cascadenorm.compare` takes."""
+        """Measure the mesh against the ground truth, a mesh of any kind that `cascadenorm.compare` accepts."""
         return compare(self._dataset, truth)
 
 
 @contextmanager
 def _bar(shown: bool, listener: Listener | None) -> Iterator[Listener | None]:
-    """Give what is to be called with the fraction done: a bar, a listener, both or neither."""
+    """Yield a progress listener that updates a bar, calls `listener`, or both; None if there is neither."""
     if not shown:
         yield listener
         return

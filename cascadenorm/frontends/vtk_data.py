@@ -1,4 +1,4 @@
-"""Denoise what a VTK pipeline hands on: a vtkPolyData, or a composite dataset whose blocks may share walls."""
+"""Denoise the data objects of VTK pipelines: a vtkPolyData, or a composite dataset whose blocks may share walls."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -15,16 +15,16 @@ from cascadenorm.io.interop import as_mesh
 
 
 def denoised(data: Any, settings: Mapping[str, Any]) -> Any:
-    """Return a copy of a dataset with its vertices elsewhere; arrays are kept, normals are computed anew.
+    """Return a denoised copy of a dataset; arrays are kept and normals recomputed.
 
     Parameters
     ----------
     data
-        vtkPolyData of triangles; or a composite dataset of them, whose blocks are denoised together, so that walls that
-        they share stay shared.
+        vtkPolyData of triangles, or a composite dataset of them, whose blocks are denoised together, so that shared
+        walls stay shared.
     settings
-        As for `denoise`; for one vtkPolyData mask and fixed may be names of point arrays, only that of a cell array, or
-        array=value; creases an angle as text.
+        Keyword arguments of `denoise`. For a single vtkPolyData, mask and fixed may be names of point arrays, only that
+        of a cell array or array=value, and creases an angle as text.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def denoised(data: Any, settings: Mapping[str, Any]) -> Any:
 
 
 def _blocks(data: Any) -> Iterator[Any]:
-    """Yield an iterator of VTK at each block that is not empty."""
+    """Yield the VTK iterator at each block that is not empty."""
     place = data.NewIterator()
     place.InitTraversal()
     while not place.IsDoneWithTraversal():
@@ -63,7 +63,7 @@ def _checked(place: Any) -> Any:
 
 
 def _with_arrays(settings: Mapping[str, Any], mesh: Any) -> dict[str, Any]:
-    """Return settings with the arrays of a mesh in the place of their names."""
+    """Return settings in which names of arrays are replaced by the arrays of the mesh."""
     found = dict(settings)
     points, cells = mesh.GetPointData(), mesh.GetCellData()
     if isinstance(mask := found.get("mask"), str):

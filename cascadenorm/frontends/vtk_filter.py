@@ -17,7 +17,7 @@ INPUTS = ("vtkPolyData", "vtkMultiBlockDataSet", "vtkPartitionedDataSetCollectio
 
 
 class _Aborted(Exception):
-    """An observer has asked for the end of the work."""
+    """An observer has aborted the execution."""
 
 
 @with_properties
@@ -25,14 +25,14 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
     """Denoise a vtkPolyData of triangles, or the blocks of a composite dataset together, whose walls stay shared.
 
     Controls have setters and getters such as `SetStrength` and `GetKeepDetail`, and parameters of a method such as
-    `SetTaubinIterations`; the empty text stands for the default. `mask` and `fixed` may be names of point arrays,
+    `SetTaubinIterations`; an empty string stands for the default. `mask` and `fixed` may be names of point arrays,
     `only` that of a cell array, or array=value. Progress is reported as a ProgressEvent, and `SetAbortExecute(1)` in
-    an observer ends the work, with an empty output. Errors go to the vtkOutputWindow.
+    an observer aborts the execution with an empty output. Errors go to the vtkOutputWindow.
 
     Attributes
     ----------
     error
-        What ended the last execution, None where it went well.
+        The error that ended the last execution. None if it succeeded.
     """
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
         self.error: CascadenormError | None = None
 
     def SetInputData(self, data: Any) -> None:
-        """Take data in the place of the output of another filter."""
+        """Use a dataset as input instead of the output of another filter."""
         self.SetInputDataObject(0, data)
 
     def GetOutput(self) -> Any:

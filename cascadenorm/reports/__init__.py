@@ -1,4 +1,4 @@
-"""Reports: meshes before and after in a browser, with all that is known about them, in one file."""
+"""Reports: one HTML file with meshes before and after in a 3-D viewer, and everything known about them."""
 
 from cascadenorm.reports.writing import check_report, report, report_denoised
 

@@ -1,4 +1,4 @@
-"""Meshes too large for a browser, with fewer faces."""
+"""Decimation of meshes that are too large for a browser."""
 
 from typing import NamedTuple
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Mesh
 
 MOST_FACES = 1 << 20
-"""Faces of a display mesh; twelve million bytes of a report, and seconds to open."""
+"""Largest number of faces of a displayed mesh, for reports below 12 MB that open in seconds."""
 
 
 class Display(NamedTuple):
-    """What is shown of a mesh.
+    """The vertices and faces of a mesh that are displayed.
 
     Parameters
     ----------
     faces
-        (f, 3) corners among the vertices that are kept.
+        (f, 3) indices into the kept vertices.
     kept_vertices, kept_faces
-        (v,) and (f,) the vertices and faces of the mesh that these stand for.
+        (v,) and (f,) indices of the kept vertices and faces in the mesh.
     """
 
     faces: NDArray[np.int32]
@@ -28,10 +28,10 @@ class Display(NamedTuple):
 
 
 def display(mesh: Mesh, *, most: int = MOST_FACES) -> Display:
-    """Return the whole mesh, or where it has more than `most` faces one decimated by vertex clustering.
+    """Return the whole mesh, decimated by vertex clustering if it has more than `most` faces.
 
-    One vertex stands for all in a cell of a grid, the nearest to the cell's centre, so that noise is not averaged
-    away (Rossignac & Borrel 1993). The choice is by this mesh alone: other positions of the same vertices are shown
+    In each cell of a grid, the vertex nearest to the centre represents all others, so that noise is not averaged away
+    (Rossignac & Borrel 1993). The choice depends on this mesh only: other positions of the same vertices can be shown
     with the same faces.
     """
     if len(mesh.faces) <= most:
@@ -51,7 +51,7 @@ def display(mesh: Mesh, *, most: int = MOST_FACES) -> Display:
 
 
 def _representatives(mesh: Mesh, cell: float) -> NDArray[np.int64]:
-    """For each vertex the one that stands for all in its cell, (n,)."""
+    """Return (n,) for each vertex the one that represents its cell."""
     place = (mesh.vertices - mesh.vertices.min(axis=0)) / cell
     corner = np.floor(place).astype(np.int64)
     rows = np.ravel_multi_index(tuple(corner.T), tuple(corner.max(axis=0) + 1))

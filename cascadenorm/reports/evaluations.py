@@ -1,4 +1,4 @@
-"""An evaluation as HTML: tables and figures on one page, and a page with the viewer for each pair."""
+"""Evaluations as HTML: one page with tables and figures, and a page with the viewer for each pair."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import tables
 from cascadenorm.evaluation.harness import Evaluation, FailedRun, RunResult
+from cascadenorm.evaluation.runs import NOISY
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.geometry.metrics import errors
 from cascadenorm.io import OutputError
@@ -25,19 +26,29 @@ from cascadenorm.render import Camera, inline_svg, montage
 from cascadenorm.render.camera import MARGIN, projected
 from cascadenorm.render.scenes import Style, color_bar, one_view, panels, scene
 from cascadenorm.reports.given import given
-from cascadenorm.reports.page import image, page, plain_page, table
-from cascadenorm.reports.plots import box_plot, dot_plot
+from cascadenorm.reports.overview import overview
+from cascadenorm.reports.page import Tile, image, page, plain_page, table
+from cascadenorm.reports.plots import box_plot
 from cascadenorm.reports.scene import scene as viewer_scene
 
 WIDTH = 1640
-"""Of a row of pictures, in pixels; they are the smaller, the more there are."""
+"""Width of a row of pictures, in pixels; each is smaller, the more there are."""
 LARGEST, SMALLEST = 420, 160
+OVERVIEW = "Mean angle by method"
+SYMBOLS = (
+    "E_a is the mean angle between the face normals of a mesh and those of the true mesh, in degrees. E_v is the mean "
+    "distance of its vertices to the true surface, in mean edge lengths."
+)
+BOXES = (
+    '<p class="note">Boxes span the quartiles, and the line in each is the median; whiskers end at the 5th and the '
+    "95th percentile.</p>"
+)
 CROP = 0.22
 """Width of the part that is enlarged, as a share of the picture."""
 
 
 class _Shown(NamedTuple):
-    """The meshes of a pair by their methods, and the true one."""
+    """The meshes of a pair by method, and the true mesh."""
 
     pair: FilePair
     results: list[RunResult]
@@ -46,7 +57,7 @@ class _Shown(NamedTuple):
 
 
 def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
-    """Return where the pages of the pairs are written; raises what `report_evaluation` does where it cannot be."""
+    """Return the folder of the pages of the pairs; raise the errors of `report_evaluation` before any work."""
     output = Path(output)
     check_output(output, force=force)
     return output.with_name(f"{output.stem}_files")
@@ -55,18 +66,18 @@ def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
 def report_evaluation(
     output: str | PathLike[str], done: Evaluation, *, force: bool = False, progress: Progress = silent
 ) -> None:
-    """Write what was measured as a page of HTML, and beside it a folder with a page for each pair.
+    """Write an evaluation as an HTML page, and beside it a folder with a page for each pair.
 
     Parameters
     ----------
     output
-        HTML file; the folder has its name with `_files` in the place of the extension.
+        HTML file. The folder has its name, with `_files` instead of the extension.
     done
-        By `evaluate` with `keep`, since the meshes are shown.
+        Result of `evaluate` with `keep`, since the meshes are shown.
     force
         Replace an existing file.
     progress
-        Called with (task, pairs done, pairs in all, the next one).
+        Called with (task, pairs done, total pairs, next pair).
 
     Raises
     ------
@@ -83,7 +94,14 @@ def report_evaluation(
     except OSError as error:
         raise OutputError(f"{folder} cannot be created: {error.strerror or error}") from error
     sections = [("Failures", _failures(done.failures))] if done.failures else []
-    sections += [("Overview", _overview(done)), *((one.title, _table(one)) for one in tables.all_tables(done))]
+    means = [
+        (f"{one.method} *" if one.method in done.partial else one.method, one.measures.normal_error_deg)
+        for one in done.means
+    ]
+    sections.append((OVERVIEW, overview(means, unit="°")))
+    of_pairs, *others = tables.all_tables(done)
+    sections.append((f"Mean angle {of_pairs.title}", f"<p>{SYMBOLS}</p>{_table(of_pairs)}"))
+    sections += [(one.title, _table(one)) for one in others]
     named = {pair.name: pair for pair in done.pairs}
     measured = list(dict.fromkeys(result.pair for result in done.results))
     for number, name in enumerate(measured):
@@ -91,16 +109,29 @@ def report_evaluation(
         shown = _shown(done, named[name])
         file = f"{done.records.mesh_file(name, 'any').parent.name}.html"
         title = f"{name} – evaluation"
-        caption = f"Above: the meshes. Below: angle between the normals of {name} and the true ones, face by face."
+        caption = f"Above: the meshes. Below: angle between the face normals of {name} and the true ones."
         picture, content = _figure(shown, caption), _pair_sections(shown)
-        link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Turn the meshes of {escape(name)} around</a></p>'
-        sections.append((name, image(picture, caption) + "".join(html for _, html in content) + link))
+        link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Open {escape(name)} in the 3-D viewer</a></p>'
+        parts = "".join(f"<h3>{escape(about)}</h3>{html}" for about, html in content)
+        sections.append((name, image(picture, caption) + link + parts))
         whole = page(title, [], content, picture=picture, caption=caption, scene=_viewer(shown))
         write_atomically(folder / file, [whole.encode()], force=True)
     progress("writing", len(measured), len(measured))
-    count = f"{len(measured)} pairs, {len(done.methods)} rows each."
-    about = [count, "The best value of each row or column is in bold; – marks unknown values."]
-    write_atomically(Path(output), [plain_page("Evaluation", about, sections).encode()], force=force)
+    about = ["The best value of each row or column is in bold; – marks unknown values."]
+    whole = plain_page("Evaluation", about, sections, tiles=_tiles(done, len(measured)))
+    write_atomically(Path(output), [whole.encode()], force=force)
+
+
+def _tiles(done: Evaluation, pairs: int) -> list[Tile]:
+    """Return the figures at the top: the best mean angle, that of the noisy meshes, and the counts."""
+    means = {one.method: one.measures.normal_error_deg for one in done.means}
+    judged = {method: angle for method, angle in means.items() if method != NOISY and method not in done.partial}
+    tiles = [Tile("Noisy", (f"{means[NOISY]:.2f}°",), "mean angle E_a")] if NOISY in means else []
+    if judged:
+        best = min(judged, key=judged.__getitem__)
+        tiles.append(Tile(f"Best: {best}", (f"{judged[best]:.2f}°",), "mean angle E_a"))
+    tiles += [Tile("Pairs", (f"{pairs:,}",)), Tile("Methods", (f"{len(done.methods) - (NOISY in done.methods):,}",))]
+    return [*tiles, Tile("Failures", (f"{len(done.failures):,}",))] if done.failures else tiles
 
 
 def _shown(done: Evaluation, pair: FilePair) -> _Shown:
@@ -110,22 +141,13 @@ def _shown(done: Evaluation, pair: FilePair) -> _Shown:
     return _Shown(pair, results, meshes, as_mesh(pair.clean))
 
 
-def _overview(done: Evaluation) -> str:
-    """The normal errors of all methods, a dot for each pair."""
-    errors: dict[str, list[float]] = {}
-    for result in done.results:
-        errors.setdefault(result.method, []).append(result.measures.normal_error_deg)
-    title = "Normal error (E_a) of each method: one dot for each pair, a line at the mean"
-    return dot_plot(errors, title=title, label="mean angle between face normals and the true ones (°)")
-
-
 def _pair_sections(shown: _Shown) -> list[tuple[str, str]]:
-    """The figures of a pair, and how its errors are spread."""
+    """Return the measures of a pair, and how its errors are spread."""
     rows = {one.method: _angles(mesh, shown.clean) for one, mesh in zip(shown.results, shown.meshes, strict=True)}
     measured = tables.by_method(shown.results, "Measures")
     title = "Angles of all faces: median, quartiles, and 5th to 95th percentile"
     plot = box_plot(rows, title=title, label="angle between face normal and the true one (°)")
-    return [("Measures", _table(measured)), ("Angles between face normals and the true ones", plot)]
+    return [("Measures", _table(measured)), ("Angle between the face normals and the true ones", plot)]
 
 
 def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
@@ -134,7 +156,7 @@ def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
 
 
 def _figure(shown: _Shown, about: str) -> str:
-    """The meshes and the truth with a part enlarged, and their errors below on one scale."""
+    """Return a picture of the meshes and the true mesh with an enlarged part, and below it the errors on one scale."""
     count = len(shown.meshes) + 1
     size = int(np.clip(WIDTH / count - 12, SMALLEST, LARGEST))
     names = [one.method for one in shown.results]
@@ -148,7 +170,7 @@ def _figure(shown: _Shown, about: str) -> str:
 
 
 def _worst_part(shown: _Shown, camera: Camera) -> tuple[float, float, float]:
-    """The part of the picture in which the methods leave most error, summed over their faces that are seen."""
+    """Return the part of the picture with the largest error, summed over the visible faces of all methods."""
     cells = int(1 / CROP * 2)
     total = np.zeros((cells, cells))
     denoised = shown.meshes[1:] or shown.meshes
@@ -166,7 +188,7 @@ def _worst_part(shown: _Shown, camera: Camera) -> tuple[float, float, float]:
 
 
 def _viewer(shown: _Shown) -> Mapping[str, object]:
-    """All meshes of the pair in the viewer, the truth last."""
+    """Return the scene with all meshes of the pair, the true mesh last."""
     meshes = [
         given(one.method, mesh)._replace(name=one.method) for one, mesh in zip(shown.results, shown.meshes, strict=True)
     ]
@@ -175,12 +197,12 @@ def _viewer(shown: _Shown) -> Mapping[str, object]:
 
 
 def _table(one: tables.Table) -> str:
-    """A table whose best cells are in bold."""
+    """Return a table with its best cells in bold."""
     return table([one.head, *[[cell.text for cell in row] for row in one.rows]], bold=_bold(one.rows), numbers=True)
 
 
 def _bold(rows: Iterable[Sequence[tables.Cell]]) -> set[tuple[int, int]]:
-    """Row, from 1 after the head, and column of the best cells."""
+    """Return the row, counted from 1 after the head, and the column of the best cells."""
     return {(i, j) for i, row in enumerate(rows, start=1) for j, cell in enumerate(row) if cell.best}
 
 

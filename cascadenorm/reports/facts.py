@@ -1,11 +1,11 @@
-"""What a report says besides what it shows: files, measures, findings, and how to make the result again."""
+"""The tables of a report: files, shape, measures, settings, versions, and the commands that reproduce the result."""
 
 import platform
 import shlex
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
@@ -21,12 +21,17 @@ from cascadenorm.version import __version__
 
 Rows = list[tuple[str, ...]]
 
+SYMBOLS = (
+    "E_a is the mean angle between the face normals and those of the true mesh, and E_v the mean distance of the "
+    "vertices to its surface. Distances are in mean edge lengths of the true mesh or in diagonals of its bounding box."
+)
+"""What the symbols and units of the errors mean."""
 LIBRARIES = ("numpy", "scipy", "numba")
-"""Packages whose version may change the last digits of a result."""
+"""Packages whose versions may change the last digits of a result."""
 
 
 def file_rows(shown: Sequence[Given]) -> Rows:
-    """Name, size and checksum of each file."""
+    """Return the name, size and checksum of each file."""
     rows: Rows = [("", "file", "bytes", "SHA-256")]
     for given in shown:
         size, digest = given.checksum() or (None, "in memory" if not given.from_file else "written to a stream")
@@ -35,7 +40,7 @@ def file_rows(shown: Sequence[Given]) -> Rows:
 
 
 def shape_rows(inspected: Sequence[tuple[Given, Inspection]]) -> Rows:
-    """What each mesh is, a column a mesh."""
+    """Return the properties of the meshes, with a column for each."""
     columns = [_shape(found) for _, found in inspected]
     head = ("", *(given.label for given, _ in inspected))
     return [head, *((name, *(column[name] for column in columns)) for name in columns[0])]
@@ -51,40 +56,62 @@ def _shape(found: Inspection) -> dict[str, str]:
         "spikes": _counted(found.spikes),
         "small components": _counted(found.small_components),
         "genus": "none" if found.genus is None else str(found.genus),
-        "mean edge length": _number(found.mean_edge_length),
-        "area": _number(found.area),
-        "enclosed volume": _number(found.volume),
-        "noise along the normal": "unknown" if found.noise is None else f"{found.noise:.2g} mean edge lengths",
+        "mean edge length (mesh units)": _number(found.mean_edge_length),
+        "area (mesh units²)": _number(found.area),
+        "enclosed volume (mesh units³)": _number(found.volume),
+        "noise along the normal (mean edge lengths)": "unknown" if found.noise is None else f"{found.noise:.2g}",
         "kind of error": "not determined for so many faces" if found.error is None else str(found.error),
         "treated as": "" if found.treated_as is None else str(found.treated_as),
     }
 
 
 def measure_rows(measured: Sequence[tuple[Given, Measures]]) -> Rows:
-    """Errors against the truth, a column a mesh."""
-    words = [measures.in_words() for _, measures in measured]
+    """Return the errors against the truth, with a column for each mesh."""
     head = ("", *(given.label for given, _ in measured))
-    return [head, *((name, *(of[name] for of in words)) for name in (words[0] if words else ()))]
+    columns = [_measured(measures) for _, measures in measured]
+    return [head, *((name, *(column[name] for column in columns)) for name in columns[0])]
 
 
-def setting_rows(done: DenoisingSummary) -> Rows:
-    """Every parameter of the method and every control, with its value and whether it was given."""
-    rows: Rows = [("", "value", "default", "meaning")]
-    for parameter in find(done.method).given_by_name:
-        value = done.parameters.get(parameter.name, parameter.default)
-        rows.append((parameter.name, _setting(value), _setting(parameter.default), parameter.about.help))
-    given = {"strength": done.strength, **done.controls}
-    for name, value in given.items():
-        rows.append((name, _setting(value), _setting(CONTROLS[name].default), CONTROLS[name].about.help))
-    return rows
+def _measured(measures: Measures) -> dict[str, str]:
+    ratio = measures.volume_ratio
+    return {
+        "mean angle E_a (°)": f"{measures.normal_error_deg:.3f}",
+        "root mean square angle (°)": f"{measures.normal_error_rms_deg:.3f}",
+        "95th percentile of the angle (°)": f"{measures.normal_error_p95_deg:.3f}",
+        "mean angle by area (°)": f"{measures.normal_error_area_deg:.3f}",
+        "flipped faces (%)": f"{measures.flipped_percent:.3f}",
+        "mean distance E_v (mean edge lengths)": f"{measures.vertex_error_edges:.4f}",
+        "root mean square distance (mean edge lengths)": f"{measures.vertex_rms_edges:.4f}",
+        "Hausdorff distance (diagonals)": f"{measures.hausdorff_diagonal:.5f}",
+        "volume ratio": "open" if ratio is None else f"{ratio:.6f}",
+    }
+
+
+class Settings(NamedTuple):
+    """Rows of the parameters and controls: those that differ from their defaults, and the others; both with a head."""
+
+    changed: Rows
+    usual: Rows
+
+
+def settings(done: DenoisingSummary) -> Settings:
+    """Return every parameter of the method and every control, with its value, its default and its meaning."""
+    head = ("", "value", "default", "meaning")
+    found = Settings([head], [head])
+    listed = [(one, done.parameters.get(one.name, one.default)) for one in find(done.method).given_by_name]
+    listed += [(CONTROLS[name], value) for name, value in {"strength": done.strength, **done.controls}.items()]
+    for setting, value in listed:
+        row = (setting.name, _setting(value), _setting(setting.default), setting.about.help)
+        (found.usual if value == setting.default else found.changed).append(row)
+    return found
 
 
 def version_rows(done: DenoisingSummary | None) -> Rows:
-    """What the result depends on besides files and settings."""
+    """Return what the result depends on besides files and settings."""
     rows: Rows = [("cascadenorm", __version__), ("Python", platform.python_version())]
     rows += [(name, version(name)) for name in LIBRARIES]
     if done is not None:
-        rows.append(("seed", "none: no random numbers are drawn, and the number of threads changes nothing"))
+        rows.append(("seed", "none; no random numbers are used, and the number of threads has no effect"))
         weights = _weights(done)
         if weights is not None:
             rows.append((f"weights of {done.method}", f"SHA-256 {file_digest(weights)}"))
@@ -92,7 +119,7 @@ def version_rows(done: DenoisingSummary | None) -> Rows:
 
 
 class Recipe(Protocol):
-    """What makes a file, as in `DenoisingSummary`."""
+    """The inputs of a result, as in `DenoisingSummary`."""
 
     @property
     def source(self) -> str: ...
@@ -109,7 +136,7 @@ class Recipe(Protocol):
 
 
 def command_line(done: Recipe) -> str:
-    """Return the command that makes the same file again."""
+    """Return the command that reproduces the file."""
     words = ["cascadenorm", "denoise", done.source, "-o", done.output, "--method", done.method]
     parameters = {name: value for name, value in done.parameters.items() if name != "model"}
     words += [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
@@ -125,7 +152,7 @@ def command_line(done: Recipe) -> str:
 
 
 def python_call(done: Recipe) -> str:
-    """Return the call that makes the same file again."""
+    """Return the Python call that reproduces the file."""
     controls = {"strength": done.strength, **done.controls}
     settings: dict[str, Any] = {name: v for name, v in controls.items() if v != CONTROLS[name].default}
     arguments = [repr(done.source), repr(done.output), f"method={done.method!r}"]
@@ -136,7 +163,7 @@ def python_call(done: Recipe) -> str:
 
 
 def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Inspection]]) -> list[str]:
-    """What a reader should know before using the result, in sentences."""
+    """Return sentences that a reader should know before using the result."""
     said = [] if done is None else [f"left out of the output: {loss}" for loss in done.left_out]
     if done is not None and (done.isolated_vertices or done.isolated_faces):
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
@@ -164,7 +191,7 @@ def _number(value: float | None) -> str:
 
 
 def _weights(done: DenoisingSummary) -> Path | None:
-    """The weights file of a learned method."""
+    """Return the weights file of a learned method."""
     if "model" not in find(done.method).settings:
         return None
     return weights_file(done.method, done.parameters.get("model"))

@@ -1,4 +1,4 @@
-"""The meshes that a report is about."""
+"""The meshes of a report."""
 
 import hashlib
 from os import PathLike
@@ -10,20 +10,20 @@ from cascadenorm.io.interop import as_file, is_pair, mesh_of_file, source_name
 from cascadenorm.mesh import Mesh
 
 LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"}
-"""What the meshes of a report are called."""
+"""Labels of the meshes of a report."""
 
 
 class Given(NamedTuple):
-    """A mesh with the name that it has in a report.
+    """A mesh with its name in a report.
 
     Parameters
     ----------
     key
         One of LABELS, or the name of a method.
     name
-        Of the file, or of the kind of mesh.
+        Name of the file or of the kind of mesh.
     file
-        As it was read, or moved.
+        The file as it was read, possibly with moved vertices.
     from_file
         Whether `file` holds the bytes of a file, which have a checksum.
     """
@@ -35,16 +35,16 @@ class Given(NamedTuple):
 
     @property
     def mesh(self) -> Mesh:
-        """The triangles; errors begin with the name."""
+        """The triangle mesh; error messages begin with the name."""
         return mesh_of_file(self.file, self.name)
 
     @property
     def label(self) -> str:
-        """What the mesh is called."""
+        """The label of the mesh."""
         return LABELS.get(self.key, self.key)
 
     def checksum(self) -> tuple[int, str] | None:
-        """Return the size of the file in bytes and its SHA-256; None for a mesh that is in no file."""
+        """Return the size of the file in bytes and its SHA-256; None for a mesh without a file."""
         if not self.from_file:
             return None
         if Path(self.name).is_file():
@@ -57,7 +57,7 @@ class Given(NamedTuple):
 
 
 def given(key: str, source: Any) -> Given:
-    """Take a mesh of any kind that `denoise` takes, or one that was taken already."""
+    """Convert a mesh of any kind that `denoise` accepts; a Given is returned as it is."""
     if isinstance(source, Given):
         return source
     if isinstance(source, str | PathLike) or hasattr(source, "read"):

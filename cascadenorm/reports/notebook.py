@@ -1,4 +1,4 @@
-"""Meshes in a notebook: the viewer of reports in a cell, and a still picture where scripts do not run."""
+"""Meshes in notebooks: the viewer of reports in a cell, and a still picture where scripts do not run."""
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
@@ -27,20 +27,20 @@ OWN = "values"
 PICTURE, SMALL = 420, 280
 """Size of each still picture of a view, and of that of a mesh, in pixels."""
 MOST_FACES = 300_000
-"""Faces up to which a mesh is drawn whenever a cell shows it."""
+"""Largest number of faces for which a cell that shows a mesh draws a picture."""
 
 
 class Shown(NamedTuple):
-    """What a view shows.
+    """The contents of a view.
 
     Parameters
     ----------
     meshes
         With their names.
     color
-        The quantity that is seen first; "" for none.
+        The quantity that is shown first; "" for none.
     own
-        Values that the caller gives, by the name of the mesh that they lie on.
+        Values given by the caller, by the name of the mesh that they belong to.
     """
 
     meshes: list[Given]
@@ -51,21 +51,22 @@ class Shown(NamedTuple):
 def view(
     mesh: Any, other: Any = None, *, truth: Any = None, values: str | ArrayLike | None = None, height: int = 520
 ) -> "AnyWidget":
-    """Show a mesh in the cell of a notebook, beside what was made of it, to be turned around.
+    """Show a mesh, or two and the true mesh, in an interactive 3-D viewer in a notebook cell.
 
-    It is the viewer of reports: split screen, side by side, heat maps, numbers of the face that is clicked. Where
+    The viewer is that of reports: split screen, side by side, heat maps, and the values of a clicked face. Where
     scripts do not run, the cell holds a still picture.
 
     Parameters
     ----------
     mesh, other, truth
-        Of any kind that `denoise` takes: before, after, and the true one; all but the first may be left out.
+        Meshes before and after denoising, and the true mesh, of any kind that `denoise` accepts. All but the first are
+        optional.
     values
-        What is seen as colours at first: "angle", "displacement", "normal-displacement" (with `other`), "normal-error",
-        "distance" (with `truth`), "noise" or "curvature"; or an array of numbers of your own, one for each vertex or
-        each face, NaN where there is none. It lies on each of the meshes that has as many.
+        Quantity that is coloured at first: "angle", "displacement" or "normal-displacement" (with `other`),
+        "normal-error" or "distance" (with `truth`), "noise" or "curvature"; or an array of your own values, one for
+        each vertex or each face, NaN where there is none. It is shown on every mesh that has as many.
     height
-        Of the cell, in pixels.
+        Height of the cell in pixels.
 
     Returns
     -------
@@ -74,9 +75,9 @@ def view(
     Raises
     ------
     ReadError, MeshError
-        A mesh that cannot be read, or no mesh.
+        A mesh cannot be read or is invalid.
     ParameterError
-        Values that do not exist or need another mesh, or are as many as neither vertices nor faces.
+        The values do not exist, need another mesh, or match neither the vertices nor the faces in number.
     MissingDependencyError
         Anywidget is not installed.
     """
@@ -96,7 +97,7 @@ def view(
 
 
 def described(mesh: Mesh) -> str:
-    """Return HTML that says what a mesh is, with a picture unless the mesh is too large."""
+    """Describe a mesh in HTML, with a picture if the mesh is not too large."""
     words = (
         f"{len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces, mean edge length {mesh.mean_edge_length:.4g}, "
         f"bounding box {' × '.join(f'{side:.4g}' for side in np.ptp(mesh.vertices, axis=0))}"
@@ -113,7 +114,7 @@ def described(mesh: Mesh) -> str:
 
 
 def _values(meshes: Sequence[Given], values: str | ArrayLike | None) -> tuple[str, Field | None]:
-    """The quantity that is seen first, and the values that are the caller's own."""
+    """Return the quantity that is shown first, and the values given by the caller."""
     if values is None:
         return "", None
     if isinstance(values, str):
@@ -133,7 +134,7 @@ def _values(meshes: Sequence[Given], values: str | ArrayLike | None) -> tuple[st
 
 
 def _picture(shown: Shown) -> "Figure":
-    """All meshes side by side, from where the last is seen well, with the caller's own values as colours."""
+    """Draw all meshes side by side from the best view of the last, with values given by the caller as colours."""
     meshes = scaled_alike(*(one.mesh for one in shown.meshes))
     camera = Camera.looking_at(meshes[-1])
     own: Mapping[str, NDArray[np.float64]] = shown.own.values if shown.own else {}
@@ -152,7 +153,7 @@ def _picture(shown: Shown) -> "Figure":
 
 @cache
 def _widget() -> "type[AnyWidget]":
-    """The class of the widget, made when it is first needed.
+    """Return the class of the widget, created on first use.
 
     Raises
     ------
@@ -166,7 +167,7 @@ def _widget() -> "type[AnyWidget]":
         raise MissingDependencyError("view", package="anywidget", extra="notebook") from None
 
     class View(anywidget.AnyWidget):  # type: ignore[misc]
-        """The cell: a page in a frame, and the picture for where there are no scripts."""
+        """A cell with a page in a frame, and a picture for where scripts do not run."""
 
         _esm = files("cascadenorm.reports").joinpath("notebook.js").read_text(encoding="utf-8")
         page = traitlets.Unicode().tag(sync=True)

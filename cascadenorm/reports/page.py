@@ -1,16 +1,34 @@
-"""One self-contained page of HTML: text and a picture, and the viewer where scripts run."""
+"""Self-contained HTML pages of text and a picture, with the viewer where scripts run."""
 
 import json
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-"""What browsers enforce: the page loads nothing from elsewhere."""
+"""Content security policy: the page loads nothing from elsewhere."""
 
 CODE, CODE_IN_HTML = re.compile("`([^`<>]+)`"), r"<code>\1</code>"
+
+
+class Tile(NamedTuple):
+    """A figure at the top of a page.
+
+    Parameters
+    ----------
+    label
+        What it is.
+    values
+        One value, or those before and after.
+    note
+        Unit, or what else belongs to it.
+    """
+
+    label: str
+    values: tuple[str, ...]
+    note: str = ""
 
 
 def page(
@@ -18,6 +36,7 @@ def page(
     summary: Iterable[str],
     sections: Iterable[tuple[str, str]],
     *,
+    tiles: Sequence[Tile] = (),
     picture: str,
     caption: str,
     scene: Mapping[str, Any],
@@ -30,31 +49,35 @@ def page(
         Text; sentences, a paragraph each.
     sections
         Titles and their HTML.
+    tiles
+        Figures in a row below the summary.
     picture, caption
         An SVG element, and what it shows.
     scene
-        Of the viewer.
+        Scene of the viewer.
     """
     viewer = f'<div id="viewer">{image(picture, caption)}</div>'
-    return _html(title, summary, sections, before=viewer, after=_scripts(scene))
+    return _html(title, summary, sections, tiles=tiles, before=viewer, after=_scripts(scene))
 
 
-def plain_page(title: str, summary: Iterable[str], sections: Iterable[tuple[str, str]]) -> str:
+def plain_page(
+    title: str, summary: Iterable[str], sections: Iterable[tuple[str, str]], *, tiles: Sequence[Tile] = ()
+) -> str:
     """Return a page without a viewer; parameters are those of `page`."""
-    return _html(title, summary, sections)
+    return _html(title, summary, sections, tiles=tiles)
 
 
 def frame_page(scene: Mapping[str, Any], picture: str, caption: str, *, color: str) -> str:
-    """Return a page with the viewer alone, for a frame in another page.
+    """Return a page that contains only the viewer, for a frame in another page.
 
     Parameters
     ----------
     scene
-        Of the viewer.
+        Scene of the viewer.
     picture, caption
         An SVG element, and what it shows.
     color
-        The quantity that is seen first; "" for none.
+        The quantity that is shown first; "" for none.
     """
     first = "history.replaceState = () => {};"  # a frame has no address of its own
     if color:
@@ -93,7 +116,13 @@ def _file(name: str) -> str:
 
 
 def _html(
-    title: str, summary: Iterable[str], sections: Iterable[tuple[str, str]], *, before: str = "", after: str = ""
+    title: str,
+    summary: Iterable[str],
+    sections: Iterable[tuple[str, str]],
+    *,
+    tiles: Sequence[Tile],
+    before: str = "",
+    after: str = "",
 ) -> str:
     paragraphs = "".join(f"<p>{escape(line)}</p>" for line in summary)
     body = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
@@ -103,7 +132,7 @@ def _html(
 {_head(title)}
 </head>
 <body>
-<header class="top"><h1>{escape(title)}</h1>{paragraphs}</header>
+<header class="top"><h1>{escape(title)}</h1>{paragraphs}{_tiles(tiles)}</header>
 <main>
 {before}
 {body}
@@ -112,6 +141,16 @@ def _html(
 </body>
 </html>
 """
+
+
+def _tiles(tiles: Sequence[Tile]) -> str:
+    """Return figures in a row."""
+    parts = []
+    for label, values, note in tiles:
+        value = '<span class="to"> → </span>'.join(f"<span>{escape(one)}</span>" for one in values)
+        about = f'<dd class="note">{escape(note)}</dd>' if note else ""
+        parts.append(f"<div><dt>{escape(label)}</dt><dd>{value}</dd>{about}</div>")
+    return f'<dl class="tiles">{"".join(parts)}</dl>' if parts else ""
 
 
 def image(picture: str, caption: str) -> str:
@@ -126,17 +165,20 @@ def table(
     bold: Collection[tuple[int, int]] = (),
     numbers: bool = False,
     prose: bool = False,
+    stacked: bool = False,
 ) -> str:
-    """Return a table, the first cell of each row and the first row, if it is a head, naming the others.
+    """Return a table; the first cell of each row, and the first row if it is a head, are headings.
 
     Parameters
     ----------
     bold
         Row and column of cells in bold.
     numbers
-        Whether all but the first column is numbers.
+        Whether all columns but the first hold numbers.
     prose
-        Whether the last column is sentences, with code in backticks; a phone shows them below the other cells.
+        Whether the last column holds sentences, with code in backticks; it is stacked.
+    stacked
+        Whether a phone shows the last column below the other cells.
     """
     lines = []
     for number, row in enumerate(rows):
@@ -149,8 +191,15 @@ def table(
             )
         lines.append(f"<tr>{CODE.sub(CODE_IN_HTML, cells) if prose else cells}</tr>")
     start, rest = (f"<thead>{lines[0]}</thead>", lines[1:]) if head else ("", lines)
-    kind = ' class="numbers"' if numbers else ' class="prose"' if prose else ""
+    kinds = {"numbers": numbers, "prose": prose, "stacked": stacked or prose}
+    names = " ".join(name for name, given in kinds.items() if given)
+    kind = f' class="{names}"' if names else ""
     return f'<div class="table"><table{kind}>{start}<tbody>{"".join(rest)}</tbody></table></div>'
+
+
+def folded(title: str, content: str) -> str:
+    """Return HTML that is hidden until its title is clicked."""
+    return f"<details><summary>{escape(title)}</summary>{content}</details>"
 
 
 def listed(lines: Iterable[str]) -> str:
@@ -159,5 +208,5 @@ def listed(lines: Iterable[str]) -> str:
 
 
 def code(text: str) -> str:
-    """Return text to be copied."""
+    """Return a block of code."""
     return f"<pre><code>{escape(text)}</code></pre>"

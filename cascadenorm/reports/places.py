@@ -1,4 +1,4 @@
-"""Where the defects of a mesh lie."""
+"""Places of the defects of a mesh."""
 
 from typing import Any, NamedTuple
 
@@ -18,20 +18,20 @@ AT_FACES = {
     "crossing_faces",
     "small_components",
 }
-"""Findings whose places are faces; those of the others are vertices, or edges."""
+"""Findings that are located at faces; the others are at vertices or edges."""
 
 
 class Place(NamedTuple):
-    """A place to look at.
+    """The place of a defect.
 
     Parameters
     ----------
     mesh, finding, label
-        The mesh and the finding, and what it is called, such as "face 17".
+        Names of the mesh and the finding, and a label such as "face 17".
     at
-        In the unit of the mesh.
+        Position in mesh units.
     radius
-        Of what lies there.
+        Radius of the defect in mesh units.
     """
 
     mesh: str
@@ -42,7 +42,7 @@ class Place(NamedTuple):
 
 
 def places(given: Given, found: Inspection) -> list[Place]:
-    """Return the places that an inspection names and that have finite positions."""
+    """Return the places listed by an inspection that have finite positions."""
     positions = np.asarray(given.file.positions, np.float64)
     listed = []
     for name, finding in found.findings.items():
@@ -58,7 +58,7 @@ def places(given: Given, found: Inspection) -> list[Place]:
 
 
 def _corners(given: Given, name: str, number: Any) -> NDArray[np.int64]:
-    """Rows of the positions of a face, an edge or a vertex."""
+    """Return the vertex indices of a face, an edge or a vertex."""
     numbers = np.atleast_1d(np.asarray(number, np.int64)) - given.file.counts_from
     if name not in AT_FACES:
         return numbers

@@ -52,25 +52,6 @@ def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
     return _plot(rows, title, label, draw, f"{title}. {'; '.join(medians)}")
 
 
-def dot_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
-    """Draw a dot for each value and a line at the mean, a row each.
-
-    Parameters
-    ----------
-    rows, title, label
-        As in `box_plot`.
-    """
-    means = {name: float(np.mean(values)) for name, values in rows.items()}
-
-    def draw(axes: "Axes") -> None:
-        for place, values in enumerate(rows.values()):
-            axes.plot(values, np.full(np.size(values), place), "o", color=INK, alpha=0.5, mew=0)
-        axes.plot(list(means.values()), range(len(means)), "|", color=ACCENTS[0], markersize=18, mew=2.5)
-
-    shown = [f"{name}: mean {mean:.2f}" for name, mean in means.items()]
-    return _plot(rows, title, label, draw, f"{title}. {'; '.join(shown)}")
-
-
 def _plot(rows: Mapping[str, ArrayLike], title: str, label: str, draw: Callable[["Axes"], None], about: str) -> str:
     """Draw a plot with a row for each name, and values from zero to the right."""
     names = [name.replace("\n", " ") for name in rows]

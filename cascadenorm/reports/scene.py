@@ -1,4 +1,4 @@
-"""Everything that the viewer shows, as one object of JSON."""
+"""The scene of the viewer as a JSON object."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -18,26 +18,26 @@ from cascadenorm.reports.places import Place
 FORMAT = 1
 LEVELS, FINE_LEVELS = (1 << 16) - 1, (1 << 24) - 1
 FEWEST = 30
-"""Levels along a mean edge below which FINE_LEVELS are used: a part far away makes the bounding box large."""
+"""Levels per mean edge length below which FINE_LEVELS are used, as for a part far away from the rest."""
 MOST_TEXT = 11_200_000
-"""Characters of all arrays, so that a page with viewer and picture has less than 12 MB."""
+"""Largest number of characters of all arrays, which keeps a page with viewer and picture below 12 MB."""
 FEWER_STEPS = 64
-"""Steps over the colours of a quantity where there is no room for more."""
+"""Steps over the colours of a quantity if the page would be too large."""
 LITTLE = 0.02
-"""Share of the box by which a result may stick out of it; the viewer draws what is somewhat beyond."""
+"""Share of the box by which a result may extend beyond it; the viewer still draws that."""
 
 
 class _Frame(NamedTuple):
-    """The box in which positions are whole numbers.
+    """The box in which positions are quantised.
 
     Parameters
     ----------
     lower, extent
-        (3,) of the scaled meshes.
+        (3,) lower corner and size for the scaled meshes.
     levels
-        Whole numbers along each side.
+        Number of levels along each side.
     unit
-        Length of 1 of the scaled meshes in the unit of the files.
+        Unit length of the scaled meshes in the unit of the files.
     """
 
     lower: NDArray[np.float64]
@@ -46,19 +46,19 @@ class _Frame(NamedTuple):
     unit: float
 
     def codes(self, vertices: Vectors) -> NDArray[np.int64]:
-        """Return positions as whole numbers, (n, 3); 0 along a side without length."""
+        """Return (n, 3) quantised positions; 0 along a side without length."""
         place = np.divide(vertices - self.lower, self.extent, out=np.zeros_like(vertices), where=self.extent > 0)
         return np.asarray(np.rint(place * self.levels), np.int64)
 
     def holds(self, mesh: Mesh) -> bool:
-        """Whether a mesh lies in the box, or sticks out by little."""
+        """Return whether a mesh lies in the box, or extends only slightly beyond it."""
         used = mesh.vertices[mesh.topology.used_vertices]
         beyond = np.maximum(self.lower - used.min(axis=0), used.max(axis=0) - self.lower - self.extent)
         return bool((beyond <= LITTLE * self.extent).all())
 
 
 class _Drawn(NamedTuple):
-    """A mesh as it is shown: scaled, its faces, and the codes of its vertices."""
+    """A displayed mesh: scaled, with its displayed faces and the codes of its vertices."""
 
     mesh: Mesh
     shown: Display
@@ -66,11 +66,11 @@ class _Drawn(NamedTuple):
 
 
 def scene(shown: Sequence[Given], places: Sequence[Place], *, own: Field | None = None) -> dict[str, Any]:
-    """Pack meshes, what is known of their faces and vertices, values of the caller's own, and places to look at.
+    """Pack meshes, the quantities on them, values given by the caller, and places of defects.
 
-    Positions are whole numbers from 0 to LEVELS, or FINE_LEVELS, in each direction of the bounding box of all meshes;
-    a mesh with the faces of an earlier one is that one and the displacements of its vertices. What would have more than
-    MOST_TEXT characters has coarser values; where that is not enough, meshes with fewer faces are shown.
+    Positions are quantised to LEVELS or FINE_LEVELS along each direction of the bounding box of all meshes. A mesh with
+    the faces of an earlier one is stored as displacements of its vertices. If the scene would have more than MOST_TEXT
+    characters, values are quantised more coarsely; if that is not enough, the meshes are decimated.
     """
     meshes = dict(zip((given.key for given in shown), scaled_alike(*(given.mesh for given in shown)), strict=True))
     frame = _frame(meshes.values(), scale_between(shown[0].mesh, meshes[shown[0].key]))
@@ -102,12 +102,12 @@ def _characters(packs: Any) -> int:
 
 
 class Comparison:
-    """Scenes of a mesh and of results that have its faces; what they share is computed once.
+    """Scenes of a mesh and of results with the same faces; shared data are computed once.
 
     Parameters
     ----------
     before
-        The mesh.
+        Input mesh.
     """
 
     def __init__(self, before: Given) -> None:
@@ -117,15 +117,15 @@ class Comparison:
         packed_meshes, self._drawn = _packed_meshes([before], {before.key: mesh}, self._frame)
         self._known: dict[str, Mapping[str, Floats]] = {}
         self.first = {**_about(self._frame, mesh), "meshes": packed_meshes, "fields": [], "places": []}
-        """The scene of the mesh alone, without heat maps, so that it is there soon."""
+        """The scene of the mesh without heat maps, which is ready soon."""
 
     def with_result(self, after: Given, vertices: NDArray[Any]) -> dict[str, Any]:
-        """Return what completes the first scene to one of both meshes; a whole scene where it does not fit its box.
+        """Return what extends the first scene to both meshes, or a whole scene if the result does not fit its box.
 
         Parameters
         ----------
         vertices
-            (n, 3) of `after`, as the mesh before has them.
+            (n, 3) vertices of `after`, in the order of the mesh before.
         """
         before, mesh = scaled_alike(self._mesh, self._mesh.moved(vertices))
         unit = scale_between(self._mesh, before)
@@ -152,7 +152,7 @@ def _frame(meshes: Collection[Mesh], unit: float) -> _Frame:
 
 
 def _about(frame: _Frame, seen: Mesh) -> dict[str, Any]:
-    """Return the frame, and from where a mesh is seen at first."""
+    """Return the frame and the initial camera."""
     camera = Camera.looking_at(seen)
     return {
         "format": FORMAT,
@@ -175,7 +175,7 @@ def _packed_meshes(
     *,
     most: int = MOST_FACES,
 ) -> tuple[list[dict[str, Any]], dict[str, _Drawn]]:
-    """Pack meshes; return them, and how they are drawn together with those that are drawn already."""
+    """Pack meshes; return them, and all displayed meshes including those in `known`."""
     packs, drawn = [], dict(known or {})
     for given in shown:
         mesh = meshes[given.key]
@@ -207,7 +207,7 @@ def _fields(
 
 
 def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, fewer_steps: bool = False) -> dict[str, Any]:
-    """Pack a field; meshes that have the same values share them."""
+    """Pack a field; meshes with the same values share them."""
     quantity = field.quantity
     steps = STEPS if not fewer_steps else FEWER_STEPS // 2 if quantity.signed else FEWER_STEPS
     packs: list[dict[str, Any]] = []
@@ -228,7 +228,7 @@ def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, fewer_steps: boo
 
 
 def _colors(given: Given, drawn: Display) -> dict[str, Any] | None:
-    """Pack the vertex colours of a file, those of the first copy where it splits vertices."""
+    """Pack the vertex colours of a file; split vertices have the colour of their first copy."""
     colors = channels(given.file.content().vertex_values)
     first = np.unique(given.file.welds, return_index=True)[1]
     if any(len(colors.get(name, ())) != len(given.file.positions) for name in CHANNELS[:3]):
@@ -238,7 +238,7 @@ def _colors(given: Given, drawn: Display) -> dict[str, Any] | None:
 
 
 def _numbers(given: Given, drawn: Display) -> dict[str, Any] | None:
-    """Pack the numbers that the file gives to the faces, where they do not simply count from 0."""
+    """Pack the face numbers of the file; None if they count from 0 without gaps."""
     polygons = given.file.triangle_polygons[~given.file.left_out]
     numbers = polygons[drawn.kept_faces] + given.file.counts_from
     return None if (numbers == np.arange(len(numbers))).all() else packed(numbers, differences=True)

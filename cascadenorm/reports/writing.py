@@ -1,4 +1,4 @@
-"""A report: one file of HTML that shows meshes, and says what they are, what was done, and how to do it again."""
+"""Reports: one HTML file that shows meshes, their properties, what was done, and how to reproduce it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,25 +17,24 @@ from cascadenorm.registry import find
 from cascadenorm.render import Camera, Panel, inline_svg, montage, render
 from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
-from cascadenorm.reports.page import code, listed, page, plain_page, table
+from cascadenorm.reports.key_figures import Inspected, Measured, headline, key_figures
+from cascadenorm.reports.page import code, folded, listed, page, plain_page, table
 from cascadenorm.reports.places import Place, places
 from cascadenorm.reports.scene import scene
 
-Inspected = Sequence[tuple[Given, Inspection]]
-Measured = Sequence[tuple[Given, Measures]]
 PICTURE = (560, 560)
 """Size of each picture of a mesh, in pixels."""
 
 
 class Contents(NamedTuple):
-    """What a report says, by the meshes that it is about: "mesh", or "before" and "after".
+    """The inspections and measures of a report, by mesh: "mesh", or "before" and "after".
 
     Parameters
     ----------
     inspections
-        What each mesh is and what is wrong with it.
+        Inspection of each mesh.
     measures
-        How far each is from the truth; empty without one.
+        Errors of each mesh against the truth; empty without one.
     """
 
     inspections: dict[str, Inspection]
@@ -43,7 +42,7 @@ class Contents(NamedTuple):
 
 
 def check_report(output: str | PathLike[str], *, force: bool) -> Path:
-    """Return where a report is written; raises what `report` does where it cannot be."""
+    """Return the path of a report; raise the errors of `report` before any work."""
     check_output(Path(output), force=force)
     return Path(output)
 
@@ -58,7 +57,7 @@ def report(
     self_intersections: bool | None = None,
     force: bool = False,
 ) -> Contents:
-    """Write a report on a mesh, on what was made of it, and on how far both are from the truth.
+    """Write a report on a mesh, its denoised version, and the errors of both against the truth.
 
     It is one self-contained HTML file: meshes in a 3-D viewer, heat maps, findings, and, with `summary`, how to
     reproduce the result. Without scripts or WebGL it shows text and a picture.
@@ -68,14 +67,14 @@ def report(
     output
         HTML file.
     mesh
-        Of any kind that `denoise` takes; where it is alone, bad vertices and faces are left out of the view, and one
-        without a usable face has a report in text.
+        Mesh of any kind that `denoise` accepts. A single mesh is shown without its invalid vertices and faces. If
+        it has no valid face, the report is text only.
     result
         The denoised mesh.
     truth
         The true mesh.
     summary
-        What `denoise_file` returned for `result`.
+        Summary that `denoise_file` returned for `result`.
     self_intersections
         Whether to look for faces that cross each other, as in `inspect`.
     force
@@ -83,12 +82,12 @@ def report(
 
     Returns
     -------
-    What was found, as `inspect` and `compare` return it
+    The inspections and measures, as `inspect` and `compare` return them.
 
     Raises
     ------
     ReadError, MeshError
-        A mesh that cannot be read or drawn, or no mesh.
+        A mesh cannot be read or drawn, or is invalid.
     OutputError
         The file exists and force is not given, or it cannot be written.
     """
@@ -119,39 +118,58 @@ def report_denoised(
 def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> str:
     """Return the page of a report."""
     found = [place for one, inspection in inspected for place in places(one, inspection)]
-    warnings = facts.warnings(done, inspected)
-    sections = [("Warnings", listed(warnings))] if warnings else []
-    if measured:
-        sections.append(("Errors against the truth", table(facts.measure_rows(measured))))
-    sections.append(("Shape", table(facts.shape_rows(inspected))))
-    sections.append(("Findings", "".join(_findings(*one, len(inspected) > 1, found) for one in inspected)))
-    if done is not None:
-        method = find(done.method)
-        about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
-        sections.append(("Method and settings", about + table(facts.setting_rows(done), prose=True)))
-        again = code(facts.command_line(done)) + code(facts.python_call(done))
-        sections.append(("Reproduce", again))
-    sections.append(("Files", table(facts.file_rows(shown))))
-    sections.append(("Versions", table(facts.version_rows(done), head=False)))
+    sections = _sections(shown, inspected, measured, done, found)
     names = ", ".join(f"{one.label.lower()}: {one.name}" for one in shown)
     caption = names[0].upper() + names[1:]
     title = f"{Path(shown[0].name).name} – {'denoised' if done else 'mesh report'}"
-    summary = _summary(inspected, measured, done)
     why = _undrawn(shown[0]) if len(shown) == 1 else None
     if why is not None:
-        return plain_page(title, [f"There is nothing to show: {why}.", *summary], sections)
+        return plain_page(title, [f"There is nothing to show: {why}."], sections)
     return page(
         title,
-        summary,
+        headline(inspected, done),
         sections,
+        tiles=key_figures(inspected, measured, done),
         picture=_picture(shown, caption),
         caption=caption,
         scene=scene(shown, found),
     )
 
 
+def _sections(
+    shown: Sequence[Given],
+    inspected: Inspected,
+    measured: Measured,
+    done: DenoisingSummary | None,
+    found: Sequence[Place],
+) -> list[tuple[str, str]]:
+    """Return the titles and the HTML of what stands below the viewer."""
+    warnings = facts.warnings(done, inspected)
+    sections = [("Warnings", listed(warnings))] if warnings else []
+    if measured:
+        errors = table(facts.measure_rows(measured), numbers=True)
+        sections.append(("Errors against the truth", f"<p>{escape(facts.SYMBOLS)}</p>{errors}"))
+    sections.append(("Findings", "".join(_findings(*one, len(inspected) > 1, found) for one in inspected)))
+    sections.append(("Shape", table(facts.shape_rows(inspected))))
+    if done is not None:
+        sections.append(("Method and settings", _settings(done)))
+        sections.append(("Reproduce", code(facts.command_line(done)) + code(facts.python_call(done))))
+    files = table(facts.file_rows(shown), stacked=True)
+    sections.append(("Files", files + folded("Versions", table(facts.version_rows(done), head=False))))
+    return sections
+
+
+def _settings(done: DenoisingSummary) -> str:
+    """Return what the method is, the settings that were changed, and below a fold the others."""
+    method, settings = find(done.method), facts.settings(done)
+    about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
+    changed = table(settings.changed, prose=True) if settings.changed[1:] else ""
+    title = counted(len(settings.usual) - 1, "setting has its default", "settings have their defaults")
+    return about + changed + folded(title, table(settings.usual, prose=True))
+
+
 def _undrawn(alone: Given) -> str | None:
-    """Why a mesh has no surface that can be drawn; None where it has one."""
+    """Return why a mesh has no surface that can be drawn; None where it has one."""
     if not len(alone.file.polygons):
         return f"{alone.name} has no faces"
     try:
@@ -161,27 +179,8 @@ def _undrawn(alone: Given) -> str | None:
     return None
 
 
-def _summary(inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> list[str]:
-    """What matters most, in a sentence each."""
-    said = []
-    if done is not None:
-        said.append(
-            f"{done.method} moved {done.moved:,} of {done.vertices:,} vertices by "
-            f"{done.mean_displacement:.3g} mean edge lengths on average and {done.largest_displacement:.3g} at most, "
-            f"in {done.seconds:.1f} s."
-        )
-    if measured:
-        errors = [f"{one.label.lower()} {measures.normal_error_deg:.2f}°" for one, measures in measured]
-        said.append(f"Mean angle between the normals and the true ones: {', '.join(errors)}.")
-    for one, found in inspected:
-        noise = "noise unknown" if found.noise is None else f"noise of about {found.noise:.2g} mean edge lengths"
-        kinds = counted(len(found.findings), "kind of defect", "kinds of defects") if found.findings else "no defects"
-        said.append(f"{one.label}: {found.faces:,} {'face' if found.faces == 1 else 'faces'}, {noise}, {kinds}.")
-    return said
-
-
 def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequence[Place]) -> str:
-    """The defects of a mesh, each with the places that are known; the viewer makes buttons of them."""
+    """Return the defects of a mesh with their first places, which the viewer turns into buttons."""
     rows = []
     for name, finding in found.findings.items():
         there = [
@@ -197,7 +196,7 @@ def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequenc
 
 
 def _picture(shown: Sequence[Given], about: str) -> str:
-    """All meshes side by side, from where the last is seen well."""
+    """Draw all meshes side by side from the best view of the last."""
     meshes = scaled_alike(*(one.mesh for one in shown))
     view = Camera.looking_at(meshes[-1])
     drawn = [

@@ -1,4 +1,4 @@
-"""The studio: denoising in a browser, served by this machine to itself alone."""
+"""The studio: denoising in a browser, with a server that only this machine can reach."""
 
 from cascadenorm.studio.launch import studio
 

@@ -1,4 +1,4 @@
-"""Requests of the studio's page, and the responses."""
+"""Handlers for the requests of the studio's page."""
 
 import asyncio
 import json
@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from cascadenorm.errors import CascadenormError, ParameterError
@@ -38,10 +38,10 @@ Handler = Callable[[Request], Awaitable[Response]]
 
 
 class Json(JSONResponse):
-    """JSON in ASCII, which holds names of files that are no text in any encoding as well."""
+    """JSON in ASCII, which can also hold file names that are not valid Unicode."""
 
     def render(self, content: Any) -> bytes:
-        """Return the bytes of the answer."""
+        """Return the bytes of the response."""
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
 
 
@@ -51,14 +51,15 @@ class Application:
     Parameters
     ----------
     session
-        What the pages share.
+        State shared by the pages.
     uploads
-        Where dropped files go.
+        Storage for dropped files.
     """
 
     def __init__(self, session: Session, uploads: Uploads) -> None:
         self._session, self._uploads = session, uploads
         self._drops = 0
+        self._saved: list[str] = []
 
     def routes(self) -> list[Route]:
         """Return the routes."""
@@ -76,6 +77,7 @@ class Application:
             "/api/cancel": ("POST", self.cancel),
             "/api/recipe": ("POST", self.recipe),
             "/api/save": ("POST", self.save),
+            "/api/saved/{number:int}": ("GET", self.saved),
             "/api/download": ("POST", self.download),
         }
         routes = [
@@ -86,7 +88,7 @@ class Application:
         return [*routes, *assets]
 
     def _counted(self, handler: Handler) -> Handler:
-        """Count the requests of pages, from which the server knows that one is being loaded."""
+        """Count requests, so that the server notices a page that is loading."""
 
         async def counted(request: Request) -> Response:
             self._session.requests += 1
@@ -95,11 +97,11 @@ class Application:
         return counted
 
     async def form(self, _: Request) -> Response:
-        """Methods and controls."""
+        """Return the methods and controls."""
         return Json(await self._session.form())
 
     async def events(self, request: Request) -> Response:
-        """Server-sent events, until the page is closed."""
+        """Send events until the page is closed."""
 
         async def lines() -> AsyncIterator[str]:
             async with self._session.page() as events:
@@ -112,19 +114,19 @@ class Application:
         return StreamingResponse(lines(), media_type="text/event-stream")
 
     async def scene(self, request: Request) -> Response:
-        """A scene, by the number that an event gave."""
+        """Return a scene by its number from an event."""
         scene = self._session.scenes.get(request.path_params["number"])
         if scene is None:
             raise HTTPException(404)
         return Response(scene, media_type="application/json")
 
     async def drop(self, _: Request) -> Response:
-        """A number for files that are dropped together."""
+        """Return a number for files that are dropped together."""
         self._drops += 1
         return Json({"drop": self._drops})
 
     async def take(self, request: Request) -> Response:
-        """One of the dropped files."""
+        """Receive one of the dropped files."""
         length = request.headers.get("content-length", "0")
         await self._uploads.take(
             self._known_drop(request.path_params["drop"]),
@@ -135,7 +137,7 @@ class Application:
         return Json({})
 
     async def open(self, request: Request) -> Response:
-        """Open one of the files of a drop, the first that is a mesh by its name."""
+        """Open the first file of a drop whose name is that of a mesh."""
         given = await _json(request)
         drop, names = self._known_drop(given.get("drop")), given.get("names")
         if not isinstance(names, list) or not names:
@@ -151,17 +153,17 @@ class Application:
         return Json({})
 
     async def paint(self, request: Request) -> Response:
-        """Take a code for each vertex that is shown."""
+        """Receive a code for each displayed vertex."""
         shown = (self._session.opened or {}).get("painted", 0)
         await self._session.paint(await _body(request, shown))
         return Json({})
 
     async def kept_paint(self, _: Request) -> Response:
-        """The paint on the open mesh, for a page that was discarded or loaded again."""
+        """Return the paint on the open mesh, for a page that was discarded or reloaded."""
         return Response(self._session.paint_kept, media_type="application/octet-stream")
 
     async def leave(self, _: Request) -> Response:
-        """Note that the page is closed; one whose connection ends without this was discarded, and may come back."""
+        """Record that the page was closed; a page that disconnects without this was discarded and may return."""
         self._session.leave()
         return Json({})
 
@@ -172,12 +174,12 @@ class Application:
         return Json({})
 
     async def cancel(self, _: Request) -> Response:
-        """End denoising."""
+        """Cancel denoising."""
         self._session.cancel()
         return Json({})
 
     async def recipe(self, request: Request) -> Response:
-        """The command line and the Python call for a result."""
+        """Return the command line and the Python call for a result."""
         given = await _json(request)
         target = self._target(given.get("name"))
         return Json(await self._session.ask("recipe", settings=_of(given), target=str(target)))
@@ -188,10 +190,20 @@ class Application:
         target, force = self._target(given.get("name")), given.get("force") is True
         if not (self._session.opened or {}).get("saves"):
             raise ParameterError("a dropped file has no folder to save to", hint="download the result")
-        return Json(await self._session.ask("save", settings=_of(given), target=str(target), force=force))
+        done = await self._session.ask("save", settings=_of(given), target=str(target), force=force)
+        self._saved += [path for path in done["files"] if path not in self._saved]
+        files = [{"path": path, "number": self._saved.index(path)} for path in done["files"]]
+        return Json({**done, "files": files})
+
+    async def saved(self, request: Request) -> Response:
+        """Return a file that was saved in this session, by its number from `save`."""
+        number = request.path_params["number"]
+        if not number < len(self._saved) or not Path(self._saved[number]).is_file():
+            raise HTTPException(404)
+        return FileResponse(self._saved[number], media_type="application/octet-stream")
 
     async def download(self, request: Request) -> Response:
-        """A result as a file to download."""
+        """Return a result as a file to download."""
         given = await _json(request)
         name = plain_name(given.get("name"))
         done = await self._session.ask("download", settings=_of(given), name=name)
@@ -208,7 +220,7 @@ class Application:
         return drop
 
     def _target(self, name: Any) -> Path:
-        """Return a path beside the open file, as the user gave that; a bare name where it was dropped."""
+        """Return a path beside the open file as the user gave it; for a dropped file, a bare name."""
         if self._session.file is None:
             raise ParameterError("no mesh is open: open one")
         _, shown = self._session.file
@@ -225,7 +237,7 @@ def _asset(name: str, kind: str) -> Handler:
 
 
 def _answering(handler: Handler) -> Handler:
-    """Answer errors as JSON."""
+    """Return errors as JSON responses."""
 
     async def answering(request: Request) -> Response:
         try:

@@ -10,7 +10,7 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What browsers enforce: the page loads nothing from elsewhere, and no other page shows it in a frame."""
+"""Content security policy: the page loads nothing from elsewhere, and no other page can embed it in a frame."""
 
 HEADERS = {
     "content-security-policy": POLICY,
@@ -23,7 +23,7 @@ HEADERS = {
 
 
 class Guard:
-    """An application behind checks.
+    """An application whose requests are checked first.
 
     `Host` must be this machine, which it is not after DNS rebinding. `Origin`, if it is sent, must be the studio's own
     page, and requests that change something must send it (CSRF). Requests under /api must carry the token, which only
@@ -32,11 +32,11 @@ class Guard:
     Parameters
     ----------
     app
-        What is guarded.
+        The application.
     port
-        On which it is served.
+        Port of the server.
     token
-        The secret.
+        Secret in the printed address.
     """
 
     def __init__(self, app: ASGIApp, *, port: int, token: str) -> None:
@@ -46,7 +46,7 @@ class Guard:
             self._hosts |= {"127.0.0.1", "localhost"}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse a request or pass it on; every response carries the security headers."""
+        """Reject a request or pass it on; every response has the security headers."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

@@ -5,7 +5,7 @@ from os import PathLike
 from cascadenorm.errors import MissingDependencyError
 
 MOST_MEGABYTES = 1000
-"""Size of the largest file that is opened unless another is given."""
+"""Default size limit of files."""
 
 
 def studio(
@@ -18,18 +18,18 @@ def studio(
     file
         Mesh file to open; None lets the user drop one.
     port
-        On the loopback interface; 0 takes one that is free.
+        Port on the loopback interface; 0 selects a free one.
     browser
-        Open the page in the user's browser; its address is printed in any case.
+        Whether to open the page in the default browser. Its address is printed in any case.
     max_size
-        Of a file, in megabytes.
+        Size limit of files, in megabytes.
 
     Raises
     ------
     ReadError
-        The file does not exist or is too large; what is wrong within it is told on the page.
+        The file does not exist or is too large. Errors in its content are shown on the page.
     OutputError
-        The port is taken.
+        The port is in use.
     MissingDependencyError
         Starlette or uvicorn is not installed.
     """

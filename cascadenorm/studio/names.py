@@ -1,4 +1,4 @@
-"""Names of files that come from the page, and of settings as the page shows them."""
+"""Checks of file names from the page, and labels of settings on the page."""
 
 from cascadenorm.errors import OutputError
 
@@ -7,7 +7,7 @@ MOST_BYTES = 200
 
 
 def plain_name(name: object) -> str:
-    """Return the name of a file in a folder that is known; raises OutputError for anything else, such as a path."""
+    """Return a file name without folders; raise OutputError for anything else, such as a path."""
     text = str(name)
     bad = not isinstance(name, str) or text.startswith(".") or not text.strip()
     bad = bad or not 0 < _bytes_in_utf8(text) <= MOST_BYTES
@@ -26,9 +26,24 @@ def _bytes_in_utf8(text: str) -> int:
         return 0
 
 
+LABELS = {
+    "mask": "Displacement weights",
+    "fixed": "Fixed vertices",
+    "only": "Restrict to faces",
+    "boundary": "Boundary vertices",
+    "creases": "Crease edges",
+    "keep_detail": "Keep details of width",
+    "remove_detail": "Remove errors up to width",
+    "volume": "Enclosed volume",
+    "max_displacement": "Largest displacement",
+    "on_bad": "Invalid vertices and faces",
+}
+"""Labels of settings whose names alone do not say what they are."""
+
+
 def label(name: str) -> str:
     """Return the form's label of a setting."""
-    return name.replace("_", " ").capitalize()
+    return LABELS.get(name, name.replace("_", " ").capitalize())
 
 
 def spelled(name: str, value: object = None) -> str:

@@ -6,12 +6,12 @@ from typing import Any
 
 
 def packed_scene(scene: Mapping[str, Any], *, faces: int | None = None) -> bytes:
-    """Return a scene, or what completes one.
+    """Return the JSON of a scene, or of the part that completes one.
 
     Parameters
     ----------
     faces
-        Of the mesh that coarse ones approximate; the viewer then shows this number.
+        Number of faces of the mesh that coarse ones approximate, which the viewer then shows.
     """
     meshes = [mesh if faces is None else {**mesh, "faces": faces} for mesh in scene["meshes"]]
     return json.dumps({**scene, "meshes": meshes}, separators=(",", ":"), allow_nan=False).encode()

@@ -14,12 +14,12 @@ FREE, PINNED = 0, 255
 
 
 def over_painted(codes: bytes, mesh: Mesh, shown: Display) -> NDArray[np.uint8]:
-    """Return (n,) codes over a mesh from those of the vertices that are shown.
+    """Return (n,) codes for a mesh from those of its displayed vertices.
 
     Raises
     ------
     ParameterError
-        Not one code for each vertex that is shown, or a code without meaning.
+        The number of codes is not that of the displayed vertices, or a code is invalid.
     """
     given = np.frombuffer(codes, np.uint8)
     if len(given) != len(shown.kept_vertices):
@@ -40,17 +40,17 @@ def weights(paint: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def has_paint(paint: NDArray[np.uint8]) -> dict[str, bool]:
-    """Return for `mask` and `fixed` whether any vertex has such paint."""
+    """Return whether any vertex has paint of the kinds `mask` and `fixed`."""
     return {"mask": bool(((paint != FREE) & (paint != PINNED)).any()), "fixed": bool((paint == PINNED).any())}
 
 
 def with_paint(controls: Controls, paint: NDArray[np.uint8]) -> Controls:
-    """Return controls in which mask and fixed are arrays over the mesh, with what is painted.
+    """Return controls in which mask and fixed are arrays that include the paint.
 
     Parameters
     ----------
     controls
-        Mask and fixed as arrays, or None; weights are multiplied, and vertices of both stay.
+        Controls with mask and fixed as arrays or None. Weights are multiplied; vertices fixed by either stay.
     """
     found = controls.copy()
     pinned = paint == PINNED

@@ -9,17 +9,17 @@ from cascadenorm.mesh import Mesh
 from cascadenorm.reports.display import Display, display
 
 COARSE = 1 << 15
-"""Faces of a coarse mesh; `auto` takes about a second for it."""
+"""Number of faces of a coarse mesh, which `auto` denoises in about a second."""
 
 
 class Coarse(NamedTuple):
-    """A mesh with fewer faces, and which vertices and faces of the whole one these stand for."""
+    """A decimated mesh, with the vertices and faces of the whole mesh that it keeps."""
 
     mesh: Mesh
     shown: Display
 
     def controls(self, controls: Controls, whole: Mesh) -> Controls:
-        """Return controls over the whole mesh, given as arrays, over this one; lengths are those on the whole mesh."""
+        """Convert controls for the whole mesh, given as arrays, to this mesh; lengths keep their values."""
         found: dict[str, Any] = {**controls}
         for name in ("mask", "fixed"):
             if found[name] is not None:
@@ -34,7 +34,7 @@ class Coarse(NamedTuple):
 
 
 def coarse(mesh: Mesh) -> Coarse | None:
-    """Return a coarse mesh for previews; None for a mesh that is small itself."""
+    """Return a coarse mesh for previews; None if the mesh is small enough itself."""
     if len(mesh.faces) <= 2 * COARSE:
         return None
     shown = display(mesh, most=COARSE)

@@ -1,4 +1,4 @@
-"""Requests that the worker process answers about the mesh that is open in it."""
+"""Requests about the open mesh, answered in the worker process."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +13,7 @@ from cascadenorm.studio.workbench import Workbench
 
 
 class Requests:
-    """The answers, in the order in which they are asked for."""
+    """Handlers of the requests, called one after another."""
 
     def __init__(self) -> None:
         self._opened: Workbench | None = None
@@ -25,7 +25,7 @@ class Requests:
         return self._opened
 
     def done(self, kind: str, given: dict[str, Any], listener: Listener, preview: Callable[[bytes], object]) -> Any:
-        """Return what was asked for.
+        """Handle a request.
 
         Parameters
         ----------
@@ -35,7 +35,7 @@ class Requests:
         given
             The arguments.
         listener, preview
-            Called with the fraction that is done, and with the scene of a coarse mesh.
+            Called with the fraction done, and with the scene of a coarse mesh.
         """
         match kind:
             case "form":

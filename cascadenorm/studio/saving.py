@@ -24,7 +24,7 @@ from cascadenorm.studio.workbench import Workbench
 
 
 class Recipe(NamedTuple):
-    """What reproduces a file: names and settings, with arrays given by their files."""
+    """Names and settings that reproduce a file, with arrays named by their files."""
 
     source: str
     output: str
@@ -37,12 +37,16 @@ class Recipe(NamedTuple):
 def save(
     bench: Workbench, settings: dict[str, Any], target: Path, listener: Listener, *, force: bool
 ) -> dict[str, Any]:
-    """Write the result, and what is painted beside it.
+    """Write the result, and the paint beside it.
 
     Returns
     -------
-    file
-        The path; left_out : what its format cannot hold, in words; command, python : what makes it again.
+    file, files
+        The path as it was given, and the absolute paths of all files that were written.
+    left_out
+        What the format cannot hold, in words.
+    command, python
+        Text that makes the file again.
 
     Raises
     ------
@@ -65,13 +69,16 @@ def save(
         opened, result.vertices, asked.method, asked.parameters, asked.controls, seconds=result.seconds, force=force
     )
     write_together([(path, [_npy(values)]) for path, values in painted.values()], force=force)
-    return {"file": str(target), "left_out": list(done.summary.left_out), **recipe(bench, settings, target)}
+    sidecars = bench.file.may_write(target) if format == bench.file.format else ()
+    files = [str(path.absolute()) for path in dict.fromkeys([*paths, *sidecars]) if path.is_file()]
+    about = {"file": str(target), "files": files, "left_out": list(done.summary.left_out)}
+    return {**about, **recipe(bench, settings, target)}
 
 
 def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:
-    """Return what `save` does for a file of that name, and its bytes; those of a ZIP file if others belong to it.
+    """Return the result of `save` with the bytes of the file, or of a ZIP file if other files belong to it.
 
-    `files` has the names of all.
+    `files` lists the names of all files.
     """
     with TemporaryDirectory() as folder:
         done = save(bench, settings, Path(folder) / name, listener, force=False)
@@ -90,7 +97,7 @@ def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: List
 
 
 def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str, Any]:
-    """Return what makes the file.
+    """Return the command line and the Python call that reproduce a file.
 
     Returns
     -------
@@ -113,7 +120,7 @@ def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str
 
 
 def _painted(bench: Workbench, asked: Chosen, target: Path) -> dict[str, tuple[Path, NDArray[Any]]]:
-    """Return the controls that hold paint, each as a path and an array over the vertices of the file."""
+    """Return the painted controls, each as a path and an array over the vertices of the file."""
     welds = bench.file.welds
     arrays = {name: asked.controls[name] for name, drawn in has_paint(bench.paint).items() if drawn}  # type: ignore[literal-required]
     return {

@@ -31,17 +31,17 @@ SETTINGS: dict[str, Any] = {
     "timeout_graceful_shutdown": 1,
 }
 LOADING_S = 60.0
-"""Seconds that the first page may take, after it has asked for anything, to listen for events."""
+"""Seconds from the first request until a page has to listen for events."""
 RELOADING_S = 3.0
-"""Seconds that a page which was closed may take to load again before the studio ends."""
+"""Seconds after which the studio ends when its last page was closed; a reload takes less."""
 AWAITING_S = 3600.0
-"""Seconds that a page whose connection was lost may take: browsers discard tabs in the background."""
+"""Seconds after which the studio ends when the connection was lost: browsers discard background tabs."""
 CHECKING_S = 0.2
-"""Seconds between looks for pages."""
+"""Seconds between checks for open pages."""
 
 
 def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: int) -> None:
-    """Serve until the last page is closed; the parameters are those of `studio`, and `most` is in bytes."""
+    """Serve until the last page is closed; parameters as in `studio`, with `most` in bytes."""
     if file is not None:
         _check_file(Path(file), most)
     listening = _listening(port)
@@ -73,7 +73,7 @@ def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: i
 
 
 async def _end_without_pages(session: Session, server: uvicorn.Server) -> None:
-    """End the server when no page has been open for a while, after one was loaded, if only in part."""
+    """End the server when no page has been open for a while, once a page has sent a request."""
     while not session.requests:
         await asyncio.sleep(CHECKING_S)
     listened, seen, gone = False, session.requests, 0.0

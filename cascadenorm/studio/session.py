@@ -11,15 +11,15 @@ from typing import Any
 from cascadenorm.errors import WorkerError
 from cascadenorm.studio.worker import Channel, Reply, Request
 
-PATIENCE = 3.0
-"""Seconds after which work that was cancelled and does not end is ended with its process."""
+CANCEL_TIMEOUT_S = 3.0
+"""Seconds after which the process of cancelled work that does not end is killed."""
 
 Event = dict[str, Any]
 """Sent to the pages, as JSON: `type` is "opening", "opened", "unopened", "progress", "shown", "cancelled", "failed"."""
 
 
 class RequestFailed(Exception):
-    """A request that failed in the worker: `content` has the message as "error", and a remedy if there is one."""
+    """A request failed in the worker; `content` has the message as "error", and a remedy if there is one."""
 
     def __init__(self, content: dict[str, Any]) -> None:
         super().__init__(content["error"])
@@ -27,7 +27,7 @@ class RequestFailed(Exception):
 
 
 class Session:
-    """The worker and its mesh; to be used in the event loop in which it is started."""
+    """The worker and its mesh, for use in the event loop in which it is started."""
 
     def __init__(self) -> None:
         self._numbers = count(1)
@@ -50,20 +50,20 @@ class Session:
     # work
 
     async def form(self) -> dict[str, Any]:
-        """Return the description of the form; raises RequestFailed where the worker ends before."""
+        """Return the description of the form; raise RequestFailed if the worker ends first."""
         if self._form is None:
             self._form = await self._ask("form")
         return self._form
 
     async def open(self, path: Path, name: str, *, saves: bool) -> None:
-        """Open a mesh file in the place of the one before; raises RequestFailed, and that one stays then.
+        """Replace the open mesh by another file; if RequestFailed is raised, it stays open.
 
         Parameters
         ----------
         name
             In messages and commands.
         saves
-            Whether results are saved beside it.
+            Whether results can be saved beside it.
         """
         self.cancel()
         about = await self._ask("open", path=str(path), name=name)
@@ -72,7 +72,7 @@ class Session:
         self._tell(self.opened)
 
     async def open_given(self, path: Path, name: str) -> None:
-        """Open the file that the studio is started with, and send the pages that it is read, and the outcome."""
+        """Open the file given at the start, and send events about that to the pages."""
         self.opened = {"type": "opening", "name": Path(name).name}
         self._tell(self.opened)
         try:
@@ -83,7 +83,7 @@ class Session:
             self._tell(self.opened)
 
     def denoise(self, settings: dict[str, Any], ticket: str) -> None:
-        """Start denoising and cancel what runs; events carry the ticket of the page."""
+        """Cancel running work and start denoising; events have the ticket of the page."""
         self._cancel_before(self._send("denoise", settings=settings, ticket=ticket))
 
     def cancel(self) -> None:
@@ -91,7 +91,7 @@ class Session:
         self._cancel_before(next(self._numbers))
 
     async def paint(self, codes: bytes) -> None:
-        """Set the paint; denoising that runs without it is cancelled."""
+        """Set the paint and cancel running work."""
         self.cancel()
         await self._ask("paint", codes=codes)
         self._paint = codes
@@ -102,7 +102,7 @@ class Session:
 
     @property
     def paint_kept(self) -> bytes:
-        """The paint on the open mesh, a code for each vertex that is shown; empty where there is none."""
+        """The paint on the open mesh, one code for each displayed vertex; empty if there is none."""
         return self._paint or b""
 
     @property
@@ -124,11 +124,11 @@ class Session:
 
     @property
     def is_awaited(self) -> bool:
-        """Whether a page has lost its connection without leaving, as a tab does that the browser discards."""
+        """Whether a page has disconnected without leaving, as tabs do that the browser discards."""
         return self._lost > 0
 
     def leave(self) -> None:
-        """Note that a page is closed, or loaded again; its connection ends before or after."""
+        """Record that a page was closed or reloaded; its connection ends before or after."""
         self._lost -= 1
 
     @asynccontextmanager
@@ -173,7 +173,7 @@ class Session:
         return request.number
 
     def _ready(self) -> Channel:
-        """Return the worker; where there is none one is started, and opens the file that is open."""
+        """Return the worker; if there is none, start one and open the current file in it."""
         if self._worker is None:
             self._worker = self._started()
             if self._file is not None:
@@ -192,7 +192,7 @@ class Session:
             self._worker.cancel_before(number)
         outdated = [one for one, (request, *_) in self._waiting.items() if request.kind == "denoise" and one < number]
         if outdated:
-            asyncio.get_running_loop().call_later(PATIENCE, self._end_what_hangs, outdated)
+            asyncio.get_running_loop().call_later(CANCEL_TIMEOUT_S, self._end_what_hangs, outdated)
 
     def _end_what_hangs(self, numbers: list[int]) -> None:
         """Kill a worker that still runs cancelled requests; a new one gets the requests sent since."""
@@ -244,7 +244,7 @@ class Session:
         return {"type": "cancelled", **event}
 
     def _ended(self, error: WorkerError) -> None:
-        """Fail all pending requests; the next request starts another one, which opens the same file."""
+        """Fail all pending requests; the next request starts another worker, which opens the same file."""
         waiting, self._waiting, self._worker = self._waiting, {}, None
         for request, future, _ in waiting.values():
             content = {"error": f"{error.message()}. The next request starts another process."}

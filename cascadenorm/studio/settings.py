@@ -1,4 +1,4 @@
-"""The form of the studio, made from the declarations of methods and controls, and the settings that come back."""
+"""The form of the studio, generated from the declarations of methods and controls, and the settings it returns."""
 
 from collections.abc import Mapping
 from os import PathLike
@@ -18,7 +18,7 @@ MOST_LETTERS = 10_000
 
 
 class Chosen(NamedTuple):
-    """A method with its parameters, and the controls over it; `given` are those that were named."""
+    """A method with its parameters and controls; `given` has the controls that were set."""
 
     method: Method
     parameters: dict[str, Any]
@@ -48,17 +48,17 @@ def form() -> dict[str, Any]:
 
 
 def chosen(given: Mapping[str, Any]) -> Chosen:
-    """Read the settings of a request.
+    """Parse the settings of a request.
 
     Parameters
     ----------
     given
-        Method, a name; parameters and controls by name, as numbers or text.
+        Name of the method, and parameters and controls by name, as numbers or text.
 
     Raises
     ------
     ParameterError
-        An unknown name, a value out of range, or one that names a file.
+        A name is unknown, or a value is out of range or names a file.
     """
     method = find(str(given.get("method", DEFAULT_METHOD)))
     parameters, controls = (_plain(given.get(kind, {})) for kind in ("parameters", "controls"))
@@ -72,7 +72,7 @@ def chosen(given: Mapping[str, Any]) -> Chosen:
 
 
 def _input(setting: Setting) -> dict[str, Any]:
-    """Describe a setting: the browser makes an input of it."""
+    """Describe a setting, for which the browser creates an input."""
     about = setting.about
     number = setting.kinds in ((int,), (float,))
     return {
@@ -92,7 +92,7 @@ def _input(setting: Setting) -> dict[str, Any]:
 
 
 def _fits(setting: Setting) -> bool:
-    """Whether text or a number can stand for a setting; not for weights, which are a file."""
+    """Return whether a setting accepts text or a number; weights, which are a file, do not."""
     return bool(setting.choices) or any(kind in (int, float, str) for kind in setting.kinds)
 
 
@@ -102,7 +102,7 @@ def _names_a_file(setting: Setting, value: Any) -> bool:
 
 
 def _plain(given: Any) -> dict[str, Any]:
-    """Return names with numbers and texts."""
+    """Return settings whose values are numbers or short texts."""
     if not isinstance(given, dict):
         raise ParameterError(f"settings are a {type(given).__name__}; they must be an object of names and values")
     for name, value in given.items():

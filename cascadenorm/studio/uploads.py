@@ -1,4 +1,4 @@
-"""Files that were dropped on the page; they lie in a folder of their own until the studio ends."""
+"""Files that were dropped on the page, kept in a temporary folder until the studio ends."""
 
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -9,18 +9,18 @@ from cascadenorm.studio.names import plain_name
 
 
 class TooLarge(ReadError):
-    """A file of more bytes than the studio takes."""
+    """A file exceeds the size limit of the studio."""
 
 
 class Uploads:
-    """Folders of files that were dropped together, such as an OBJ file with its materials.
+    """Folders for files that were dropped together, such as an OBJ file with its materials.
 
     Parameters
     ----------
     folder
-        In which there is one for each drop.
+        Folder with a subfolder for each drop.
     most
-        Bytes of all drops together, beside the one that is open.
+        Largest number of bytes of all drops together, except the open one.
     """
 
     def __init__(self, folder: Path, *, most: int) -> None:
@@ -28,18 +28,18 @@ class Uploads:
         self._open: int | None = None
 
     def path(self, drop: int, name: object) -> Path:
-        """Return where a file of a drop lies; raises OutputError for a name that is a path."""
+        """Return the path of a dropped file; raise OutputError for a name with folders."""
         return self._folder / str(drop) / plain_name(name)
 
     async def take(self, drop: int, name: object, parts: AsyncIterator[bytes], *, announced: int) -> None:
-        """Write a file as it comes.
+        """Write a file as it is received.
 
         Raises
         ------
         TooLarge
-            What was dropped and is not open has too many bytes; nothing is kept of the file.
+            The dropped files that are not open have too many bytes. Nothing of the file is kept.
         OutputError
-            The name is a path, or there is no room for the file.
+            The name has folders, or the file cannot be written.
         """
         path = self.path(drop, name)
         path.parent.mkdir(exist_ok=True)
@@ -62,7 +62,7 @@ class Uploads:
             raise OutputError(f"{path.name} cannot be received: {error.strerror or error}") from error
 
     def opened(self, drop: int) -> None:
-        """Remove every drop but one, whose mesh is open now."""
+        """Remove all drops except the one whose mesh is open."""
         self._open = drop
         for other in self._folder.iterdir():
             if other.name != str(drop):
@@ -75,9 +75,9 @@ class Uploads:
 
 
 def check_size(name: str, size: int, room: int, most: int) -> None:
-    """Raise TooLarge where a file does not fit."""
+    """Raise TooLarge if a file exceeds the available room."""
     if size > room:
         raise TooLarge(
-            f"{name} is larger than the studio takes, {most / 1e6:g} MB",
-            hint="start it with a larger --max-size, or use `cascadenorm denoise`, which has no limit",
+            f"{name} exceeds the limit of the studio, {most / 1e6:g} MB",
+            hint="start the studio with a larger --max-size, or use `cascadenorm denoise`, which has no limit",
         )

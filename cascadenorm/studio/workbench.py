@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import controlled, step_key
+from cascadenorm.api.denoised_files import error_found
 from cascadenorm.api.selection import selected
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import Controls
@@ -18,7 +19,7 @@ from cascadenorm.errors import CascadenormError, MeshError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.files import beside
 from cascadenorm.io.interop import mesh_of_file
-from cascadenorm.mesh import Vectors, limit_threads
+from cascadenorm.mesh import Vectors, in_frame, limit_threads, without_lines
 from cascadenorm.reports.display import display
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.scene import Comparison, scene
@@ -28,11 +29,11 @@ from cascadenorm.studio.previews import Coarse, coarse
 from cascadenorm.studio.settings import Chosen, chosen
 
 KEPT = 8
-"""Number of results that are cached, so that undo and redo show them at once."""
+"""Number of cached results, which undo and redo show at once."""
 
 
 def suggested_name(file: io.MeshFile, name: Path) -> str:
-    """Return a name for the result; a format that is only read gives way to PLY."""
+    """Return a name for the result; PLY replaces formats that cannot be written."""
     named = beside(Path(name.name), "denoised")
     try:
         io.output_format(named)
@@ -42,14 +43,26 @@ def suggested_name(file: io.MeshFile, name: Path) -> str:
 
 
 class Result(NamedTuple):
-    """New vertices, (n, 3), and how long the method took."""
+    """What a method made of the mesh.
+
+    Parameters
+    ----------
+    vertices
+        (n, 3) new vertices.
+    seconds
+        How long the method took.
+    error, treated_as
+        The kind of error and what `auto` treats the mesh as, as `denoise` prints them. None for other methods.
+    """
 
     vertices: NDArray[Any]
     seconds: float
+    error: str | None
+    treated_as: str | None
 
 
 class Steps(NamedTuple):
-    """What a method gave on the whole mesh and on the coarse one, as `controlled` takes and fills them."""
+    """Results of a method on the whole and the coarse mesh, as `controlled` uses and fills them."""
 
     whole: list[Vectors]
     coarse: list[Vectors]
@@ -63,12 +76,12 @@ class Workbench:
     path
         Of the file.
     name
-        What it is called in messages and commands: the path as the user gave it, or the name of a dropped file.
+        Name in messages and commands: the path as the user gave it, or the name of a dropped file.
 
     Raises
     ------
     ReadError, MeshError
-        No mesh; vertices that are not finite and faces without vertices are isolated.
+        The file is not a mesh. Vertices that are not finite and faces without vertices are isolated instead.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -94,11 +107,11 @@ class Workbench:
 
     @cached_property
     def coarse(self) -> Coarse | None:
-        """The mesh of the previews; None for a small one."""
+        """The mesh of the previews; None for a small mesh."""
         return coarse(self.mesh)
 
     def about(self) -> dict[str, Any]:
-        """Return the facts about the file that the page shows, and its scene."""
+        """Return the properties of the file that the page shows, and its scene."""
         return {
             "name": Path(self.name).name,
             "suggested": Path(self.target).name,
@@ -110,7 +123,7 @@ class Workbench:
         }
 
     def take_paint(self, codes: bytes) -> None:
-        """Set the paint from codes of the shown vertices; each other vertex gets the code of the nearest one."""
+        """Set the paint from codes of the displayed vertices; other vertices get the code of the nearest one."""
         self.paint = over_painted(codes, self.mesh, self.shown)
 
     def denoise(
@@ -133,10 +146,11 @@ class Workbench:
         after = self.file.with_vertices(result.vertices)
         moved = int((result.vertices != self.mesh.vertices).any(axis=1).sum())
         both = self.scenes.with_result(Given("after", self.target, after), result.vertices)
-        return {"seconds": result.seconds, "moved": moved, "scene": packed_scene(both)}
+        about = {"seconds": result.seconds, "error": result.error, "treated_as": result.treated_as}
+        return {**about, "moved": moved, "scene": packed_scene(both)}
 
     def asked(self, settings: dict[str, Any]) -> Chosen:
-        """Return the settings with the controls as arrays over the mesh, those that are painted among them."""
+        """Return the settings with controls as arrays over the mesh, including the paint."""
         asked = chosen(settings)
         controls = asked.controls.copy()
         if self.notice:
@@ -144,18 +158,26 @@ class Workbench:
         return asked._replace(controls=with_paint(selected(controls, self.file), self.paint))
 
     def result(self, settings: dict[str, Any], listener: Listener) -> Result:
-        """Return the denoised vertices, which may be known already."""
+        """Return the result of some settings, possibly from the cache."""
         key = self._key(settings)
         known = self._results.pop(key, None)
         if known is None:
             asked = self.asked(settings)
             watch = Stopwatch()
             vertices = self._controlled(asked, listener)
-            known = Result(vertices, watch.seconds())
+            known = Result(vertices, watch.seconds(), *self._error(asked, vertices))
         self._results[key] = known
         if len(self._results) > KEPT:
             del self._results[next(iter(self._results))]
         return known
+
+    def _error(self, asked: Chosen, vertices: NDArray[Any]) -> tuple[str | None, str | None]:
+        """Return the kind of error that was removed and what the mesh was treated as, in words."""
+        small, exponent = in_frame(without_lines(self.mesh))
+        moves = np.ldexp(vertices - self.mesh.vertices, -exponent)
+        found = error_found(asked.method, small, exponent, moves, asked.parameters, asked.controls["strength"])
+        error, treated_as = (None if found[name] is None else str(found[name]) for name in ("error", "treated_as"))
+        return error, treated_as
 
     def _controlled(self, asked: Chosen, listener: Listener) -> NDArray[Any]:
         controls: Controls = {**asked.controls, "progress": listener}
@@ -177,7 +199,7 @@ class Workbench:
         return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())
 
     def _steps_of(self, asked: Chosen) -> Steps:
-        """Return what is known of these settings: another strength only blends it.
+        """Return the known results of these settings: another strength only blends them.
 
         The results of other settings are dropped, and of strengths above 1 all but the last.
         """

@@ -22,7 +22,7 @@ INTERVAL = 0.1
 
 
 class Request(NamedTuple):
-    """Work to be done: kind is one of those in `requests`."""
+    """A request to the worker, of one of the kinds in `requests`."""
 
     number: int
     kind: str
@@ -30,7 +30,7 @@ class Request(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """What came of a request: kind is "progress", "preview", "done", "cancelled" or "failed"; the last three end it."""
+    """A reply of kind "progress", "preview", "done", "cancelled" or "failed"; the last three end the request."""
 
     number: int
     kind: str
@@ -61,7 +61,7 @@ class Channel:
         Thread(target=self._listen, args=(heard, ended), daemon=True).start()
 
     def send(self, request: Request) -> None:
-        """Hand over a request, without waiting until the process takes it."""
+        """Queue a request without waiting for the process."""
         self._waiting.put(request)
 
     def cancel_before(self, number: int) -> None:
@@ -127,14 +127,14 @@ def _about(error: CascadenormError) -> dict[str, Any]:
 
 
 class _Reports:
-    """What is told of a request while it is worked on."""
+    """Reports on a request in progress."""
 
     def __init__(self, connection: Connection, oldest: Any, request: Request) -> None:
         self._connection, self._oldest, self._request = connection, oldest, request
         self._said = 0.0
 
     def progress(self, fraction: float) -> None:
-        """Tell the fraction that is done, now and then; raises Cancelled where the request was cancelled."""
+        """Report the fraction done at intervals; raise Cancelled if the request was cancelled."""
         if self._request.kind == "denoise" and self._request.number < self._oldest.value:
             raise Cancelled
         if monotonic() - self._said >= INTERVAL:
@@ -142,5 +142,5 @@ class _Reports:
             self._connection.send(Reply(self._request.number, "progress", fraction))
 
     def preview(self, scene: bytes) -> None:
-        """Tell what a coarse mesh gave."""
+        """Report the scene of a coarse mesh."""
         self._connection.send(Reply(self._request.number, "preview", scene))

@@ -80,6 +80,13 @@ def test_pages_have_tables_figures_and_the_viewer(measured, tmp_path):
     report_evaluation(tmp_path / "e.html", measured)
     text = (tmp_path / "e.html").read_text(encoding="utf-8")
     assert "ended with code 1" in text and text.count("<strong>") > 10
+    bars = re.findall(r"<dt>([^<]*)</dt><dd><i[^>]*width: ([\d.]+)%", text)
+    angles = {one.method: one.measures.normal_error_deg for one in measured.means}
+    assert [name.removesuffix(" *") for name, _ in bars] == sorted(angles, key=angles.get)
+    for name, width in bars:
+        share = angles[name.removesuffix(" *")] / max(angles.values())
+        assert float(width) == pytest.approx(100 * share, abs=0.06)
+    assert "E_a is the mean angle between the face normals" in text
     assert text.count("<figure><svg") == 2 and text.count("currentColor") > 50
     assert all(f">{method}</text>" in text for method in measured.methods)
     data = [b64decode(found) for found in re.findall(r'image/webp;base64,([^"]+)', text)]

@@ -204,8 +204,8 @@ def test_a_cell_offers_only_what_leads_to_the_view_again(browser, tmp_path):
     """A frame has no address, and a mesh in memory no file."""
     save_mesh(tmp_path / "rough.ply", ROUGH)
     for mesh, offers in (
-        (ROUGH, {"Whole mesh"}),
-        (tmp_path / "rough.ply", {"Whole mesh", "Copy view as command line"}),
+        (ROUGH, {"Reset view"}),
+        (tmp_path / "rough.ply", {"Reset view", "Copy view as command line"}),
     ):
         opened_cell(browser, tmp_path, cn.view(mesh))
         browser.driver.switch_to.frame(0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cascadenorm.render.style import ACCENTS
-from cascadenorm.reports.plots import QUANTILES, box_plot, dot_plot
+from cascadenorm.reports.plots import QUANTILES, box_plot
 
 VALUES = {"noisy": np.linspace(10, 60, 101), "<b>": np.linspace(1, 5, 101) ** 2}
 
@@ -40,19 +40,5 @@ def test_boxes_and_whiskers_end_at_the_quantiles():
     assert ">Spread</text>" in element and ">angle (°)</text>" in element and ">&lt;b&gt;</text>" in element
 
 
-def test_each_value_has_a_dot_and_each_row_a_mean():
-    values = {"noisy": [20.0, 40.0, 30.0], "taubin": [5.0]}
-    element = dot_plot(values, title="All", label="angle (°)")
-    slope, offset = scale(element)
-    uses = re.findall(r'<use xlink:href="#\w+" x="([\d.]+)" y="([\d.]+)" style="([^"]*)"', element)
-    dots = [float(x) for x, _, style in uses if "fill: currentColor" in style and "fill-opacity" in style]
-    means = [float(x) for x, _, style in uses if ACCENTS[0] in style]
-    assert sorted(dots) == pytest.approx(
-        sorted(slope * value + offset for row in values.values() for value in row), abs=0.1
-    )
-    assert means == pytest.approx([slope * 30 + offset, slope * 5 + offset], abs=0.1)
-    assert "noisy: mean 30.00; taubin: mean 5.00" in element
-
-
 def test_a_plot_has_no_paper():
-    assert "#ffffff" not in box_plot(VALUES, title="", label="") + dot_plot(VALUES, title="", label="")
+    assert "#ffffff" not in box_plot(VALUES, title="", label="")

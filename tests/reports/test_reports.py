@@ -242,7 +242,7 @@ def test_a_report_on_a_denoised_file_has_all_that_makes_it_again(place):
     for name in ("rough.ply", "out.ply", "true.ply"):
         assert hashlib.sha256((place / name).read_bytes()).hexdigest() in text
     assert cn.__version__ in text and "0,5,7-9" in text
-    assert f"{cn.compare('out.ply', 'true.ply').normal_error_deg:.3f} deg" in text
+    assert f"{cn.compare('out.ply', 'true.ply').normal_error_deg:.3f}" in text
     assert len(re.findall(r"\bstrength 0\.5 1\.0\b", text)) == 1
 
     commands = re.findall(r"<pre><code>(.*?)</code></pre>", (place / "r.html").read_text(), re.S)
@@ -254,6 +254,38 @@ def test_a_report_on_a_denoised_file_has_all_that_makes_it_again(place):
     (place / "out.ply").unlink()
     exec(commands[1].replace("&#x27;", "'").replace("&quot;", '"'), {})
     assert (place / "out.ply").read_bytes() == first
+
+
+def test_a_report_leads_with_figures_before_and_after(place):
+    double = Mesh(ROUGH.vertices * np.cbrt([2, 2, 2]), ROUGH.faces)
+    cn.report("r.html", ROUGH, double, truth=Mesh(CLEAN.vertices, CLEAN.faces))
+    text = text_of(place / "r.html")
+    noise = f"{cn.inspect(ROUGH).noise:.2g}"
+    angle = f"{cn.compare(ROUGH, CLEAN).normal_error_deg:.2f}°"
+    assert f"Noise {noise} → {noise} mean edge lengths" in text
+    assert f"Angle to the truth {angle} → {angle}" in text
+    assert "Volume +100.00 %" in text
+    assert re.search(r"Self-intersecting faces \d+ → \d+ Spikes \d+ → \d+", text)
+    cn.report("r.html", ROUGH, double, force=True)
+    assert "Angle to the input 0.00°" in text_of(place / "r.html")
+    cn.report("open.html", grid(3, 4))
+    assert "Volume none open, 1 boundary loop" in text_of(place / "open.html")
+
+
+def test_the_kind_of_error_is_said_as_denoise_says_it(place, capsys):
+    assert run(["denoise", "rough.ply", "-o", "out.ply", "--report", "r.html"]) == 0
+    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines() if ": " in line)
+    text = text_of(place / "r.html")
+    assert f"Kind of error: {lines['kind of error']}. Treated as: {lines['treated as']}. Method: auto" in text
+
+
+def test_settings_that_were_changed_are_shown_and_the_others_folded(place):
+    report_denoised("r.html", denoise_file_with_meshes("rough.ply", "out.ply", method="taubin", strength=0.5))
+    page = (place / "r.html").read_text()
+    shown, fold = re.search(r"<h2>Method and settings</h2>(.*?)<details>(.*?)</details>", page, re.S).groups()
+    rows = [re.findall(r'<th scope="row">(.*?)</th>', part) for part in (shown, fold)]
+    assert rows[0] == ["strength"] and {"iterations", "boundary", "on_bad"} <= set(rows[1])
+    assert f"<summary>{len(rows[1])} settings have their defaults</summary>" in fold
 
 
 def test_learned_methods_name_the_digest_of_their_weights(place):

@@ -190,6 +190,11 @@ def test_a_result_is_saved_with_all_that_the_file_holds_as_the_command_line_save
     done = studio.done("/api/save", {"settings": LAPLACIAN, "name": "out.ply"})
     assert (done["file"], done["left_out"]) == ("out.ply", [])
     saved = (studio.folder / "out.ply").read_bytes()
+    (listed,) = done["files"]
+    assert listed["path"] == str(studio.folder / "out.ply")
+    assert studio.asked("GET", f"/api/saved/{listed['number']}") == (200, saved)
+    assert studio.asked("GET", f"/api/saved/{listed['number']}", authorization=None)[0] == 401
+    assert studio.asked("GET", f"/api/saved/{listed['number'] + 1}")[0] == 404
     (studio.folder / "out.ply").unlink()
 
     monkeypatch.chdir(studio.folder)
@@ -439,7 +444,7 @@ def test_what_cannot_be_served_is_said_on_the_command_line(tmp_path, capsys):
     assert run(["studio", "--no-browser", str(tmp_path)]) == 3
     assert "is a folder" in capsys.readouterr().err
     assert run(["studio", "--no-browser", str(tmp_path / "scan.ply"), "--max-size", "0.001"]) == 3
-    assert "larger than the studio takes" in capsys.readouterr().err
+    assert "exceeds the limit of the studio" in capsys.readouterr().err
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

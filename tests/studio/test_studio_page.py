@@ -73,6 +73,18 @@ def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, 
     assert (tmp_path / "same.ply").read_bytes() == saved
     page.press_button("Close")
 
+    # the file is confirmed by its path and a link to what it holds
+    (line,) = page.driver.find_elements("css selector", ".saved-files li")
+    assert line.is_displayed() and line.text.startswith(str(tmp_path / "rough_denoised.ply"))
+    (tmp_path / "copies").mkdir()
+    page.driver.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path / "copies")}
+    )
+    line.find_element("css selector", "a").click()
+    while not (tmp_path / "copies" / "rough_denoised.ply").exists():
+        time.sleep(0.05)
+    assert (tmp_path / "copies" / "rough_denoised.ply").read_bytes() == saved
+
     page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
     page.press_button("Copy as command line")
     command = shlex.split(page.said(".status code", "cascadenorm.*"))
@@ -80,6 +92,18 @@ def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, 
     assert "It reads" not in page.one(".said").text
     page.press_button("Copy as Python")
     page.said(".status code", r"cn\.denoise_file\('rough.ply', 'rough_denoised.ply', method='auto'\)")
+
+
+@needs_browser
+def test_the_kind_of_error_is_said_as_the_command_line_prints_it(page, named, tmp_path, capsys):
+    page.at(named).wait()
+    shown = page.js("return [...document.querySelectorAll('.found > *')].map(e => e.innerText)")
+    assert run(["denoise", str(tmp_path / "rough.ply"), "-o", str(tmp_path / "same.ply")]) == 0
+    printed = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines() if ": " in line)
+    assert shown == ["Kind of error", printed["kind of error"], "Treated as", printed["treated as"]]
+    page.fill(".settings select", "laplacian")
+    page.begun()
+    assert page.js("return document.querySelectorAll('.found > *').length") == 0
 
 
 @needs_browser
@@ -158,7 +182,7 @@ def test_a_page_says_when_the_studio_has_ended(page, studio, tmp_path):
     assert page.one(".counts").text == "1 face, 3 vertices"
     studio.close()
     page.wait("ended")
-    assert page.one(".failed").text == "The studio has ended: start it again."
+    assert page.one(".failed").text == "The studio has stopped. Start it again."
 
 
 @needs_browser
@@ -267,7 +291,7 @@ def test_controls_of_the_studio_have_names_and_are_reached_by_keys(page, named):
     for _ in range(60):
         webdriver.ActionChains(page.driver).send_keys(Keys.TAB).perform()
         seen.add(page.js("const e = document.activeElement; return e.textContent || e.ariaLabel || e.name || e.type"))
-    assert {"Open…", "Save…", "Strength", "Copy as Python", "Place of the split", "Whole mesh"} <= seen
+    assert {"Open…", "Save…", "Strength", "Copy as Python", "Position of the split", "Reset view"} <= seen
 
 
 @needs_browser

@@ -1,4 +1,4 @@
-// How often each value of a field occurs, over the colours that stand for it; a range is picked by dragging.
+// A histogram of a field, with logarithmic counts, above the bar of its colours; dragging selects a range.
 
 import { colorMap, STEPS } from "./colors";
 import { checkbox, make, makeSvg, short, withUnit } from "./dom";
@@ -15,6 +15,7 @@ export interface Series {
 
 export class Histogram {
   readonly element: HTMLElement;
+  private readonly title = make("h3", {});
   private readonly drawing = makeSvg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT + BAR + 4}`, class: "bars", role: "img", "aria-label": "Histogram" });
   private readonly ticks = make("div", { class: "ticks" });
   private readonly caption = make("p", { class: "note" });
@@ -43,6 +44,7 @@ export class Histogram {
     this.element = make(
       "div",
       { class: "histogram" },
+      this.title,
       this.drawing as unknown as HTMLElement,
       this.ticks,
       this.caption,
@@ -104,10 +106,11 @@ export class Histogram {
     const marks = [low, (low + high) / 2, high].map((value) => make("span", {}, field.unit === "°" ? `${short(value)}°` : short(value)));
     this.ticks.replaceChildren(...marks);
     const what = field.at === "face" ? "faces" : "vertices";
+    this.title.textContent = field.unit === "" ? field.label : `${field.label} (${field.unit})`;
     this.caption.textContent = [
-      `${field.label}${field.unit && ` (${field.unit})`}, number of ${what} upward. `,
+      `Number of ${what}. `,
       last > 0 ? `${series[last].label} filled, ${series[0].label.toLowerCase()} outlined. ` : "",
-      `Drag to highlight ${what}.`,
+      "Drag to highlight a range.",
     ].join("");
     this.lower.value = range && Number.isFinite(range[0]) ? short(range[0]) : "";
     this.upper.value = range && Number.isFinite(range[1]) ? short(range[1]) : "";

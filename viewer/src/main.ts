@@ -1,4 +1,4 @@
-// The viewer of a report: it takes the place of the still picture where scripts and WebGL run.
+// The viewer of a report, which replaces the still picture where scripts and WebGL run.
 
 import { make } from "./dom";
 import { PackedScene } from "./format";
@@ -16,7 +16,7 @@ async function start(root: HTMLElement, data: HTMLElement): Promise<void> {
     new Viewer(root, model, { linked: !document.body.classList.contains("frame") }); // a frame has no address of its own
     root.dataset.state = "ready";
   } catch (error) {
-    note.textContent = "The meshes cannot be turned here, as the browser offers no WebGL 2. The picture and the text are complete.";
+    note.textContent = "The 3-D viewer needs WebGL 2, which this browser does not offer. The picture and the text are complete.";
     root.dataset.state = "still";
     root.dataset.reason = String(error);
   }

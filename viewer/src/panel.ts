@@ -4,17 +4,17 @@ import { checkbox, choice, make, selection, short, withUnit } from "./dom";
 import { Histogram } from "./histogram";
 import { Model, valueAt } from "./model";
 import { Stage } from "./stage";
-import { Light, Mode, renderCommand, State } from "./state";
+import { Light, Mode, renderCommand, State, Up } from "./state";
 
 const KEYS: [string, string][] = [
-  ["drag, arrow keys", "turn"],
-  ["right drag, two fingers", "move"],
-  ["wheel, + and −", "nearer, farther"],
-  ["click", "figures of a face"],
-  ["B", "blink: the other mesh"],
+  ["drag, arrow keys", "rotate"],
+  ["right drag, two fingers", "pan"],
+  ["wheel, + and −", "zoom"],
+  ["click", "inspect a face"],
+  ["B", "switch between two meshes"],
   ["1, 2, 3", "one, split, side by side"],
   ["S, W", "smooth shading, wireframe"],
-  ["F", "the whole mesh"],
+  ["F", "reset the view"],
 ];
 
 // What the page around the viewer is.
@@ -60,7 +60,7 @@ export class Panel {
     const right = this.add(selection("Right", names, () => this.state.right, (right) => this.change({ right })));
     this.updates.push(() => {
       left.querySelector("span")!.textContent = this.state.mode === "one" ? "Shown" : "Left";
-      right.querySelector("span")!.textContent = this.state.mode === "one" ? "On B" : "Right";
+      right.querySelector("span")!.textContent = this.state.mode === "one" ? "Key B" : "Right";
     });
     return make(
       "section",
@@ -78,14 +78,14 @@ export class Panel {
       selection("Colour", options, () => this.state.color, (color) => this.change({ color, limits: null, range: null })),
     );
     const ends = [0, 1].map((end) =>
-      make("input", { type: "number", step: "any", "aria-label": end ? "Colours end at" : "Colours begin at" }),
+      make("input", { type: "number", step: "any", "aria-label": end ? "Upper limit of the colours" : "Lower limit of the colours" }),
     );
     const typed = () => {
       const [low, high] = ends.map((input) => Number(input.value));
       this.change({ limits: Number.isFinite(low) && low < high ? [low, high] : null, range: null });
     };
     for (const input of ends) input.addEventListener("change", typed);
-    const scale = make("div", { class: "range" }, make("span", {}, "Colours"), ends[0], "to", ends[1]);
+    const scale = make("div", { class: "range" }, make("span", {}, "Limits"), ends[0], "to", ends[1]);
     const reset = make("button", { type: "button", click: () => this.change({ limits: null }) }, "Reset");
     scale.append(reset);
     this.updates.push(() => {
@@ -116,6 +116,7 @@ export class Panel {
     const slider = make("input", { type: "range", min: 0, max: 360, step: 5 });
     slider.addEventListener("input", () => this.change({ angle: Number(slider.value) }));
     const angle = make("label", { class: "row" }, make("span", {}, "Direction"), slider);
+    const ups: (readonly [Up, string])[] = [["y", "Y up"], ["z", "Z up"]];
     this.updates.push(() => {
       angle.hidden = this.state.light !== "raking";
       slider.value = String(this.state.angle);
@@ -131,6 +132,7 @@ export class Panel {
         this.add(checkbox("Smooth shading", () => this.state.smooth, (smooth) => this.change({ smooth }))),
         this.add(checkbox("Wireframe", () => this.state.wireframe, (wireframe) => this.change({ wireframe }))),
       ),
+      this.add(choice("Up axis", ups, () => this.state.up, (up) => this.change({ up }))),
     );
   }
 
@@ -142,7 +144,7 @@ export class Panel {
   // Say what is known of a face.
   describe(picked: { name: string; face: number } | null): void {
     if (!picked) {
-      this.figures.replaceChildren(make("p", { class: "note" }, "Click a face for its figures."));
+      this.figures.replaceChildren(make("p", { class: "note" }, "Click a face to inspect it."));
       return;
     }
     const surface = this.model.surfaces.find(({ name }) => name === picked.name)!;
@@ -188,7 +190,7 @@ export class Panel {
       const last = this.model.surfaces[this.model.surfaces.length - 1].file;
       return this.where.unsaved?.() && files().includes(last) ? ` It reads ${last}: save the result first.` : "";
     };
-    const buttons = [make("button", { type: "button", click: () => this.stage.look(this.stage.home()) }, "Whole mesh")];
+    const buttons = [make("button", { type: "button", click: () => this.stage.look(this.stage.home()) }, "Reset view")];
     if (this.where.linked) {
       buttons.push(make("button", { type: "button", click: () => void copy(location.href) }, "Copy link to this view"));
     }

@@ -6,9 +6,11 @@ import { colorMap, STEPS } from "./colors";
 import { Drawn } from "./drawn";
 import { Field, Model } from "./model";
 import { Picker } from "./picking";
-import { LIGHTS, State, View } from "./state";
+import { LIGHTS, State, Up, View } from "./state";
 
 const FIELD_OF_VIEW = 30; // degrees, over the shorter side of what is seen, as `render` takes it
+const Y = new THREE.Vector3(0, 1, 0);
+const Z = new THREE.Vector3(0, 0, 1);
 const SLOPE = Math.tan((FIELD_OF_VIEW / 2) * (Math.PI / 180));
 
 export interface Pane {
@@ -27,7 +29,7 @@ export interface Picked {
 
 export class Stage {
   readonly camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
-  readonly controls: OrbitControls;
+  private controls: OrbitControls;
   readonly canvas: HTMLCanvasElement;
   onMove: () => void = () => {};
   onFrame: () => void = () => {};
@@ -59,9 +61,7 @@ export class Stage {
       accent: { value: new THREE.Vector3(1, 0.5, 0) },
     };
     this.hold(model);
-    this.controls = new OrbitControls(this.camera, this.canvas);
-    this.controls.zoomToCursor = true;
-    this.controls.addEventListener("change", () => this.moved());
+    this.controls = this.newControls();
     this.look(state.view);
   }
 
@@ -114,8 +114,10 @@ export class Stage {
   home(): View {
     this.fit();
     const aspect = this.panes()[0].width / Math.max(this.canvas.clientHeight, 1) || 1;
-    const { from, target, reach } = this.model.view;
-    const [width, height] = reach;
+    const { target, reach } = this.model.view;
+    const { up } = this.state;
+    const from = turnedUp(this.model.view.from, "y", up);
+    const [width, height] = up === "y" ? reach : [this.model.radius, this.model.radius];
     const far = Math.max(width / Math.max(aspect, 1), height / Math.max(1 / aspect, 1)) / SLOPE || this.model.radius;
     return { from, target, distance: 1.08 * far + 0.7 * Math.max(width, height) }; // what is nearer looks larger
   }
@@ -127,22 +129,48 @@ export class Stage {
   }
 
   look({ from, target, distance }: View): void {
+    this.orient();
     this.controls.target.fromArray(target);
     this.camera.position.fromArray(from).setLength(distance).add(this.controls.target);
     this.controls.update();
     this.draw();
   }
 
+  // Let another axis of the mesh point up; the camera turns with it.
+  setUp(up: Up): void {
+    const { from, ...view } = this.view();
+    const before = this.state.up;
+    this.state.up = up;
+    this.look({ from: turnedUp(from, before, up), ...view });
+  }
+
   // Turn by angles in radians, and come nearer by a factor.
   turn(right: number, up: number, nearer = 1): void {
     const offset = this.camera.position.clone().sub(this.controls.target);
-    const place = new THREE.Spherical().setFromVector3(offset);
+    const upright = new THREE.Quaternion().setFromUnitVectors(this.camera.up, Y);
+    const place = new THREE.Spherical().setFromVector3(offset.applyQuaternion(upright));
     place.theta -= right;
     place.phi = Math.min(Math.max(place.phi - up, 0.01), Math.PI - 0.01);
     place.radius /= nearer;
-    this.camera.position.setFromSpherical(place).add(this.controls.target);
+    this.camera.position.setFromSpherical(place).applyQuaternion(upright.invert()).add(this.controls.target);
     this.controls.update();
     this.moved();
+  }
+
+  // The controls take over the axis when they are made.
+  private orient(): void {
+    const up = this.state.up === "y" ? Y : Z;
+    if (this.camera.up.equals(up)) return;
+    this.camera.up.copy(up);
+    this.controls.dispose();
+    this.controls = this.newControls();
+  }
+
+  private newControls(): OrbitControls {
+    const controls = new OrbitControls(this.camera, this.canvas);
+    controls.zoomToCursor = true;
+    controls.addEventListener("change", () => this.moved());
+    return controls;
   }
 
   // Go to a point of a surface and look at it along its normal.
@@ -326,6 +354,12 @@ export class Stage {
     this.camera.updateProjectionMatrix();
     this.camera.updateMatrixWorld();
   }
+}
+
+// A direction that lies to one axis as the given one does to another.
+function turnedUp([x, y, z]: number[], before: Up, after: Up): number[] {
+  if (before === after) return [x, y, z];
+  return after === "z" ? [x, -z, y] : [x, z, -y];
 }
 
 function pixelRatio(): number {

@@ -2,6 +2,8 @@
 
 export type Mode = "one" | "split" | "side";
 export const MODES: Mode[] = ["one", "split", "side"];
+export type Up = "y" | "z";
+export const UPS: Up[] = ["y", "z"];
 export const LIGHTS = ["clay", "matcap", "raking", "unlit"] as const;
 export type Light = (typeof LIGHTS)[number];
 
@@ -20,6 +22,7 @@ export interface State {
   angle: number; // of the raking light, in degrees
   smooth: boolean;
   wireframe: boolean;
+  up: Up; // axis of the mesh that points up on the screen
   color: string; // "", "vertex" or the name of a field
   limits: [number, number] | null; // of the colours, where not those of the field
   range: [number, number] | null; // of the values that are lit up
@@ -38,6 +41,7 @@ export function toHash(state: State): string {
     ["angle", digits(state.angle)],
     ["smooth", state.smooth ? "1" : "0"],
     ["wireframe", state.wireframe ? "1" : "0"],
+    ["up", state.up],
     ["color", state.color],
     ["limits", state.limits?.map(digits).join(",") ?? ""],
     ["range", state.range?.map(digits).join(",") ?? ""],
@@ -69,6 +73,7 @@ export function fromHash(hash: string, state: State, surfaces: string[], colors:
     angle: numbers("angle", 1)?.[0] ?? state.angle,
     smooth: one("smooth", ["0", "1"], state.smooth ? "1" : "0") === "1",
     wireframe: one("wireframe", ["0", "1"], state.wireframe ? "1" : "0") === "1",
+    up: one("up", UPS, state.up),
     color: one("color", colors, state.color),
     limits: pair("limits", state.limits),
     range: pair("range", state.range),
@@ -82,6 +87,7 @@ export function renderCommand(files: string[], view: View, state: State, referen
   const row = (values: number[]) => values.map(digits).join(",");
   const words = ["cascadenorm render", ...files.map(quoted), "-o view.png"];
   words.push(`--view=${row(view.from)}`, `--target=${view.target.join(",")}`, `--distance=${digits(view.distance)}`);
+  if (state.up !== "y") words.push(`--up=${state.up}`);
   if (state.smooth) words.push("--smooth");
   if (state.wireframe) words.push("--wireframe");
   if (state.color && state.color !== "vertex") {

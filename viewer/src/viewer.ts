@@ -17,7 +17,7 @@ export class Viewer {
     class: "handle",
     role: "slider",
     tabindex: 0,
-    "aria-label": "Place of the split",
+    "aria-label": "Position of the split",
     "aria-valuemin": 0,
     "aria-valuemax": 100,
   });
@@ -37,7 +37,7 @@ export class Viewer {
     const { canvas } = this.stage;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
-    canvas.setAttribute("aria-label", "3-D view of the mesh; arrow keys turn it, plus and minus zoom");
+    canvas.setAttribute("aria-label", "3-D view of the mesh; arrow keys rotate it, plus and minus zoom");
     this.holder.append(canvas, this.names, this.rings, this.handle, this.decimated);
     root.replaceChildren(this.holder, this.panel.element);
     root.classList.add("live");
@@ -82,6 +82,7 @@ export class Viewer {
 
   change(change: Partial<State>): void {
     const whole = "mode" in change && this.stage.atHome; // it stays whole in panes of another width
+    if (change.up) this.stage.setUp(change.up);
     Object.assign(this.stage.state, change);
     if (whole) this.stage.look(this.stage.home());
     this.panel.update();
@@ -165,7 +166,7 @@ export class Viewer {
       this.handle.addEventListener(end, () => this.handle.removeEventListener("pointermove", drag));
     }
     canvas.addEventListener("webglcontextlost", () => {
-      this.holder.append(make("p", { class: "lost", role: "alert" }, "The browser has stopped drawing: load the page again."));
+      this.holder.append(make("p", { class: "lost", role: "alert" }, "The browser has stopped drawing. Reload the page."));
     });
   }
 
@@ -235,6 +236,7 @@ function initial(model: Model): State {
     angle: 150,
     smooth: false,
     wireframe: false,
+    up: "y",
     color: "",
     limits: null,
     range: null,

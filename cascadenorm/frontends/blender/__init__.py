@@ -10,14 +10,14 @@ from cascadenorm.frontends.blender.properties import declarations
 
 
 class ObjectSettings(bpy.types.PropertyGroup):
-    """What an object is denoised with, and what was found of it; kept in the file of Blender."""
+    """Denoising settings and inspection result of an object, saved in the Blender file."""
 
 
 CLASSES = (ObjectSettings, Denoise, Inspect, DenoisePanel)
 
 
 def register() -> None:
-    """Register the operators, the panel and the settings of objects, as every method that is known now has them."""
+    """Register the operators, the panel and the object settings, with the methods that are registered now."""
     Denoise.__annotations__ = declarations(options={"SKIP_SAVE"})  # each run takes those of the panel anew
     ObjectSettings.__annotations__ = {
         **declarations(),

@@ -1,4 +1,4 @@
-"""The operators: denoise what is selected, and tell the kind of error of the active object."""
+"""Operators that denoise the selection and determine the kind of error of the active object."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -34,7 +34,7 @@ VIEWING = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRAC
 
 
 class Working(bpy.types.Operator):
-    """An operator whose work is done in a thread; Esc ends it. Called by a script, it returns when it is done."""
+    """An operator that works in a thread and is cancelled by Esc. Called from a script, it returns when it is done."""
 
     bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
 
@@ -53,7 +53,7 @@ class Working(bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Begin to work in a thread."""
+        """Start the work in a thread."""
         try:
             self._job = Job(self.prepare(context))
         except CascadenormError as error:
@@ -66,14 +66,14 @@ class Working(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Show the progress, and write the result when it is there."""
+        """Show the progress, and write the result when it is ready."""
         if event.type == "ESC":
             self._job.cancel()
         elif event.type in VIEWING:
             return {"PASS_THROUGH"}
         if not self._job.done:
             context.window_manager.progress_update(100 * self._job.fraction)
-            state = "ending" if self._job.cancelled else f"{self._job.fraction:.0%}, Esc ends it"
+            state = "cancelling" if self._job.cancelled else f"{self._job.fraction:.0%}, Esc cancels"
             context.workspace.status_text_set(f"{self.bl_label}: {state}")
             return {"RUNNING_MODAL"}
         context.window_manager.event_timer_remove(self._timer)
@@ -105,7 +105,7 @@ class Denoise(Working):
     bl_label = "Denoise"
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Take the settings of the active object where none are given, and begin."""
+        """Use the settings of the active object unless others are given, and start."""
         settings = context.object.cascadenorm
         for name in declarations():
             if settings.is_property_set(name) and not self.properties.is_property_set(name):
@@ -134,7 +134,7 @@ class Denoise(Working):
         return work
 
     def finish(self, context: Any, result: list[NDArray[np.float32]]) -> None:
-        """Write the new positions where the result is to be."""
+        """Write the new positions to the chosen target."""
         editing = context.mode == "EDIT_MESH"
         if editing:
             bpy.ops.object.mode_set(mode="OBJECT")
@@ -160,7 +160,7 @@ class Denoise(Working):
 
 
 class Inspect(Working):
-    """Tell which kind of error the active object has, how large it is, and what is wrong with its mesh"""
+    """Determine the kind and size of the error of the active object, and list the defects of its mesh"""
 
     bl_idname = "cascadenorm.inspect"
     bl_label = "Inspect"
@@ -180,12 +180,12 @@ class Inspect(Working):
         return work
 
     def finish(self, context: Any, result: str) -> None:
-        """Show it in the panel."""
+        """Show the result in the panel."""
         self._object.cascadenorm.found = result
 
 
 def targets(context: Any) -> list[Any]:
-    """Return the objects to work on, one for each mesh: those in Edit mode, else the selected, else the active one."""
+    """Return the objects to process, one for each mesh: those in Edit mode, else the selected ones, else the active."""
     if context.mode == "EDIT_MESH":
         return list(context.objects_in_mode_unique_data)
     objects = [o for o in context.selected_objects or [context.object] if o is not None and o.type == "MESH"]
@@ -195,7 +195,7 @@ def targets(context: Any) -> list[Any]:
 def _denoised(
     surface: Surface, settings: dict[str, Any], listener: Listener, begin: float, length: float
 ) -> NDArray[np.float32]:
-    """Return the new positions of a surface, whose work is a part of the whole."""
+    """Return the new positions of a surface; its progress is a part of the whole."""
 
     def listen(fraction: float) -> None:
         listener(begin + length * fraction)
@@ -204,4 +204,4 @@ def _denoised(
 
 
 def _nobody(fraction: float) -> None:
-    """Ignore the progress, where no one can see it."""
+    """Ignore the progress."""

@@ -13,7 +13,7 @@ WIDTH = 42
 
 
 class DenoisePanel(bpy.types.Panel):
-    """What was found, the settings of the active object, and the operators."""
+    """Inspection result and settings of the active object, with the operators."""
 
     bl_idname = "VIEW3D_PT_cascadenorm"
     bl_label = "Denoise"
@@ -40,7 +40,7 @@ class DenoisePanel(bpy.types.Panel):
 
 
 def draw_settings(layout: Any, settings: Any, object: Any) -> None:
-    """Draw the settings of an operator or of an object, with the parameters of the method that is chosen."""
+    """Draw the settings of an operator or an object, with the parameters of the selected method."""
     layout.use_property_split = True
     layout.use_property_decorate = False
     for name in ("method", "strength", "result"):

@@ -1,4 +1,4 @@
-"""The settings of Blender's operator and panel, made from the declarations of the controls and methods."""
+"""Settings of the Blender operator and panel, generated from the declarations of controls and methods."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,12 +26,12 @@ CREASES = [
 
 
 def declarations(**options: Any) -> dict[str, Any]:
-    """Return every setting by its name in Blender: those below, the controls, the parameters of each method.
+    """Return every setting by its name in Blender: those below, the controls, and the parameters of each method.
 
     Parameters
     ----------
     options
-        Of each property.
+        Options of each property.
     """
     named = [(name, name, method.summary) for name, method in methods().items()]
     groups = "Vertex group whose weights scale the displacement of each vertex"
@@ -46,7 +46,7 @@ def declarations(**options: Any) -> dict[str, Any]:
         "creases": bpy.props.EnumProperty(name="Creases", items=CREASES, default="NONE", description=edges, **options),
         "crease_angle": bpy.props.FloatProperty(
             name="Angle",
-            description="Of creases",
+            description="Angle between face normals above which an edge is a crease",
             subtype="ANGLE",
             default=np.radians(40.0),
             min=0.0,
@@ -58,12 +58,12 @@ def declarations(**options: Any) -> dict[str, Any]:
 
 
 def identifier(property: Property) -> str:
-    """Return what a property is called in scripts, such as keep_detail or taubin_iterations."""
+    """Return the name of a property in scripts, such as keep_detail or taubin_iterations."""
     return "_".join(filter(None, [property.method.replace("-", "_"), property.setting.name]))
 
 
 def label(name: str, value: object = None) -> str:
-    """Return what the panel calls a control or a parameter, for messages."""
+    """Return the label of a control or a parameter in the panel, for messages."""
     if name == "mask":
         return "Mask"
     text = name.replace("_", " ").capitalize()
@@ -76,12 +76,12 @@ def parameters_of(method: str) -> list[Property]:
 
 
 def chosen(settings: Any) -> dict[str, Any]:
-    """Return the keyword arguments of `denoise` that an operator or an object is set to, but for mask and creases.
+    """Return the settings of an operator or an object as keyword arguments of `denoise`, except mask and creases.
 
     Raises
     ------
     ParameterError
-        Text that is no value of its setting, or a number out of range.
+        A text that its setting does not accept, or a number out of range.
     """
     values = {}
     for property in _generic():
@@ -92,13 +92,13 @@ def chosen(settings: Any) -> dict[str, Any]:
 
 
 def _generic() -> Iterator[Property]:
-    """Yield the properties but those of arrays, which Blender gives by groups and marks."""
+    """Yield all properties except arrays, for which Blender uses vertex groups and edge marks."""
     arrays = {name for name, control in CONTROLS.items() if control.about.arrays}
     return (property for property in properties() if property.method or property.setting.name not in arrays)
 
 
 def _declared(property: Property, options: dict[str, Any]) -> Any:
-    """Declare a number with its range, a choice, a path or a text, which is empty where the default is None."""
+    """Declare a number with its range, a choice, a path or text, which is empty if the default is None."""
     setting = property.setting
     about = {"name": label(setting.name), "description": property.help.removesuffix("."), **options}
     if setting.choices:
@@ -122,7 +122,7 @@ def _range(property: Property) -> dict[str, Any]:
 
 
 def _value(property: Property, value: Any) -> Any:
-    """Return a value of Blender's in the type of its setting; a float32 means its shortest decimal."""
+    """Convert a Blender value to the type of its setting; a float32 is read as its shortest decimal."""
     setting = property.setting
     if isinstance(value, float):
         value = float(str(np.float32(value)))

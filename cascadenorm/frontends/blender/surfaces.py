@@ -1,4 +1,4 @@
-"""The surface of an object of Blender as arrays: positions, triangles, weights, marked edges; new positions for it."""
+"""Read the surface of a Blender object as arrays, and write new positions."""
 
 from typing import Any, NamedTuple
 
@@ -18,11 +18,11 @@ class Surface(NamedTuple):
     Parameters
     ----------
     positions
-        (n, 3) float32, as Blender keeps them.
+        (n, 3) float32, as stored by Blender.
     faces
-        (m, 3), polygons cut as Blender draws them.
+        (m, 3) vertex indices of polygons triangulated as Blender draws them.
     scale
-        (3,) of the object in the scene, by its axes.
+        (3,) scale of the object along its axes.
     """
 
     positions: NDArray[np.float32]
@@ -31,18 +31,18 @@ class Surface(NamedTuple):
 
     @property
     def vertices(self) -> NDArray[Any]:
-        """Positions in the unit of the scene; float32 where the object is not scaled."""
+        """Positions in scene units; float32 if the object is not scaled."""
         return self.positions if (self.scale == 1).all() else self.positions * self.scale
 
     def positions_of(self, vertices: NDArray[Any]) -> NDArray[np.float32]:
-        """Return the positions of new vertices; what has not moved keeps its bits."""
+        """Return the positions of new vertices; those of unmoved vertices are bit-identical."""
         with np.errstate(divide="ignore", invalid="ignore"):
             unscaled = vertices / self.scale
         return np.where(vertices == self.vertices, self.positions, unscaled).astype(np.float32)
 
 
 def surface_of(object: Any) -> Surface:
-    """Return the surface of an object, of its active shape key, or of what it is a denoised copy of."""
+    """Return the surface of an object, of its active shape key, or of the original of a denoised copy."""
     mesh = object.data
     object.update_from_editmode()
     mesh.calc_loop_triangles()
@@ -57,7 +57,7 @@ def surface_of(object: Any) -> Surface:
 
 
 def mask_of(object: Any, settings: Any) -> NDArray[np.float32] | None:
-    """Return the weights of the vertex group, in Edit mode those of the selected vertices; None moves every vertex.
+    """Return the weights of the vertex group, in Edit mode for the selected vertices; None moves every vertex.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def mask_of(object: Any, settings: Any) -> NDArray[np.float32] | None:
 
 
 def creases_of(object: Any, settings: Any) -> float | NDArray[np.int32] | None:
-    """Return the creases that settings name: an angle in degrees, or the vertices of marked edges."""
+    """Return the chosen creases: an angle in degrees, or the vertices of marked edges."""
     mesh = object.data
     if settings.creases == "NONE":
         return None
@@ -98,7 +98,7 @@ def creases_of(object: Any, settings: Any) -> float | NDArray[np.int32] | None:
 
 
 def write(object: Any, positions: NDArray[np.float32]) -> None:
-    """Move the vertices of an object, of its active shape key where it has some; the object is in Object mode.
+    """Move the vertices of an object in Object mode, or those of its active shape key.
 
     Keys that are relative to the active one move along, as they do in Edit mode.
     """
@@ -116,7 +116,7 @@ def write(object: Any, positions: NDArray[np.float32]) -> None:
 
 
 def write_shape_key(object: Any, positions: NDArray[np.float32]) -> None:
-    """Write positions into the shape key of results, with value 1; the object is in Object mode."""
+    """Write positions into the shape key for results, with value 1; the object is in Object mode."""
     if object.data.shape_keys is None:
         object.shape_key_add(name="Basis", from_mix=False)
     blocks = object.data.shape_keys.key_blocks
@@ -129,7 +129,7 @@ def write_shape_key(object: Any, positions: NDArray[np.float32]) -> None:
 
 
 def copy_of(object: Any) -> Any:
-    """Return a copy of an object in its place, which is active and knows what it is a copy of; the object is hidden."""
+    """Return a selected copy of an object that refers to it as its original, and hide the object."""
     copy = object.copy()
     copy.data = object.data.copy()
     copy.name = copy.data.name = f"{object.name} denoised"
@@ -142,7 +142,7 @@ def copy_of(object: Any) -> Any:
 
 
 def _renew_free_normals(mesh: Any, positions: NDArray[np.float32]) -> None:
-    """Write normals anew that are stored as vectors; others are relative to the surface, and move with it."""
+    """Recompute normals that are stored as vectors; others are relative to the surface and move with it."""
     attribute = mesh.attributes.get("custom_normal")
     if attribute is None or attribute.data_type != "FLOAT_VECTOR":
         return
@@ -160,7 +160,7 @@ def _renew_free_normals(mesh: Any, positions: NDArray[np.float32]) -> None:
 
 
 def _given(object: Any) -> Any:
-    """Return what holds the positions to be denoised: elements with a coordinate `co`."""
+    """Return the elements that hold the positions to denoise, with a coordinate `co`."""
     if source := object.cascadenorm.source:
         object = source
     key = object.active_shape_key
@@ -170,7 +170,7 @@ def _given(object: Any) -> Any:
 
 
 def _array(elements: Any, name: str, kind: Any, width: int = 1) -> NDArray[Any]:
-    """Return an attribute of the elements of a collection of Blender, (k, width), or (k,) where the width is 1."""
+    """Return an attribute of the elements of a Blender collection, (k, width), or (k,) if the width is 1."""
     flat = np.empty(len(elements) * width, kind)
     elements.foreach_get(name, flat)
     return flat if width == 1 else flat.reshape(-1, width)

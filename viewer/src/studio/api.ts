@@ -50,12 +50,20 @@ export interface Opened {
   scene: number;
 }
 
+// What was done to the whole mesh; the error and the treatment as the command line prints them.
+export interface Outcome {
+  seconds: number;
+  moved: number;
+  error: string | null;
+  treated_as: string | null;
+}
+
 export type Told =
   | { type: "opening"; name: string }
   | Opened
   | { type: "unopened"; error: string }
   | { type: "progress"; ticket: string; fraction: number; left: number | null }
-  | { type: "shown"; ticket: string; scene: number; coarse: boolean; seconds?: number; moved?: number }
+  | ({ type: "shown"; ticket: string; scene: number } & ({ coarse: true } | ({ coarse: false } & Outcome)))
   | { type: "cancelled"; ticket: string }
   | { type: "failed"; ticket: string; error: string; parameter?: string };
 
@@ -67,6 +75,7 @@ export interface Recipe {
 
 export interface Saved extends Recipe {
   file: string;
+  files: { path: string; number: number }[]; // everything that was written, with the numbers by which it is read again
   left_out: string[];
 }
 
@@ -130,6 +139,11 @@ export class Api {
     return { ...JSON.parse(decodeURIComponent(answer.headers.get("x-about")!)), content: await answer.blob() };
   }
 
+  // A file that was saved.
+  async savedFile(number: number): Promise<Blob> {
+    return (await this.asked("GET", `saved/${number}`)).blob();
+  }
+
   paint(codes: Uint8Array<ArrayBuffer>): Promise<unknown> {
     return this.asked("POST", "paint", codes);
   }
@@ -174,7 +188,7 @@ export class Api {
     try {
       answer = await fetch(`/api/${path}`, { method, body, headers: { authorization: `Bearer ${this.secret}` } });
     } catch {
-      throw new Refused("The studio has ended: start it again.");
+      throw new Refused("The studio has stopped. Start it again.");
     }
     if (answer.ok) return answer;
     const told = (await answer.json().catch(() => ({}))) as { error?: string; existing?: string[] };

@@ -12,10 +12,10 @@ const CLICK_STEP = 0.5; // distance between two dabs, in radii of the brush
 type Tool = "turn" | "mask" | "pin" | "erase";
 const TOOLS: (readonly [Tool, string])[] = [["turn", "Off"], ["mask", "Weight"], ["pin", "Pin"], ["erase", "Erase"]];
 const SAYS: Record<Tool, string> = {
-  turn: "Paint where the mesh moves less, and pin vertices that stay.",
-  mask: "Paint the share of the displacement that vertices take: 0 % keeps them. Drag beside the mesh to turn it.",
-  pin: "Paint vertices that stay exactly where they are. Drag beside the mesh to turn it.",
-  erase: "Take paint away. Drag beside the mesh to turn it.",
+  turn: "Paint weights to move vertices less, or pin vertices in place.",
+  mask: "Paint the share of the displacement to apply; 0 % keeps vertices in place. Drag beside the mesh to rotate it.",
+  pin: "Paint vertices to keep exactly in place. Drag beside the mesh to rotate it.",
+  erase: "Erase paint. Drag beside the mesh to rotate it.",
 };
 
 export class Brush {

@@ -12,12 +12,12 @@ export class Dropping {
       this.give(this.input.files);
       this.input.value = "";
     });
-    const pick = make("button", { type: "button", click: () => this.input.click() }, "Pick a file");
+    const pick = make("button", { type: "button", class: "primary", click: () => this.input.click() }, "Choose a file");
     this.zone = make(
       "div",
       { class: "zone" },
       make("p", {}, make("strong", {}, "Drop a mesh here")),
-      make("p", { class: "note" }, "PLY, OBJ, STL, OFF, glTF and others; with an OBJ file its materials and textures."),
+      make("p", { class: "note" }, "PLY, OBJ, STL, OFF, glTF and other formats. Drop the materials and textures of an OBJ file with it."),
       pick,
     );
     this.input.hidden = true;

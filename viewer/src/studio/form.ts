@@ -47,8 +47,8 @@ export class SettingsForm {
       this.about,
       this.rule,
       make("div", { class: "row strength", title: strength.help }, make("span", {}, "Strength"), this.slider, this.strength),
-      make("details", {}, make("summary", {}, "Parameters of the method"), this.parameters),
-      make("details", {}, make("summary", {}, "Where, and within which limits"), this.controls),
+      make("details", {}, make("summary", {}, "Method parameters"), this.parameters),
+      make("details", {}, make("summary", {}, "Region and limits"), this.controls),
     );
     this.update();
   }
@@ -107,7 +107,7 @@ export class SettingsForm {
     if (place.dataset.key !== key) {
       place.dataset.key = key;
       const rows = inputs.map((input) => this.row(kind, input));
-      place.replaceChildren(...(rows.length ? rows : [make("p", { class: "note" }, "It has none.")]));
+      place.replaceChildren(...(rows.length ? rows : [make("p", { class: "note" }, "This method has no parameters.")]));
     }
     for (const input of inputs) {
       const field = place.querySelector<HTMLInputElement | HTMLSelectElement>(`[name="${input.name}"]`)!;
@@ -126,17 +126,21 @@ export class SettingsForm {
       { class: `field ${input.kind}` },
       make("label", { for: id }, input.label),
       field,
-      make("p", { class: "note", id: `${id}-help` }, sentence(range ? `${input.help} (${range})` : input.help)),
+      make("p", { class: "note", id: `${id}-help` }, sentence(range ? `${input.help.replace(/\.$/, "")} (${range})` : input.help)),
     );
   }
 
   private input(kind: "parameters" | "controls", input: Input): HTMLInputElement | HTMLSelectElement {
     if (input.kind === "choice") {
-      const select = make("select", { name: input.name }, ...input.choices.map((value) => make("option", { value }, value)));
+      const select = make(
+        "select",
+        { name: input.name },
+        ...input.choices.map((value) => make("option", { value }, kind === "parameters" && value === "none" ? "automatic" : value)),
+      );
       select.addEventListener("change", () => this.set(() => this.put(kind, input, select.value), true));
       return select;
     }
-    const placeholder = input.example ? `such as ${input.example}` : input.default === "" ? "by the mesh" : input.default;
+    const placeholder = input.example ? `e.g. ${input.example}` : input.default === "" ? "automatic" : input.default;
     const field = make("input", { name: input.name, type: input.kind, placeholder, autocomplete: "off", spellcheck: "false" });
     if (input.kind === "number") {
       field.step = input.whole ? "1" : "any";

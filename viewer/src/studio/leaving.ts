@@ -6,7 +6,7 @@ export class Leaving {
   readonly dialog = make("dialog", { role: "alertdialog", class: "leaving", "aria-labelledby": "leaving-title", "aria-describedby": "leaving-lost" });
   private readonly title = make("h2", { id: "leaving-title" });
   private readonly lost = make("p", { id: "leaving-lost" });
-  private readonly keep = make("button", { type: "button", autofocus: true, click: () => this.dialog.close() }, "Keep");
+  private readonly keep = make("button", { type: "button", class: "primary", autofocus: true, click: () => this.dialog.close() }, "Keep");
   private readonly leave = make("button", { type: "button", click: () => this.dialog.close("leave") }, "Open");
   private asked: AbortController | null = null;
 

@@ -6,7 +6,7 @@ import { Studio } from "./studio";
 
 async function start(root: HTMLElement): Promise<void> {
   const secret = token();
-  if (!secret) throw new Error("Open the address that the studio printed: it holds a token, without which it does not answer.");
+  if (!secret) throw new Error("Open the address that the studio printed. It contains a token that the studio requires.");
   const api = new Api(secret);
   const studio = new Studio(root, api, await api.form());
   await api.listen((told) => studio.hear(told));

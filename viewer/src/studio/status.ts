@@ -1,6 +1,7 @@
-// What goes on: progress with the time left, and what came of it.
+// Progress with the time left, and the outcome.
 
 import { counted, make } from "../dom";
+import type { Outcome } from "./api";
 
 const SOON = 0.5; // seconds left that are not worth a number
 
@@ -10,6 +11,7 @@ export class Status {
   private readonly said = make("p", { class: "said", role: "status" });
   private readonly failed = make("p", { class: "failed", role: "alert" });
   private readonly noted = make("p", { class: "noted" });
+  private readonly found = make("dl", { class: "keys found" });
   private readonly text = make("pre", {}, make("code"));
   private readonly work: HTMLElement;
   private readonly again: HTMLButtonElement;
@@ -18,12 +20,13 @@ export class Status {
   constructor(cancel: () => void, again: () => void) {
     this.work = make("div", { class: "row" }, this.bar, make("button", { type: "button", click: cancel }, "Cancel"));
     this.again = make("button", { type: "button", hidden: true, click: again }, "Denoise");
-    this.element.append(this.work, this.said, this.failed, this.again, this.noted, this.text);
+    this.element.append(this.work, this.said, this.failed, this.again, this.found, this.noted, this.text);
     this.work.hidden = this.failed.hidden = this.noted.hidden = this.text.hidden = true;
   }
 
   begin(): void {
     this.what = "Denoising";
+    this.found.replaceChildren();
     this.say("Denoising…");
     this.bar.value = 0;
     this.work.hidden = false;
@@ -41,12 +44,15 @@ export class Status {
     this.said.textContent = left === null || left < SOON ? `${this.what}…` : `${this.what}: about ${duration(left)} left.`;
   }
 
-  done(seconds: number, moved: number): void {
+  // What was done, with the lines that the command line prints.
+  done({ seconds, moved, error, treated_as }: Outcome): void {
     this.say(`Denoised in ${duration(seconds)}; ${counted(moved, "vertex", "vertices")} moved.`);
+    const rows = [["Kind of error", error], ["Treated as", treated_as]].filter(([, text]) => text);
+    this.found.replaceChildren(...rows.flatMap(([name, text]) => [make("dt", {}, name!), make("dd", {}, text!)]));
   }
 
   cancelled(): void {
-    this.say("Cancelled: what is shown was made with other settings.");
+    this.say("Cancelled. The result shown was made with other settings.");
     this.again.hidden = false;
   }
 

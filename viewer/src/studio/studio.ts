@@ -28,7 +28,7 @@ export class Studio {
   private readonly saving: Saving;
   private readonly dropping: Dropping;
   private readonly leaving = new Leaving();
-  private readonly save = make("button", { type: "button", disabled: true, click: () => this.saving.show(this.shown!) }, "Save…");
+  private readonly save = make("button", { type: "button", class: "primary", disabled: true, click: () => this.saving.show(this.shown!) }, "Save…");
   private readonly copies: HTMLButtonElement[];
   private readonly back = make("button", { type: "button", disabled: true, title: "Ctrl+Z", click: () => this.go(true) }, "Undo");
   private readonly forth = make("button", { type: "button", disabled: true, title: "Ctrl+Shift+Z", click: () => this.go(false) }, "Redo");
@@ -84,6 +84,7 @@ export class Studio {
           this.brush.element,
           this.status.element,
           make("div", { class: "buttons" }, ...this.copies),
+          this.saving.kept,
         ),
         make("section", { class: "view", "aria-label": "Mesh" }, this.viewerRoot, this.dropping.zone),
       ),
@@ -111,7 +112,7 @@ export class Studio {
   end(): void {
     this.unsaved = false;
     this.savedPaint = this.brush.codes;
-    this.status.fail("The studio has ended: start it again.");
+    this.status.fail("The studio has stopped. Start it again.");
     this.root.dataset.state = "ended";
   }
 
@@ -137,7 +138,7 @@ export class Studio {
     this.savedAs = "";
     this.title.textContent = document.title = opened.name;
     this.counts.textContent = `${counted(opened.faces, "face", "faces")}, ${counted(opened.vertices, "vertex", "vertices")}`;
-    this.status.notice(opened.notice && `${opened.notice}; these stay as they are.`);
+    this.status.notice(opened.notice && `${opened.notice}; these stay unchanged.`);
     this.savedPaint = null;
     this.leaving.dialog.close();
     this.saving.open(opened);
@@ -233,7 +234,7 @@ export class Studio {
     if (this.asked?.ticket !== told.ticket) return;
     this.shown = settings;
     this.unsaved = true;
-    this.status.done(told.seconds!, told.moved!);
+    this.status.done(told);
     this.offer();
     this.root.dataset.state = "shown";
     this.root.dataset.answers = String(Number(this.root.dataset.answers ?? 0) + 1);
@@ -269,7 +270,7 @@ export class Studio {
     await this.attempt(async () => {
       const { [kind]: text, painted } = await this.api.recipe(this.shown!, this.saving.target);
       const how = this.opened!.saves ? "save" : "download";
-      const needs = painted.length ? ` It reads ${painted.join(" and ")}: ${how} the result first, with which the paint comes.` : "";
+      const needs = painted.length ? ` It reads ${painted.join(" and ")}: ${how} the result first, which includes the paint.` : "";
       try {
         await navigator.clipboard.writeText(text);
         this.status.copied(`Copied.${needs}`, text);

@@ -1,0 +1,92 @@
+"""The figures that a report leads with: noise, angle, volume, self-intersections and spikes, before and after."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.errors import counted
+from cascadenorm.geometry.metrics import Measures, angles_at_faces
+from cascadenorm.inspection import Found, Inspection
+from cascadenorm.mesh import scaled_alike
+from cascadenorm.reports.given import Given
+from cascadenorm.reports.page import Tile
+
+Inspected = Sequence[tuple[Given, Inspection]]
+Measured = Sequence[tuple[Given, Measures]]
+
+
+def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> list[Tile]:
+    """Return the tiles at the top of a report; values of two meshes stand as before → after."""
+    found = [inspection for _, inspection in inspected]
+    return [
+        Tile("Noise", _each(found, lambda one: _noise(one.noise)), "mean edge lengths"),
+        *_angle(inspected, measured),
+        _volume(found),
+        Tile("Self-intersecting faces", _each(found, lambda one: _count(one.crossing_faces))),
+        Tile("Spikes", _each(found, lambda one: _count(one.spikes)), "vertices"),
+        _moved(done) if done is not None else _size(found[-1]),
+    ]
+
+
+def headline(inspected: Inspected, done: DenoisingSummary | None) -> list[str]:
+    """Return the kind of error of the first mesh, what it is treated as, and the method, in the words of `denoise`."""
+    first = inspected[0][1]
+    error, treated_as = (first.error, first.treated_as) if done is None else (done.error, done.treated_as)
+    parts = []
+    if error is not None:
+        parts.append(f"Kind of error: {error}.")
+    if treated_as is not None:
+        parts.append(f"Treated as: {treated_as}.")
+    if done is not None:
+        parts.append(f"Method: {done.method}, {done.seconds:.1f} s.")
+    return [" ".join(parts)] if parts else []
+
+
+def _each(found: Sequence[Inspection], text: Callable[[Inspection], str]) -> tuple[str, ...]:
+    return tuple(text(one) for one in found)
+
+
+def _noise(noise: float | None) -> str:
+    return "unknown" if noise is None else f"{noise:.2g}"
+
+
+def _count(finding: Found | None) -> str:
+    return "not checked" if finding is None else f"{finding.count:,}"
+
+
+def _angle(inspected: Inspected, measured: Measured) -> list[Tile]:
+    """The mean angle to the truth, or without one that to the input."""
+    if measured:
+        values = tuple(f"{measures.normal_error_deg:.2f}°" for _, measures in measured)
+        return [Tile("Angle to the truth", values, "mean over the faces")]
+    meshes = [one.mesh for one, found in inspected if found.faces]
+    if len(meshes) < 2 or not np.array_equal(meshes[0].faces, meshes[1].faces):
+        return []
+    before, after = scaled_alike(*meshes)
+    angles = angles_at_faces(after.face_normals, before.face_normals)
+    known = angles[~np.isnan(angles)]
+    value = f"{known.mean():.2f}°" if len(known) else "unknown"
+    return [Tile("Angle to the input", (value,), "mean over the faces")]
+
+
+def _volume(found: Sequence[Inspection]) -> Tile:
+    volumes = [one.volume for one in found]
+    known = [volume for volume in volumes if volume is not None]
+    if len(known) < len(volumes):
+        loops = found[-1].boundary_loops
+        return Tile("Volume", ("none",), f"open, {counted(loops, 'boundary loop')}" if loops else "not closed")
+    if len(known) == 2 and known[0]:
+        change = 100 * (known[1] / known[0] - 1)
+        return Tile("Volume", (f"{change:+.2f} %".replace("-", "−"),), f"{known[0]:.5g} → {known[1]:.5g} mesh units³")
+    return Tile("Volume", (f"{known[-1]:.5g}",), "mesh units³")
+
+
+def _moved(done: DenoisingSummary) -> Tile:
+    note = f"mean edge lengths on average, {done.largest_displacement:.3g} at most"
+    return Tile("Displacement", (f"{done.mean_displacement:.3g}",), note)
+
+
+def _size(found: Inspection) -> Tile:
+    vertices = "vertex" if found.vertices == 1 else "vertices"
+    return Tile("Faces", (f"{found.faces:,}",), f"{found.vertices:,} {vertices}")
