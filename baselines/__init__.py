@@ -17,6 +17,7 @@ from cascadenorm.baselines import (
     spectral,
     static_dynamic_normal,
     taubin,
+    tgv_normal,
     tv_normal,
 )
 
@@ -37,5 +38,6 @@ __all__ = [
     "spectral",
     "static_dynamic_normal",
     "taubin",
+    "tgv_normal",
     "tv_normal",
 ]

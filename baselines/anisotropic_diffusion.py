@@ -41,7 +41,7 @@ def anisotropic_diffusion(
     iterations: Annotated[int, Parameter("implicit steps, each with a new tensor", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:
-    """Diffuse the vertices with a tensor whose weight falls where, and across which, the normal turns.
+    """Diffuse the vertices along creases but little across them, by a tensor that follows the curvature.
 
     A boundary moves off the surface only (see `flowed`).
 
@@ -52,8 +52,8 @@ def anisotropic_diffusion(
 
     Limits
     ------
-    An edge shrinks along itself where it is curved, and corners are rounded. Noise as strong as the features has
-    curvature beyond the threshold and stays.
+    An edge shrinks along itself where it is curved, and corners are rounded. Noise whose
+    curvature exceeds the threshold is kept as a feature is.
     """
     time = step * mesh.mean_edge_length**2
     for _ in track(iterations):

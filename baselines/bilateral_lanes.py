@@ -1,6 +1,6 @@
-"""A face of `iterated_bilateral` in vector instructions, which the compiler does not find: over four times as fast.
+"""The filter of one face of `iterated_bilateral` in vector instructions, which the compiler does not generate itself.
 
-Written by interfaces of numba and llvmlite that may change with any release; `iterated_bilateral` then does without.
+The interfaces of numba and llvmlite that it uses may change with any release; `iterated_bilateral` then runs its loops.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ LANES = 4
 
 @intrinsic
 def filter_lanes(context, f, normals, own, rings, weights, steepness, out):  # type: ignore[no-untyped-def]
-    """Filter the normals of face f, as `iterated_bilateral` says in plain loops."""
+    """Filter the normals of face f, as the plain loops of `iterated_bilateral` do."""
     return types.void(f, normals, own, rings, weights, steepness, out), _build
 
 
@@ -82,7 +82,7 @@ class _Instructions:
         steep, weight = self.vector("steepness"), self.splat(self.entry("own", face))
         first, last = (self.entry("indptr", row) for row in (face, builder.add(face, self.axes[1])))
 
-        # two neighbours at a time in vectors of twice the length, in three fifths of the time
+        # two neighbours at a time in vectors of twice the length, which is faster
         odd = builder.sub(last, builder.and_(builder.sub(last, first), self.axes[1]))
         none = ir.Constant(ir.VectorType(ir.FloatType(), 2 * LANES), [0.0] * 2 * LANES)
         pairs = [self.variable(none) for _ in mine]

@@ -167,8 +167,7 @@ def _bilateral_pass(
         if count > len(shares):
             shares = np.empty(count)
 
-        # what each neighbour weighs by how near its guide is; exponentials in a loop of their own are taken four at a
-        # time, which is two thirds of the time of the pass
+        # the range weight of each neighbour, in a loop of its own, which the compiler vectorises
         for k in range(count):
             shares[k] = -spread * squared_distance(row(guide, rings.indices[first + k]), row(guide, f))
         for k in range(count):

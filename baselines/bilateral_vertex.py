@@ -28,7 +28,7 @@ Influence = Annotated[float, Parameter("spread over the distance to its plane", 
 
 @method("bilateral", source="Fleishman, Drori, Cohen-Or 2003", family="bilateral")
 def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = None, iterations: Steps = 12) -> Vectors:
-    """Move each vertex along its normal by the mean height of near vertices over its tangent plane, like heights first.
+    """Move each vertex along its normal by a bilateral mean of the heights of near vertices over its tangent plane.
 
     Neighbours are the vertices within 2 σ_c, joined by such ones, and the vertex itself. Unless given, σ_s is the
     standard deviation of their unsigned heights. A boundary has no special treatment.
@@ -41,7 +41,7 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
     Limits
     ------
     It shrinks the mesh, as heights over a tangent plane have a mean on curved surfaces. Edges are kept less well than
-    by filters of normals. The noise of the vertex normals is that of the mesh.
+    by filters of normals. The vertex normals are as noisy as the mesh.
     """
     count, edge = len(mesh.vertices), mesh.mean_edge_length
     graph, alone = mesh.topology.vertex_neighbors, each_alone(count)
@@ -57,7 +57,7 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
 
 @method("non-iterative-bilateral", source="Jones, Durand, Desbrun 2003", family="bilateral")
 def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Influence = 1.0) -> Vectors:
-    """Move each vertex, once, to the mean of its projections on the planes of near faces, near planes first.
+    """Move each vertex once, to a bilateral mean of its projections onto the planes of near faces.
 
     Normals of the planes are those after each vertex was moved to the Gaussian mean of near centroids, of spread σ_f/2.
     Neighbours are the faces with a centroid within 2 σ_f of the vertex, joined to its own by such ones.
@@ -152,7 +152,7 @@ def _centroid_means(
     near: Csr,
     means: Vectors,
 ) -> None:
-    """Gaussian mean of near centroids; a vertex that nothing weighs stays."""
+    """Take the Gaussian mean of near centroids; a vertex without any stays."""
     for i in range(start, stop):
         # vectors to near centroids, weighted by area and distance
         x = y = z = total = 0.0
@@ -185,7 +185,7 @@ def _projection_means(
     near: Csr,
     out: Vectors,
 ) -> None:
-    """Weighted mean of the projections onto the planes of near faces; a vertex that nothing weighs stays."""
+    """Take the weighted mean of the projections onto the planes of near faces; a vertex without any stays."""
     for i in range(start, stop):
         # vectors to the planes, weighted by area, distance of the centroid and height over the plane
         x = y = z = total = 0.0

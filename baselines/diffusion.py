@@ -28,7 +28,11 @@ logger = logging.getLogger(__name__)
 
 
 def _rings(given: Mapping[str, Any], _: int) -> int | None:
-    """Cotangents are mollified by the worst triangle of all, and an implicit step is a system of all vertices."""
+    """Return how many edges away a vertex depends on.
+
+    None means all: the mollification of cotangents depends on every triangle, and an implicit step solves a system of
+    all vertices.
+    """
     if given["weights"] != "uniform" or given["scheme"] != "explicit":
         return None
     order: Order = given["order"]
@@ -138,7 +142,7 @@ def diffuse(
 def flowed(
     mesh: Mesh, laplacian: Laplacian, *, time: float, scheme: Scheme = "implicit", region: VertexMask | None = None
 ) -> Vectors:
-    """Take one step of x_t = Δx, in which boundary vertices move off the surface only: along it nothing holds them.
+    """Take one step of x_t = Δx, in which boundary vertices move off the surface but not along it.
 
     Without a boundary it is a step of `diffuse`, whose parameters these are.
 

@@ -19,7 +19,7 @@ def fairing(
     weights: Annotated[Weights, Parameter("of the Laplacian: mean of the neighbours, or cotangents")] = "cotan",
     iterations: Annotated[int, Parameter("solutions, each with the Laplacian of the one before", minimum=0)] = 2,
 ) -> Vectors:
-    """Replace the vertices of a region by the solution of Δ^order x = 0 that the vertices around it hold.
+    """Replace the vertices of a region by the solution of Δ^order x = 0 that continues the surface around it.
 
     The solution continues the surface around the region (order 1), and its tangents (2), and its curvature (3). Where
     the region reaches a boundary of the mesh, the surface is free there.

@@ -1,4 +1,4 @@
-"""Normals after many bilateral passes, filtered with four range spreads side by side, which is where the time goes."""
+"""Face normals after many bilateral passes, with four range spreads filtered side by side."""
 
 import numpy as np
 from numba.extending import overload
@@ -21,7 +21,7 @@ def iterated_bilateral_normals(
     passes: tuple[int, ...],
     out: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Normals after each number of bilateral passes over one ring, for each σ_r.
+    """Return the normals after each number of bilateral passes over one ring, for each σ_r.
 
     In place of e^-u the range weight is (1 - u/8)^8, which is near it and zero from u = 8 on: without an exponential
     all σ_r are filtered side by side, in 12 numbers of 4 bytes a neighbour.

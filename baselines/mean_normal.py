@@ -27,7 +27,7 @@ WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
 def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit: VertexFit = "sweeps") -> Vectors:
-    """Replace each face normal by the area-weighted mean around it, then move the vertices to them; rounds edges.
+    """Replace each face normal by the area-weighted mean of the normals around it, then move the vertices to fit.
 
     Formula
     -------
@@ -35,7 +35,7 @@ def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit:
 
     Limits
     ------
-    Every edge is rounded, the more the more passes are made.
+    Every edge is rounded, and more passes round it more.
     """
     filtered = partial(bilateral_normals, sigma_s=np.inf, sigma_r=np.inf, iterations=iterations, center="count")
     normals = normals_by_patches(mesh, filtered, reach=iterations)
@@ -77,7 +77,7 @@ def random_walk_normal(
     sweeps: Sweeps = 10,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Average each face normal with those that a random walk from it visits; it likes to step to similar normals.
+    """Average each face normal with those that a random walk from it visits, which prefers similar normals.
 
     Formula
     -------
@@ -85,7 +85,7 @@ def random_walk_normal(
 
     Limits
     ------
-    One σ_r serves the whole mesh, as in bilateral-normal. There are no weights of area or distance.
+    One σ_r serves the whole mesh, as in bilateral-normal. Faces are not weighted by area or distance.
     """
     filtered = partial(walk_normals, sigma_r=sigma_r, length=length, iterations=iterations)
     normals = normals_by_patches(mesh, filtered, reach=length * iterations)

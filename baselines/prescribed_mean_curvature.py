@@ -55,8 +55,8 @@ def prescribed_mean_curvature(
 
     Limits
     ------
-    Light noise only: creases are found in the noisy mesh. Its parameters are tied to the noise more than those of
-    filters of normals.
+    It suits light noise only, because creases are found in the noisy mesh. Its parameters depend on the noise more than
+    those of normal filters do.
     """
     edge = mesh.mean_edge_length
     unit_time = edge**2
@@ -80,7 +80,7 @@ def prescribed_mean_curvature(
 
 
 def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: VertexMask | None) -> Vectors:
-    """Return (n, 3) the mean velocity of the part of the mesh that each vertex belongs to, unless something holds it.
+    """Return (n, 3) the mean velocity of the connected part of each vertex; 0 where fixed vertices hold the part.
 
     The pulls on a part with creases need not cancel, and one that is tiny would fly off.
     """

@@ -1,4 +1,4 @@
-"""Rolling guidance of face normals: features narrower than a width go, wider ones and their edges stay."""
+"""Rolling guidance of face normals: removes features narrower than a width, keeps wider ones and their edges."""
 
 import math
 from typing import Annotated
@@ -38,7 +38,7 @@ def rolling_guidance_normal(
     sweeps: Sweeps = 60,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Remove features up to a width: filter normals under the guidance of their own filtered ones, then fit vertices.
+    """Remove features up to a width: filter the normals under the guidance of the last result, then fit the vertices.
 
     The published filter averages by Gaussian weights, over a number of faces that grows as the square of the width;
     here each average is two implicit steps of diffusion, at a cost that hardly depends on the width.
@@ -51,7 +51,7 @@ def rolling_guidance_normal(
 
     Limits
     ------
-    Whatever is narrower than the width goes, features as well as noise. It finds the scale of features, not of noise.
+    Everything narrower than the width is removed, features as well as noise.
     """
     if width == 0 or not mesh.mean_edge_length > 0:
         return mesh.vertices.copy()

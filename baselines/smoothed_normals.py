@@ -1,4 +1,4 @@
-"""Normals of faces whose vertices were smoothed: it is vertices that noise moves, and they lie between the normals."""
+"""Normals of the faces after smoothing passes over the vertices."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ def smoothed_normals(
     sigma_r: float = np.inf,
     out: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Normals of the faces after each number of smoothing passes, in which vertices move along fixed normals only.
+    """Return the face normals after each number of smoothing passes, which move vertices along fixed directions.
 
     In a pass each vertex takes the mean height of itself and those it shares an edge with (umbrella operator, Taubin
     1995), measured along its own normal, so that triangles keep their shape within the surface. The normal of a face

@@ -1,7 +1,7 @@
 """Static/dynamic filtering of face normals (Zhang, Deng, Hong, Peng, Qin, Liu 2018).
 
-An energy that no longer grows where neighbouring normals differ much, its pairs weighted by a guidance that stays as it
-is: what counts as an edge is decided by both, the guidance (static) and the normals that are sought (dynamic).
+The energy is bounded in the difference of neighbouring normals, and a fixed guidance weights each pair of faces. So the
+guidance (static) and the normals that are sought (dynamic) decide together what counts as an edge.
 """
 
 from typing import Annotated

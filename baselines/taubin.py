@@ -22,7 +22,7 @@ def taubin(
     iterations: Annotated[int, Parameter("pairs of steps λ and μ", minimum=0)] = 30,
     region: Moving = None,
 ) -> Vectors:
-    """Alternate steps λ > 0 and μ < 0 with the uniform Laplacian, so that frequencies below the pass band stay, nearly.
+    """Alternate steps λ > 0 and μ < 0 with the uniform Laplacian, so that frequencies below the pass band nearly stay.
 
     The eigenvectors of the Laplacian, with eigenvalues k from 0 to 2, are scaled by ((1 - λk)(1 - μk))^iterations,
     where 1/λ + 1/μ = k_PB; in the middle of the pass band they grow by 1 - λμ k_PB²/4 in each, which must not come to

@@ -18,7 +18,7 @@ from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_dist
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA_IN_EDGES = 1e-6  # squared mean edges; faces without area get a normal from their neighbours
-PENALTY = 1.0  # of the tie between differences and normals; sets how fast it converges, not to what
+PENALTY = 1.0  # of the constraint p = D n; it affects the speed of convergence, not the result
 ROUND_TOLERANCE = 2e-7
 """Residual of a round against 2αA n*: on average under 1e-4 degrees from the result of exact rounds."""
 MILD = 100.0  # condition up to which over-relaxation costs less than solving with factors
@@ -140,7 +140,7 @@ class TotalVariation:
 
 
 class FaceSides(NamedTuple):
-    """What is at the sides of each face; one without a single other face beyond it has the length 0.
+    """What lies at the sides of each face; a side where not exactly one other face follows has length 0.
 
     Parameters
     ----------

@@ -20,12 +20,12 @@ ATTACHMENT = 0.01
 
 
 def fit_rings(given: Mapping[str, Any], groups: int, filtered: int) -> int | None:
-    """Return how many edges a vertex sees whose normals saw so many; within a sweep one group sees another's move."""
+    """Return how many edges away a vertex depends on; each sweep adds an edge for each group of vertices."""
     return filtered + int(given["sweeps"]) * groups if given["fit"] == "sweeps" else None
 
 
 def filter_rings(given: Mapping[str, Any], groups: int) -> int | None:
-    """Return how many edges a vertex sees after passes over the faces around each face."""
+    """Return how many edges away a vertex depends on after passes over the faces around each face."""
     return fit_rings(given, groups, given["iterations"])
 
 

@@ -13,6 +13,7 @@ from cascadenorm.controls.creases import crease_edges, cut_along
 from cascadenorm.controls.detail import TREAT_AS, Removal, Removed, applied, finer_than, without_finer
 from cascadenorm.controls.displacement import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
+from cascadenorm.controls.sliding import Sliding, sliding
 from cascadenorm.controls.weights import holds_some, vertex_weights
 from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.execution.progress import report_to, track
@@ -96,9 +97,13 @@ def controlled(
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
         removed = _detail_to_remove(method, controls, framed, exponent)
         step = _step(method, framed, order, parts, checked, controls, detail, removed)
+        slides = None if controls["slide"] is None else sliding(framed)
+        if slides is not None:
+            step = _sliding_step(step, slides)
         displacement = _accumulated(step, framed, strength * weights, steps)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, parts, displacement, weights)
+            displacement = displacement if slides is None else slides.constrained(displacement)
     del step
     free_derived(mesh, order.mesh, framed)
     if controls["progress"] is not None:
@@ -198,6 +203,11 @@ def _step(
     edges = None if edges is None else parts.of_edges(mesh, edges)
     each = _surface_step(method, parts.mesh, order.numbers[parts.owners], parameters, controls, edges, detail, removed)
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
+
+
+def _sliding_step(step: Step, slides: Sliding) -> Step:
+    """Return a step after which vertices on flat sides are still there."""
+    return lambda mesh: slides.slid(mesh, step(mesh))
 
 
 def _surface_step(

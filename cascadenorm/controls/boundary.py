@@ -9,12 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
+from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add, unit
 
-BOUNDARY_SPREAD = 0.7  # of the range weight, in median angles from edge to edge along the boundary
+BOUNDARY_SPREAD = 1.5  # of the range weight, in median angles from edge to edge of the guidance along the boundary
+ZIGZAG_SPREAD = 0.1  # least spread, in mean angles from edge to edge of the boundary itself
+STRAIGHT = 1e-9  # a smaller spread comes from rounding alone
 DIRECTION_PASSES = 10
 VERTEX_PASSES = 20
+TINY = np.finfo(np.float64).tiny
 SMOOTHING_STEP = 0.25  # half of the largest stable one
+PUSHES = 100
+KEPT_AREA = 0.05  # of the area of a face, which it keeps at least
 
 
 class BoundaryEdges(NamedTuple):
@@ -38,6 +43,11 @@ class BoundaryEdges(NamedTuple):
     def vertices(self) -> NDArray[np.int32]:
         """Boundary vertices, ascending."""
         return np.unique(self.edges)
+
+    @property
+    def inner(self) -> NDArray[np.int32]:
+        """Vertices where exactly two boundary edges meet, ascending."""
+        return np.unique(self.edges[self.neighbors >= 0])
 
     @classmethod
     def of(cls, edges: NDArray[np.int32]) -> "BoundaryEdges":
@@ -92,8 +102,8 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
 
     Returns
     -------
-    (n, 3); where loops end or meet, a vertex moves off the surface alone. Other vertices, and those whose
-    displacement along the surface would flip a face, are where the method moved them
+    (n, 3); where loops end or meet, a vertex moves off the surface alone; other vertices are where the method moved
+    them. No face is flipped against its direction after the method
     """
     # Displacement of the method along the vertex normals, of the curve across them
     on = boundary.vertices
@@ -104,10 +114,52 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
 
     smoothed = vertices.copy()
     smoothed[on] = mesh.vertices[on] + by_curve + off_surface[:, None] * normals
-    return _unflipped(mesh.moved(vertices), smoothed)
+    return _unflipped(mesh.moved(vertices), smoothed, boundary.inner)
 
 
-def _unflipped(mesh: Mesh, vertices: Vectors) -> Vectors:
+def _unflipped(mesh: Mesh, vertices: Vectors, movable: NDArray[np.int32]) -> Vectors:
+    """Return the vertices with no face flipped against the mesh.
+
+    A face of three boundary vertices flips where the smoothed boundary turns inward. Its corners, and those of its
+    neighbors, are pushed apart in their tangent planes until each face keeps some of its area. Faces that remain
+    flipped go back to their places in the mesh.
+
+    Parameters
+    ----------
+    mesh
+        n vertices, m faces.
+    vertices
+        (n, 3) changed in place.
+    movable
+        The vertices that may be pushed.
+    """
+    areas = np.linalg.norm(mesh.area_vectors, axis=1)
+    faces = np.flatnonzero(np.isin(mesh.faces, movable).any(axis=1) & (areas > 0))
+    corners, directions, areas = mesh.faces[faces], mesh.area_vectors[faces] / areas[faces, None], areas[faces]
+    normals = mesh.vertex_normals
+    free = np.zeros(len(vertices))
+    free[movable] = 1.0
+    for _ in range(PUSHES):
+        a, b, c = np.moveaxis(vertices[corners], 1, 0)
+        missing = KEPT_AREA * areas - np.einsum("ij,ij->i", directions, np.cross(b - a, c - a)) / 2
+        short = missing > 0
+        if not short.any():
+            break
+
+        # Slope of the area in the position of each corner, within the tangent plane
+        apart = np.stack([c - b, a - c, b - a], axis=1)[short]
+        slopes = np.cross(directions[short, None], apart) / 2 * free[corners[short], None]
+        across = normals[corners[short]]
+        slopes -= np.einsum("ijk,ijk->ij", slopes, across)[:, :, None] * across
+        squared = (slopes**2).sum(axis=(1, 2))
+        steps = np.divide(missing[short], squared, out=np.zeros_like(squared), where=squared > 0)
+        steps = np.minimum(steps, np.sqrt(areas[short] / np.maximum(squared, TINY)))  # no push beyond the face
+        pushes = scatter_add(corners[short].ravel(), (steps[:, None, None] * slopes).reshape(-1, 3), len(vertices))
+        vertices += pushes / np.maximum(np.bincount(corners[short].ravel(), minlength=len(vertices)), 1)[:, None]
+    return _restored(mesh, vertices)
+
+
+def _restored(mesh: Mesh, vertices: Vectors) -> Vectors:
     """Return the vertices with those of faces that are flipped against the mesh back at their places in it."""
     while True:
         flipped = np.einsum("ij,ij->i", mesh.area_vectors, mesh.moved(vertices).area_vectors) < 0
@@ -131,7 +183,7 @@ def smoothed_curve(
     Parameters
     ----------
     spread
-        Of the range weight, in median angles from edge to edge.
+        Of the range weight, in median angles from edge to edge of the guidance.
     passes
         Of the filter of the directions.
     vertex_passes
@@ -140,7 +192,7 @@ def smoothed_curve(
     directions = _filtered_directions(vertices, boundary, spread, passes)
     tail, head = boundary.edges.T
     inner = np.zeros(len(vertices), bool)
-    inner[boundary.edges[boundary.neighbors >= 0]] = True
+    inner[boundary.inner] = True
     for _ in range(vertex_passes):
         edges = vertices[head] - vertices[tail]
         across = edges - np.einsum("ij,ij->i", edges, directions)[:, None] * directions
@@ -150,24 +202,42 @@ def smoothed_curve(
 
 
 def _filtered_directions(vertices: Vectors, boundary: BoundaryEdges, spread: float, passes: int) -> Vectors:
-    """Return (b, 3) the unit direction of each boundary edge, filtered bilaterally along its loop.
+    """Return (b, 3) the unit direction of each boundary edge, filtered along its loop by a joint bilateral filter.
 
-    The spread of the range weight is a multiple of the median angle between consecutive edges, which noise dominates.
+    The range weight compares guidance directions, which are binomial means over five edges: in them a zigzag from edge
+    to edge cancels, and a corner does not.
     """
     edges = vertices[boundary.edges[:, 1]] - vertices[boundary.edges[:, 0]]
     lengths = np.linalg.norm(edges, axis=1)
     directions = unit(edges)
     has_neighbor = boundary.neighbors >= 0
-    spread *= np.median(_chords(directions, boundary)[has_neighbor]) if has_neighbor.any() else 0.0
-    if spread == 0:
+    if not has_neighbor.any():
+        return directions
+
+    # Noise dominates the median angle of the guidance; a regular zigzag leaves none there, only in the edges themselves
+    guidance = _guidance(directions, lengths, boundary)
+    spread *= np.median(_chords(guidance, boundary)[has_neighbor])
+    spread = max(spread, ZIGZAG_SPREAD * _chords(directions, boundary)[has_neighbor].mean())
+    if spread < STRAIGHT:
         return directions
     for _ in range(passes):
-        # Weights of both neighbors: length times a Gaussian of the chord between the directions
-        weights = np.exp(-0.5 * (_chords(directions, boundary) / spread) ** 2) * lengths[boundary.neighbors]
+        # Weights of both neighbors: length times a Gaussian of the chord between the guidance directions
+        guidance = _guidance(directions, lengths, boundary)
+        weights = np.exp(-0.5 * (_chords(guidance, boundary) / spread) ** 2) * lengths[boundary.neighbors]
         signed = np.where(has_neighbor, boundary.signs * weights, 0.0)
         total = np.einsum("ij,ijk->ik", signed, directions[boundary.neighbors])
         directions = unit(lengths[:, None] * directions + total, otherwise=directions)
     return directions
+
+
+def _guidance(directions: Vectors, lengths: Floats, boundary: BoundaryEdges) -> Vectors:
+    """Return (b, 3) unit means of the directions with weights 1, 4, 6, 4, 1 along the loop, times the lengths."""
+    along = lengths[:, None] * directions
+    has_neighbor = (boundary.neighbors >= 0)[:, :, None]
+    for _ in range(2):
+        beside = np.where(has_neighbor, boundary.signs[:, :, None] * along[boundary.neighbors], along[:, None])
+        along = 2 * along + beside.sum(axis=1)
+    return unit(along, otherwise=directions)
 
 
 def _chords(directions: Vectors, boundary: BoundaryEdges) -> NDArray[np.float64]:

@@ -121,6 +121,14 @@ class Controls(TypedDict, total=False):
             example="smooth",
         ),
     ]
+    slide: Annotated[
+        Literal["planes"] | None,
+        Control(
+            help="Vertices on flat outer sides of the mesh, such as those of the box around a volume mesh, move only "
+            "within their plane, and along the edge where two such sides meet; corners stay.",
+            example="planes",
+        ),
+    ]
     creases: Annotated[
         float | ArrayLike | Path | None,
         Control(

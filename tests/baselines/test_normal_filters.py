@@ -14,6 +14,7 @@ KEEP_EDGES = {  # parameters that tell the sides of a cube apart
     "median-normal": {},
     "random-walk-normal": {"sigma_r": 0.1},
     "static-dynamic-normal": {"sigma_r": 0.1},
+    "tgv-normal": {"fidelity": 1e6},
     "tv-normal": {"fidelity": 1e6},
     "unilateral-normal": {},
 }

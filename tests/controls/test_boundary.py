@@ -58,6 +58,42 @@ def test_jagged_boundaries_become_smooth_and_corners_stay(level):
     assert np.linalg.norm(out[corners] - SHEET.vertices[corners], axis=1).max() < 4 * level
 
 
+def turns(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
+    """Angles between consecutive boundary edges, in degrees."""
+    loop = boundary_edges(mesh)
+    directions = unit(vertices[loop.edges[:, 1]] - vertices[loop.edges[:, 0]])
+    cosines = loop.signs[:, 1] * (directions * directions[loop.neighbors[:, 1]]).sum(axis=1)
+    return np.degrees(np.arccos(np.clip(cosines[loop.neighbors[:, 1] >= 0], -1, 1)))
+
+
+def test_regular_zigzags_vanish_without_shrinking():
+    """Cut a disc out of equilateral triangles; some faces at its boundary are ears, with all corners on it."""
+    sheet = grid(40, 50)
+    x, y, _ = sheet.vertices.T
+    plane = sheet.moved(np.stack([x - y / 2, y * 3**0.5 / 2, 0 * x], axis=1))
+    center = plane.vertices.mean(axis=0)
+    mesh = Mesh(plane.vertices, plane.faces[np.linalg.norm(plane.centroids - center, axis=1) < 13])
+    ears = on_boundary(mesh)[mesh.faces].all(axis=1)
+    assert ears.sum() > 10 and (turns(mesh, mesh.vertices) > 60 - 1e-9).mean() > 0.3
+    out = mesh.moved(smoothed_boundary(mesh, boundary_edges(mesh), mesh.vertices))
+    assert (turns(mesh, out.vertices) > 60).mean() < 0.02
+    assert (out.area_vectors[:, 2] > 0).all()
+    assert abs(out.areas.sum() / mesh.areas.sum() - 1) < 0.01
+    spreads = [np.linalg.norm(m.vertices[on_boundary(mesh)] - center, axis=1).std() for m in (mesh, out)]
+    assert spreads[1] < 0.5 * spreads[0]
+
+
+def test_the_corners_of_a_rectangle_with_zigzag_sides_stay():
+    x, y, z = SHEET.vertices.T
+    rows = SHEET.moved(np.stack([x + (y % 2) / 2, y * 3**0.5 / 2, z], axis=1))
+    out = smoothed_boundary(rows, boundary_edges(rows), rows.vertices)
+    zigzag, smooth = np.sort(turns(rows, rows.vertices)), np.sort(turns(rows, out))
+    assert (zigzag > 60 - 1e-9).sum() > 20  # every vertex of both sides
+    assert (smooth > 30).sum() <= 8 and smooth[:-8].max() < 15
+    corners = [0, 12, 13 * 12, 13 * 13 - 1]
+    assert np.linalg.norm(out[corners] - rows.vertices[corners], axis=1).max() < 0.25
+
+
 def test_off_the_surface_vertices_go_where_the_method_moved_them():
     rough = noisy(SHEET, 0.1, seed=2)
     moved = cn.denoise(rough, **METHOD).vertices

@@ -1,0 +1,174 @@
+"""Total generalized variation of face normals, by augmented Lagrangian (after Liu, Li, Wang, Liu, Chen 2021)."""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from cascadenorm.baselines.tv_normal import LEAST_AREA_IN_EDGES, difference_operator
+from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.execution.progress import track
+from cascadenorm.geometry.conjugate_gradients import MOST_ITERATIONS, conjugate_gradients
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, row_distances, row_lengths, unit
+from cascadenorm.mesh.vectors import add, length, row, scaled
+from cascadenorm.registry import Parameter, method
+
+TOLERANCE = 1e-4  # residual of the linear systems of a round, against that of zero
+LEAST_LENGTH = 1e-3  # mean edges; shorter edges and lines count as this long, which keeps the systems definite
+
+Fidelity = Annotated[
+    float,
+    Parameter("α, weight of fidelity to the given normals against variation", "1 / mean edge length", minimum=1e-6),
+]
+SecondOrder = Annotated[
+    float, Parameter("β, weight of differences between jumps against what normals jump otherwise", minimum=0)
+]
+Rounds = Annotated[int, Parameter("rounds of the augmented Lagrangian", minimum=0)]
+
+
+@method("tgv-normal", source="after Liu, Li, Wang, Liu, Chen 2021", family="sparsity")
+def tgv_normal(
+    mesh: Mesh,
+    *,
+    fidelity: Fidelity = 0.75,
+    second_order: SecondOrder = 0.4,
+    rounds: Rounds = 40,
+    sweeps: Sweeps = 20,
+    fit: VertexFit = "sweeps",
+) -> Vectors:
+    """Find unit normals near the given ones that vary little or evenly, but may jump, then move the vertices to them.
+
+    Formula
+    -------
+    minimise Σ_e w_e l_e |(D n - v)_e| + β Σ_c l_c |(E v)_c| + α Σ_f A_f |n_f - n*_f|²,   |n_f| = 1
+    over the normals n and jumps v, a vector at each edge;   (D n)_e = n_1 - n_2,   w_e = exp(-|n_1 - n_2|⁴)
+    (E v)_c: sum of the jumps at both sides of a corner c, out of its face;   l_c: from the corner to the centroid
+
+    The weights, those of `tv-normal`, follow the normals from round to round. Each round solves for n without the
+    constraint and normalises, as published; the dynamic weights, the vertex update and the parameters are ours.
+
+    Limits
+    ------
+    E compares a face with pairs of neighbors, and a slope over irregular triangles is no even sequence of faces: it
+    costs less than noise of that height, but something. The problem is not convex.
+    """
+    normals = mesh.face_normals
+    if rounds and len(mesh.topology.face_pairs):
+        variation = GeneralizedVariation(mesh, fidelity=fidelity, second_order=second_order)
+        normals = variation.least(normals, rounds=rounds).normals
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
+
+
+class Minimum(NamedTuple):
+    """What the rounds arrive at.
+
+    Parameters
+    ----------
+    normals
+        (m, 3), unit.
+    jumps
+        (e, 3) v of each interior edge.
+    duals
+        (e, 3) multipliers of the differences D n - v; at a minimum their lengths are at most w.
+    corner_duals
+        (c, 3) multipliers of E v; at a minimum their lengths are at most β.
+    """
+
+    normals: Vectors
+    jumps: Vectors
+    duals: Vectors
+    corner_duals: Vectors
+
+
+class GeneralizedVariation:
+    """The energy of the formula of `tgv_normal` for a mesh with interior edges, lengths in mean edges.
+
+    Differences p = D n - v and q = E v are unknowns of their own, tied by multipliers with a penalty of 1. In turn the
+    normals and the jumps are solved for, always with the same matrices and from those of the round before, and the
+    differences shrink edge by edge and corner by corner.
+    """
+
+    def __init__(self, mesh: Mesh, *, fidelity: float, second_order: float) -> None:
+        edge, topology = mesh.mean_edge_length or 1.0, mesh.topology
+        self.pairs, self.second_order = topology.face_pairs, second_order
+        lengths = row_distances(mesh.vertices, topology.edges[topology.interior_edges]) / edge
+        self.lengths = np.maximum(lengths, LEAST_LENGTH)
+        self.pull = 2 * fidelity * np.maximum(mesh.areas / edge**2, LEAST_AREA_IN_EDGES)
+        self.differences = difference_operator(self.pairs, len(mesh.faces))
+        self.sums, corner_lengths = corner_sums(mesh)
+        self.corner_lengths = np.maximum(corner_lengths / edge, LEAST_LENGTH)
+
+        # The matrices α A + Dᵀ l D of the normals and l + Eᵀ l E of the jumps
+        self.from_edges = scipy.sparse.csr_array(self.differences.T.multiply(self.lengths))
+        self.from_corners = scipy.sparse.csr_array(self.sums.T.multiply(self.corner_lengths))
+        self.normal_system = _system(self.pull, self.from_edges @ self.differences)
+        self.jump_system = _system(self.lengths, self.from_corners @ self.sums)
+
+    def least(self, given: Vectors, *, rounds: int) -> Minimum:
+        """Minimise near the given normals n*, (m, 3) unit vectors."""
+        normals, jumps = given.copy(), np.zeros((len(self.pairs), 3))
+        duals, ties = np.zeros_like(jumps), np.zeros_like(jumps)
+        corner_duals, corner_ties = np.zeros((2, len(self.corner_lengths), 3))
+        fixed = self.pull[:, None] * given
+        bound, jump_bound = (TOLERANCE**2 * (scale**2).sum() for scale in (self.pull, self.lengths))
+        most = np.full(len(corner_duals), self.second_order)
+        for _ in track(rounds):
+            right = fixed + self.from_edges @ (jumps + ties)
+            conjugate_gradients(*self.normal_system, right, normals, bound, MOST_ITERATIONS)
+            normals = unit(normals, otherwise=given)
+            differences = self.differences @ normals
+            right = self.lengths[:, None] * (differences - ties) + self.from_corners @ corner_ties
+            conjugate_gradients(*self.jump_system, right, jumps, jump_bound, MOST_ITERATIONS)
+            _shrink_all(differences - jumps, np.exp(-(row_lengths(differences) ** 4)), duals, ties)
+            _shrink_all(self.sums @ jumps, most, corner_duals, corner_ties)
+        return Minimum(normals, jumps, duals, corner_duals)
+
+
+def corner_sums(mesh: Mesh) -> tuple[Any, Floats]:
+    """Return what corners measure of the jumps at edges, and how long they count.
+
+    A jump is the value on the first face at an interior edge less that on the second. With opposite signs where a face
+    is the second, both edges at one of its corners together measure 2 u_f - u_g - u_h, with the values u_g and u_h of
+    the faces beyond them: the second-order difference of Liu et al. over the line from the corner to the centroid.
+
+    Returns
+    -------
+    (c, e) sparse, a row for each corner between two interior edges; (c,) length of its line, in the unit of the mesh
+    """
+    topology, count = mesh.topology, len(mesh.faces)
+    number = np.full(len(topology.edges), -1)
+    number[topology.interior_edges] = np.arange(len(topology.interior_edges))
+    edges = number[topology.face_edges]  # the edge from each corner to the next
+    signs = np.where(topology.face_pairs[edges, 0] == np.arange(count)[:, None], 1.0, -1.0)
+    before, signs_before = np.roll(edges, 1, axis=1), np.roll(signs, 1, axis=1)
+    inner = (edges >= 0) & (before >= 0)
+    columns = np.stack([edges, before], axis=2)[inner]
+    entries = np.stack([signs, signs_before], axis=2)[inner]
+    starts = np.arange(0, entries.size + 1, 2)
+    shape = len(columns), len(topology.interior_edges)
+    sums = scipy.sparse.csr_array((entries.ravel(), columns.ravel(), starts), shape)
+    return sums, row_lengths((mesh.corners - mesh.centroids[:, None])[inner])
+
+
+def _system(diagonal: NDArray[np.float64], rest: Any) -> tuple[Csr, NDArray[np.float64]]:
+    """Return the pattern and the entries of a matrix, given as a diagonal and what is added to it."""
+    matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(diagonal) + rest)
+    matrix.sort_indices()
+    return Csr.of(matrix), matrix.data
+
+
+def _shrink_all(differences: Vectors, thresholds: NDArray[np.float64], duals: Vectors, ties: Vectors) -> None:
+    parallel_for(len(differences), _shrink, differences, thresholds, duals, ties)
+
+
+@kernel
+def _shrink(start: int, stop: int, differences: Vectors, thresholds: Floats, duals: Vectors, ties: Vectors) -> None:
+    """Shorten d + y of each row by its threshold to the best difference p; update the multiplier y and p - y."""
+    for i in range(start, stop):
+        wanted = add(row(differences, i), row(duals, i))
+        size = length(wanted)
+        kept = max(0.0, 1.0 - thresholds[i] / size) if size > 0.0 else 0.0
+        duals[i, 0], duals[i, 1], duals[i, 2] = scaled(1.0 - kept, wanted)
+        ties[i, 0], ties[i, 1], ties[i, 2] = scaled(2.0 * kept - 1.0, wanted)

@@ -1,0 +1,97 @@
+"""Vertices on the flat sides of a volume mesh, which slide within a side, or along the edge where two sides meet.
+
+A side is found as a plane that all vertices lie on one side of, such as a face of the outer box.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from cascadenorm.geometry.foldovers import foldovers, without_flips
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, unit
+
+ON_PLANE = 1e-6  # distance of a vertex from a plane that it lies on, at most, in diagonals of the bounding box
+COVERED = 0.5  # share of the outline along its normal that the vertices on a plane span, at least
+PARALLEL = 1e-8  # of the smallest eigenvalue of Σ n nᵀ: normals that differ by less than 0.01° count as one
+LEAST_FACET = 1e-4  # of the area of the convex hull; smaller facets are no sides
+
+
+class Sliding(NamedTuple):
+    """The vertices that slide, and the directions that they are left.
+
+    Parameters
+    ----------
+    vertices
+        (k,) ascending.
+    projections
+        (k, 3, 3) onto these directions: a plane, a line, or nothing.
+    """
+
+    vertices: Ints
+    projections: Floats
+
+    def constrained(self, displacement: Vectors) -> Vectors:
+        """Return a displacement, (n, 3), without the part that leaves the planes."""
+        kept = displacement.copy()
+        kept[self.vertices] = np.einsum("kij,kj->ki", self.projections, displacement[self.vertices])
+        return kept
+
+    def slid(self, mesh: Mesh, vertices: Vectors) -> Vectors:
+        """Return where vertices go that slide; of their displacements, what would flip a face is taken back."""
+        slid = mesh.vertices + self.constrained(vertices - mesh.vertices)
+        slides = np.zeros(len(slid), bool)
+        slides[self.vertices] = True
+        may_flip = foldovers(mesh) | ~slides[mesh.faces].any(axis=1)
+        return without_flips(mesh, slid, may_flip=may_flip)
+
+
+def sliding(mesh: Mesh) -> Sliding:
+    """Find the vertices on the flat sides of a mesh: those within 1e-6 of its size from a plane of `outer_planes`."""
+    normals, offsets = outer_planes(mesh)
+    used = np.unique(mesh.faces)
+    on = np.abs(mesh.vertices[used] @ normals.T - offsets) <= ON_PLANE * _diagonal(mesh.vertices[used])
+    on, vertices = on[on.any(axis=1)], used[on.any(axis=1)]
+
+    # The directions in which Σ n nᵀ vanishes
+    values, axes = np.linalg.eigh(np.einsum("kp,pi,pj->kij", on.astype(float), normals, normals))
+    free = values <= PARALLEL
+    return Sliding(vertices, np.einsum("kia,ka,kja->kij", axes, free.astype(float), axes))
+
+
+def outer_planes(mesh: Mesh) -> tuple[Vectors, NDArray[np.float64]]:
+    """Return the planes <n, x> = d of the flat sides of a mesh, (p, 3) unit normals n and (p,) offsets d.
+
+    They are the planes of the facets of the convex hull that cover at least half of the outline of the hull along
+    their normal: all sides of a box, and the cut through a ball, but not the flat spots of a ball of voxels.
+    """
+    points = mesh.vertices[np.unique(mesh.faces)]
+    try:
+        hull = scipy.spatial.ConvexHull(points)
+    except (scipy.spatial.QhullError, ValueError):  # all vertices in one plane
+        return np.zeros((0, 3)), np.zeros(0)
+    normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
+    corners = points[hull.simplices]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+
+    # Join neighboring triangles of the hull in one plane: the corners of each lie on the plane of the other
+    count = len(normals)
+    first, second = np.repeat(np.arange(count), 3), hull.neighbors.ravel()
+    away = np.abs(np.einsum("eci,ei->ec", corners[first], normals[second]) - offsets[second, None]).max(axis=1)
+    joined = (away <= ON_PLANE * _diagonal(points)) & (np.einsum("ei,ei->e", normals[first], normals[second]) > 0)
+    links = scipy.sparse.coo_array((np.ones(joined.sum()), (first[joined], second[joined])), (count, count))
+    facet = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
+    size = np.bincount(facet, areas)
+    normal = unit(np.stack([np.bincount(facet, areas * axis) for axis in normals.T], axis=1))
+    offset = np.bincount(facet, areas * offsets) / np.maximum(size, np.finfo(float).tiny)
+
+    # Half of what the hull shows along a direction is its outline
+    large = size > LEAST_FACET * areas.sum()
+    outline = np.abs(normal[large] @ normals.T) @ areas / 2
+    sides = size[large] >= COVERED * outline
+    return normal[large][sides], offset[large][sides]
+
+
+def _diagonal(points: Vectors) -> float:
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
