@@ -50,7 +50,7 @@ class Sliding(NamedTuple):
 def sliding(mesh: Mesh) -> Sliding:
     """Find the vertices on the flat sides of a mesh: those within 1e-6 of its size from a plane of `outer_planes`."""
     normals, offsets = outer_planes(mesh)
-    used = np.unique(mesh.faces)
+    used = np.unique(mesh.faces).astype(np.int64)
     on = np.abs(mesh.vertices[used] @ normals.T - offsets) <= ON_PLANE * _diagonal(mesh.vertices[used])
     on, vertices = on[on.any(axis=1)], used[on.any(axis=1)]
 

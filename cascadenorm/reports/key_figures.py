@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cascadenorm.api.denoised_files import DenoisingSummary
+from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures, angles_at_faces
 from cascadenorm.inspection import Found, Inspection

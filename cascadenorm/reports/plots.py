@@ -32,7 +32,10 @@ def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
     label
         Name and unit of the values.
     """
-    boxes = [{name: float(np.quantile(values, share)) for name, share in QUANTILES.items()} for values in rows.values()]
+    boxes = [
+        {name: float(np.quantile(np.asarray(values), share)) for name, share in QUANTILES.items()}
+        for values in rows.values()
+    ]
 
     def draw(axes: "Axes") -> None:
         axes.bxp(

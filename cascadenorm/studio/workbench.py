@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import controlled, step_key
-from cascadenorm.api.denoised_files import error_found
+from cascadenorm.api.opened_files import error_found
 from cascadenorm.api.selection import selected
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import Controls
