@@ -122,6 +122,10 @@ class MeshFile(ABC):
         """Return the names, relative to its folder, of files that stay as they are: name -> needed to read this one."""
         return {}
 
+    def repacked(self, kind: type["MeshFile"]) -> "MeshFile | None":
+        """Return this file in another format with all that is in it; None where that format cannot hold it."""
+        return None
+
     def content(self) -> Content:
         """Return what other formats can take over."""
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
@@ -293,6 +297,18 @@ class MeshFile(ABC):
     def _changed_in(self, rows: slice) -> NDArray[np.bool_]:
         read = self._read_positions[rows]
         return np.asarray((self.positions[rows] != read) & ~np.isnan(read))
+
+    def _at_triangles(self, named: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return values of the corners of the polygons at the corners of the triangles."""
+        counts = self.polygons.counts
+        if (counts == 3).all():
+            return named.reshape(-1, 3)
+        # A polygon that visits a vertex twice may name either of its two normals there.
+        count = int(self.polygons.corners.max(initial=0)) + 2  # a corner may be out of range, at least -1
+        keys = self.polygons.owners * count + self.polygons.corners + 1
+        order = np.argsort(keys, kind="stable")
+        wanted = self.triangle_polygons[:, None] * count + self.triangles + 1
+        return named[order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]]
 
     def _renewed(self, normals: Normals) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the normals of the present positions, and which of them belong to faces that moved."""

@@ -27,7 +27,7 @@ from cascadenorm.io.freesurfer import MAGIC as FREESURFER_MAGIC
 from cascadenorm.io.freesurfer import FreeSurferFile
 from cascadenorm.io.gifti import GiftiFile, is_nibabel_installed
 from cascadenorm.io.gltf.glb import GlbFile
-from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
+from cascadenorm.io.gltf.gltf import GltfFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply.ply import PlyFile
@@ -35,6 +35,7 @@ from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile, is_vtk
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.streams import write_stream
+from cascadenorm.io.usd.usd import USD, is_openusd_installed, layer_format
 from cascadenorm.io.via_trimesh import NEEDS as TRIMESH_NEEDS
 from cascadenorm.io.via_trimesh import trimesh_formats, trimesh_kind, trimesh_outputs
 from cascadenorm.io.vtk import MESHIO, is_installed
@@ -45,7 +46,13 @@ FORMATS: dict[str, type[MeshFile]] = {
     kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, FreeSurferFile)
 }
 
-NEEDS = {**TRIMESH_NEEDS, **dict.fromkeys(MESHIO, "meshio"), **dict.fromkeys(POLYDATA, "pyvista"), "gii": "nibabel"}
+NEEDS = {
+    **TRIMESH_NEEDS,
+    **dict.fromkeys(MESHIO, "meshio"),
+    **dict.fromkeys(POLYDATA, "pyvista"),
+    **dict.fromkeys(USD, "usd-core"),
+    "gii": "nibabel",
+}
 """Packages to be installed for a format."""
 
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
@@ -83,7 +90,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
             raise ReadError("the file is empty")
         if not is_binary_stl(data):
             data = data.removeprefix(codecs.BOM_UTF8)
-        chosen = _format_of(format or _sniffed(data) or Path(name).suffix)
+        chosen = _format_of(format or _sniffed(data) or Path(name).suffix or layer_format(data))
         kind = _kind(chosen)
         if chosen == "vtk" and LEGACY.match(data):
             if not is_vtk_installed():
@@ -133,8 +140,8 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
         check_output(path, force=force)
     kind = _kind(chosen)
     assert kind is not None
-    if file.format != chosen and isinstance(file, GltfContainer) and issubclass(kind, GltfContainer):
-        file = file.repacked(kind)
+    if file.format != chosen:
+        file = file.repacked(kind) or file
     if path and file.format == chosen and not is_special(path):
         beside, lost = sidecar_files(file, path, force=force)
         for copy in beside:
@@ -250,7 +257,7 @@ def _format_of(extension: str) -> str:
 
 def _missing(work: str, format: str) -> MissingDependencyError:
     package = NEEDS[format]
-    extra = {"cascadio": "", "pyvista": "pyvista"}.get(package, "formats")
+    extra = {"cascadio": "", "pyvista": "pyvista", "usd-core": "usd"}.get(package, "formats")
     return MissingDependencyError(f"{work} {format!r} files", package=package, extra=extra)
 
 
@@ -261,6 +268,7 @@ def _kind(format: str) -> type[MeshFile] | None:
 def _further_formats() -> dict[str, type[MeshFile]]:
     found: dict[str, type[MeshFile]] = dict(MESHIO) if is_installed() else {}
     found |= POLYDATA if is_vtk_installed() else {}
+    found |= USD if is_openusd_installed() else {}
     return found | ({GiftiFile.format: GiftiFile} if is_nibabel_installed() else {})
 
 

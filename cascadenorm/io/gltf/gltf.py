@@ -297,8 +297,10 @@ class GltfContainer(MeshFile):
                 labels.append(Labels(kind, names, np.where(names[owner] == "", -1, owner)))
         return labels
 
-    def repacked(self, kind: type["GltfContainer"]) -> "GltfContainer":
-        """Return this file in the other container, with all that is in it."""
+    def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
+        """Return this file in the other container, with all that is in it; None for other formats."""
+        if not issubclass(kind, GltfContainer):
+            return None
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         document, chunk = copy.deepcopy(here._json.document), None
         if document.get("buffers"):
