@@ -37,13 +37,16 @@ from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.streams import write_stream
 from cascadenorm.io.usd.usd import USD, is_openusd_installed, layer_format
 from cascadenorm.io.via_trimesh import NEEDS as TRIMESH_NEEDS
-from cascadenorm.io.via_trimesh import trimesh_formats, trimesh_kind, trimesh_outputs
+from cascadenorm.io.via_trimesh import trimesh_formats, trimesh_kind
 from cascadenorm.io.vtk import MESHIO, is_installed
+from cascadenorm.io.xml.collada import ColladaFile
+from cascadenorm.io.xml.threemf import ThreemfFile
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.polygons import Polygons
 
 FORMATS: dict[str, type[MeshFile]] = {
-    kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, FreeSurferFile)
+    kind.format: kind
+    for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, ThreemfFile, ColladaFile, FreeSurferFile)
 }
 
 NEEDS = {
@@ -215,12 +218,12 @@ def output_format(target: Source, otherwise: str = "") -> str:
     chosen = _format_of(extension or otherwise)
     if chosen in FORMATS:
         return chosen  # without loading the packages that know others
-    known = [*FORMATS, *_further_formats(), *trimesh_outputs()]
+    known = [*FORMATS, *_further_formats()]
     if not chosen:
         raise OutputError(f"{target} has no extension, which selects the format: choose one of {', '.join(known)}")
-    if chosen in NEEDS and _kind(chosen) is None:
-        raise _missing("writing", chosen)
     if chosen not in known:
+        if chosen in NEEDS and chosen not in TRIMESH_NEEDS:
+            raise _missing("writing", chosen)
         raise OutputError(f"the format '{chosen}' cannot be written: choose one of {', '.join(known)}")
     return chosen
 
