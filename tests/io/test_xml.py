@@ -33,7 +33,7 @@ def mesh_3mf(id: int, *, extra: str = "") -> str:
     )
 
 
-def nested_3mf(files: dict[str, str] | None = None) -> bytes:
+def nested_3mf(files: dict[str, str | bytes] | None = None) -> bytes:
     """Return an archive in which a part is nested twice in a pair, and the pair twice in the build."""
     pair = (
         '<object id="3" type="model"><components><component objectid="1"/>'
