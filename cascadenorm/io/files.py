@@ -27,7 +27,7 @@ from cascadenorm.io.freesurfer import MAGIC as FREESURFER_MAGIC
 from cascadenorm.io.freesurfer import FreeSurferFile
 from cascadenorm.io.gifti import GiftiFile, is_nibabel_installed
 from cascadenorm.io.gltf.glb import GlbFile
-from cascadenorm.io.gltf.gltf import GltfFile
+from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import MAGIC, OffFile
 from cascadenorm.io.ply.ply import PlyFile
@@ -179,12 +179,12 @@ def _lost(file: MeshFile) -> list[str]:
     return list(file.moving_loses) if file.moving_loses and file.has_moved else []
 
 
-def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile, list[str]]:
+def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfContainer, list[str]]:
     """Return a file that can take further vertices and faces, and what it lacks of the given one, in words.
 
-    PLY and OBJ files are returned as they are; others become PLY, with the scene as it is shown.
+    PLY, OBJ and glTF files are returned as they are; others become PLY, with the scene as it is shown.
     """
-    if isinstance(file, PlyFile | ObjFile):
+    if isinstance(file, PlyFile | ObjFile | GltfContainer):
         return file, []
     pieces, lost = _encoded(file, PlyFile)
     return PlyFile(b"".join(pieces)), lost

@@ -30,10 +30,12 @@ class Patches:
         the file splits the first copy.
     polygons
         (b,) the polygon of the file that each triangle takes values from: the nearest, counted in edges.
+    left_out
+        What the patches lack that is around them, in words; what adds them to a file says so here.
     """
 
     def __init__(self, file: MeshFile, filled: Mesh) -> None:
-        self._filled, self._own = filled, len(file.mesh.vertices)
+        self._filled, self._own, self.left_out = filled, len(file.mesh.vertices), list[str]()
         self._first = np.unique(file.welds, return_index=True)[1]
         count, faces = len(file.positions), len(file.mesh.faces)
         further = count + np.arange(len(filled.vertices) - self._own)
@@ -62,8 +64,15 @@ class Patches:
 
     def vertex_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         """Return (a, 3) unit normals of the further vertices, on the side on which those of the file, (k, 3), are."""
+        return self.all_normals(stored)[len(stored) :]
+
+    def all_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
+        """Return (k + a, 3) unit normals of the first copies of vertices, zero for others, and of further vertices."""
         normals = self._filled.vertex_normals
-        return normals[self._own :] * _side(stored[self._first], normals[: self._own])
+        signed = normals * _side(stored[self._first], normals[: self._own])
+        of_file = np.zeros((len(stored), 3))
+        of_file[self._first] = signed[: self._own]
+        return np.concatenate([of_file, signed[self._own :]])
 
     def face_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         """Return (b, 3) unit normals of the triangles, on the side on which those of the polygons, (p, 3), are."""
