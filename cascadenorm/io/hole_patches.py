@@ -12,7 +12,7 @@ from cascadenorm.mesh import Mesh
 
 
 class Patches:
-    """What is added to a file to close its holes.
+    """The vertices and triangles that close the holes of a file.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ class Patches:
         self._nearest = _nearest(self._own, len(filled.vertices), filled.topology.edges)
 
     def nearest(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return (a,) the value, of (k,), that the nearest vertex of the file has, counted in edges."""
+        """Return (a,) the value of the nearest vertex of the file, counted in edges, of values (k,)."""
         return values[self._first[self._nearest]]
 
     def blended(self, values: NDArray[Any]) -> NDArray[np.float64]:
-        """Return (a,) values that are each the mean of those around; the nearest where some are not finite."""
+        """Return (a,) values that each equal the mean of their neighbours; the nearest ones if some are not finite."""
         known = values[self._first].astype(np.float64)
         if not len(self.positions) or not np.isfinite(known).all():
             return self.nearest(values).astype(np.float64)
@@ -92,6 +92,6 @@ def _nearest(own: int, count: int, pairs: NDArray[np.integer]) -> NDArray[np.int
 
 
 def _side(stored: NDArray[Any], normals: NDArray[np.float64]) -> float:
-    """Return 1 where stored normals are mostly on the side of the others, else -1."""
+    """Return 1 if most stored normals point to the same side as the others, else -1."""
     with np.errstate(invalid="ignore"):
         return -1.0 if np.nansum(np.sign((stored * normals).sum(axis=1))) < 0 else 1.0

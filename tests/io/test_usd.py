@@ -174,7 +174,7 @@ def test_other_formats_get_the_scene_as_it_is_shown(tmp_path):
     content = file.content()
     np.testing.assert_allclose(content.positions[:6], file.positions + np.array((10, 0, 0)))
     np.testing.assert_allclose(content.positions[6:], file.positions + np.array((10, 5, 0)))
-    assert "materials, units and what is no mesh" in content.left_out
+    assert content.left_out == ("materials", "the up axis", "the unit")
     assert set(content.vertex_values) == set()  # vertex 1 has two texture coordinates
     one_each = SCENE.replace("(0, 0), (1, 0), (1, 1), (0, 1)]", "(1, 0), (2, 0), (2, 1), (1, 1)]")
     found = read(one_each.encode(), "usda").content().vertex_values

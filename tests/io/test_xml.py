@@ -69,6 +69,7 @@ def test_nested_components_of_3mf_are_moved_once_and_nothing_else_changes():
     assert written(file) == data
     assert len(file.mesh.faces) == 4  # shown four times
     assert shown(file).tolist() == [[0, 0, 0], [2, 0, 0], [-1, 5, 0], [-3, 5, 0]]
+    assert file.content().left_out == ("the unit",)
     moved = b"".join(file.with_vertices(file.mesh.vertices * (1, 1, 2.5)).pieces())
     before, after = entries(data), entries(moved)
     assert before.keys() == after.keys() and after["Metadata/plate.png"] == before["Metadata/plate.png"]
@@ -207,6 +208,7 @@ def test_instanced_nodes_of_collada_are_moved_once_and_nothing_else_changes():
 def test_collada_is_shown_where_its_nodes_put_it():
     content = read(COLLADA.encode(), "dae").content()
     assert content.positions.shape == (30, 3)
+    assert content.left_out == ("textures", "normals", "the unit", "the up axis")
     roof = np.array([(0, 0, 0), (1, 0, 1), (2, 0, 0), (0, 1, 0), (1, 1, 1), (2, 1, 0)], float)
     turned = np.stack([10 - roof[:, 1], roof[:, 0], roof[:, 2]], axis=1)
     places = [turned, turned - (3, 0, 0), roof * (-1, 1, 1), roof * (-1, 1, 1) + (0, 3, 0), roof + np.array((0, 0, 7))]

@@ -17,6 +17,15 @@ from cascadenorm.io.usd.meshes import oriented_polygons
 from cascadenorm.mesh.polygons import Polygons
 
 TEXTURE = ("s", "t")
+KEPT_ELSEWHERE = {
+    "Material": "materials",
+    "Camera": "cameras",
+    "SkelAnimation": "animations",
+    "Points": "points",
+    "BasisCurves": "curves",
+    "PointInstancer": "instances of points",
+}
+METADATA = {"upAxis": "the up axis", "metersPerUnit": "the unit"}
 PRIM = 1000
 """Bytes that a composed prim takes, about."""
 
@@ -53,16 +62,15 @@ def content_of(layers: Layers, size: int) -> Content:
         except Exception as error:  # OpenUSD raises what it likes
             raise ReadError(f"OpenUSD cannot compose the scene of this file: {reason(error)}") from None
     lost = (f"the file {path!r} that it references" for path in outside)
-    return Content(*content, left_out=(*lost, "materials, units and what is no mesh"))
+    return Content(*content[:4], left_out=(*lost, *content[4]))
 
 
-def _content(stage: Any, size: int) -> tuple[NDArray[Any], Polygons, Values, Values]:
+def _content(stage: Any, size: int) -> tuple[NDArray[Any], Polygons, Values, Values, list[str]]:
     from pxr import Usd, UsdGeom
 
     cache = UsdGeom.XformCache()
-    prims = [
-        prim for prim in stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)) if prim.IsA(UsdGeom.Mesh)
-    ]
+    everything = list(stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
+    prims = [prim for prim in everything if prim.IsA(UsdGeom.Mesh)]
     shown: list[Shown] = []
     taken = 0
     for prim in prims:
@@ -70,7 +78,10 @@ def _content(stage: Any, size: int) -> tuple[NDArray[Any], Polygons, Values, Val
         taken += mesh.positions.nbytes + mesh.polygons.corners.nbytes
         check_expansion(taken, size, "the meshes that the scene of this file shows")
         shown.append(mesh)
-    return joined(shown)
+    kinds = {str(prim.GetTypeName()) for prim in everything}
+    left_out = [what for kind, what in KEPT_ELSEWHERE.items() if kind in kinds]
+    left_out += [what for name, what in METADATA.items() if stage.HasAuthoredMetadata(name)]
+    return *joined(shown), left_out
 
 
 def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:

@@ -97,8 +97,8 @@ class UsdFile(MeshFile):
 
     def _renew_normals(self, layers: Layers, name: str) -> None:
         """Replace the normals of one name that moved, in copies of the layers."""
-        rows, values, corners = [normal_rows(mesh, name) for mesh in self._meshes], [], []
-        count = 0
+        rows, count = [normal_rows(mesh, name) for mesh in self._meshes], 0
+        values, corners = list[NDArray[np.float64]](), list[NDArray[np.int64]]()
         for mesh, found in zip(self._meshes, rows, strict=True):
             if found is None:
                 corners.append(np.full(len(mesh.polygons.corners), -1))

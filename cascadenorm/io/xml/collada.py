@@ -19,7 +19,7 @@ from cascadenorm.io.shown import Shown, Values, joined, placements, values_of_ve
 from cascadenorm.io.text.spelling import lines_of, respelled
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.xml.collada_nodes import instances
-from cascadenorm.io.xml.documents import Element, edited, tree_of
+from cascadenorm.io.xml.documents import Edit, Element, edited, tree_of
 from cascadenorm.mesh import repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -27,6 +27,13 @@ from cascadenorm.mesh.polygons import Polygons, strips
 SHORT = 9  # digits that single precision holds
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 TEXTURE = ("s", "t")
+KEPT_ELSEWHERE = {
+    "library_materials": "materials",
+    "library_images": "textures",
+    "library_animations": "animations",
+    "library_controllers": "skins and morph targets",
+    "library_cameras": "cameras",
+}
 
 
 class Array:
@@ -167,7 +174,7 @@ class ColladaFile(MeshFile):
         )
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        changed, edits = self._changed, []
+        changed, edits = self._changed, list[Edit]()
         for id in self._sources:
             array = self._arrays[id]
             rows = slice(self._first[id], self._first[id] + len(array.values))
@@ -179,7 +186,7 @@ class ColladaFile(MeshFile):
             raise ReadError("positions and normals of this COLLADA file share an array: export it again")
         return edited(self.data, sorted(edits))
 
-    def _normal_edits(self) -> list[tuple[int, int, bytes]]:
+    def _normal_edits(self) -> list[Edit]:
         used = [part.others.get("NORMAL") for part in self._parts]
         ids = [id for id in dict.fromkeys(found[0] for found in used if found) if id in self._by_id]
         ids = [id for id in ids if self._array(id).values.shape[1] == 3]
@@ -244,7 +251,10 @@ class ColladaFile(MeshFile):
         places = [place for place in named if place[0] in of_geometry]
         places = places or [(id, np.eye(4)) for id in of_geometry]  # a library of geometries
         shown = [self._shape(parts).placed(matrix) for id, matrix in places for parts in of_geometry[id].values()]
-        left_out = ["materials, textures, units and what is no mesh"]
+        left_out = [what for library, what in KEPT_ELSEWHERE.items() if self._root.first(library) is not None]
+        left_out += ["normals"] if any("NORMAL" in part.others for part in self._parts) else []
+        left_out += ["the unit"] if self._root.first("asset", "unit") is not None else []
+        left_out += ["the up axis"] if self._root.first("asset", "up_axis") is not None else []
         if set(of_geometry) - {id for id, _ in places}:
             left_out.append("meshes that the scene does not show")
         return Content(*joined(shown), left_out=tuple(left_out))
@@ -258,9 +268,10 @@ class ColladaFile(MeshFile):
         )
         values: Values = {}
         for semantic, width, names in (("COLOR", 3, CHANNELS), ("TEXCOORD", 2, TEXTURE)):
-            stored = [self._at_corners(part, semantic, width) for part in parts]
-            found = None
-            if all(column is not None for column in stored):
+            columns = [self._at_corners(part, semantic, width) for part in parts]
+            stored = [column for column in columns if column is not None]
+            found: NDArray[Any] | None = None
+            if len(stored) == len(parts):
                 found = values_of_vertices(np.concatenate(stored), polygons.corners, count)
             if found is not None and semantic == "COLOR":
                 found = np.nan_to_num(np.clip(np.rint(found * 255), 0, 255)).astype(np.uint8)
@@ -296,7 +307,7 @@ class ColladaFile(MeshFile):
         return [MADE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], lost
 
 
-def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> tuple[int, int, bytes]:
+def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:
     """Return how some words of an array are replaced; those that several vectors share get the last value."""
     order = np.argsort(words.ravel(), kind="stable")
     ascending = words.ravel()[order]

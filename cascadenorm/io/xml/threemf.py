@@ -21,13 +21,14 @@ from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.limits import check_archive
 from cascadenorm.io.shown import Matrix, Shown, joined, placements
 from cascadenorm.io.text.spelling import rows_of
-from cascadenorm.io.xml.documents import attribute_edits, edited, parse
+from cascadenorm.io.xml.documents import Edit, attribute_edits, edited, parse
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+MATERIALS = ("basematerials", "colorgroup", "texture2dgroup", "compositematerials", "multiproperties")
 SHORT = 9  # digits that single precision holds
 SAMPLE = 1000
 
@@ -51,12 +52,17 @@ class Model:
         By their ids.
     build
         What is printed.
+    unit
+        Of its lengths.
+    has_materials
+        Whether it holds materials, colours or textures.
     """
 
     def __init__(self, name: str, data: bytes) -> None:
         self.name, self.data = name, data
         self.objects: dict[str, Object] = {}
         self.build: list[Use] = []
+        self.unit, self.has_materials = "millimeter", False
         self._object: Object | None = None
         self._namespace = ""
         try:
@@ -71,7 +77,8 @@ class Model:
     def _start(self, full_name: str, attributes: dict[str, str], at: int) -> None:
         namespace, _, name = full_name.rpartition(" ")
         if name == "model" and not self._namespace:
-            self._namespace = namespace
+            self._namespace, self.unit = namespace, attributes.get("unit", self.unit)
+        self.has_materials |= name in MATERIALS
         if namespace != self._namespace:  # of an extension
             return
         into = self._object
@@ -176,7 +183,7 @@ class ThreemfFile(MeshFile):
     def _moved_pieces(self) -> Iterable[Piece]:
         changed = self._changed
         moved = any_in_rows(changed)
-        parts: dict[str, list[tuple[int, int, bytes]]] = {}
+        parts: dict[str, list[Edit]] = {}
         for ((name, _), found), first in zip(self._objects, self._first, strict=False):
             data, edits = self._models[name].data, parts.setdefault(name, [])
             rows = np.flatnonzero(moved[first : first + len(found.places)])
@@ -209,7 +216,8 @@ class ThreemfFile(MeshFile):
         places = [use for use in placements(build, inner, nbytes, len(self.data)) if use[0] in number]
         places = places or [(reference, np.eye(4)) for reference in number]  # a library, or nothing is built
         shown = [self._shape(number[reference]).placed(matrix) for reference, matrix in places]
-        left_out = ["materials, colours, units and what is no mesh"]
+        left_out = ["materials and colours"] if any(model.has_materials for model in self._models.values()) else []
+        left_out += ["the unit"] if any(model.unit != "millimeter" for model in self._models.values()) else []
         if set(number) - {reference for reference, _ in places}:
             left_out.append("objects that the build does not contain")
         return Content(*joined(shown), left_out=tuple(left_out))
