@@ -72,18 +72,18 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     source
         Path, or a stream of bytes.
     format
-        'ply', 'obj', 'stl', 'off', 'glb', or what trimesh knows; by default what the content looks like, then the
+        Name of the format, which is also its extension. By default it is detected from the content, then taken from the
         extension.
 
     Returns
     -------
-    The file, to be moved by `with_vertices` and written by `write`; its `mesh` raises MeshError where its vertices
-    or faces are no valid mesh
+    The file, to be moved by `with_vertices` and written by `write`; its `mesh` raises MeshError if the file does not
+    contain a valid mesh
 
     Raises
     ------
     ReadError
-        Missing, unreadable, empty, truncated or damaged, or not a mesh; the message names the file.
+        The file is missing, unreadable, empty, truncated, damaged or not a mesh; the message names the file.
     """
     name, folder, data = _bytes_of(source)
     try:
@@ -113,7 +113,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
 
 
 def write(file: MeshFile, target: Source, *, format: str | None = None, force: bool = False) -> list[str]:
-    """Write a file, whole or not at all; in another format if the extension says so.
+    """Write a file, whole or not at all; the extension of the target selects the format.
 
     Parameters
     ----------
@@ -122,18 +122,18 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     target
         Path, or a stream of bytes.
     format
-        By default that of the extension, and for a stream that of the file.
+        By default the format of the extension; for a stream, that of the file.
     force
         Replace an existing file.
 
     Returns
     -------
-    What the target cannot hold and was left out, in words; empty if nothing was
+    What the target format cannot hold and was left out, in words; empty if nothing was left out
 
     Raises
     ------
     OutputError
-        The target exists and force is not given, or it cannot be written.
+        The target exists and force is not given, or the target cannot be written.
     """
     if not isinstance(file, MeshFile):
         raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
@@ -160,10 +160,10 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
 
 
 def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]], *, force: bool) -> None:
-    """Write a file with those that hold a part of it, and others beside it.
+    """Write a file, its parts, and the files that it references.
 
-    Where one of its parts is there already, the file names another one meanwhile: so at no moment does it name a part
-    of another file, or that of its former self.
+    If a part exists already, the file references a temporary copy until the part is replaced. So it never references
+    a part of another file, or an outdated one.
     """
     files, aside = file.files(path), dict[Path, Iterable[Piece]]()
     if any(part.exists() for part in files if part != path):
@@ -175,7 +175,7 @@ def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]]
 
 
 def _lost(file: MeshFile) -> list[str]:
-    """Return what a file in its own format cannot keep."""
+    """Return what is lost when a file is written in its own format, in words."""
     return list(file.moving_loses) if file.moving_loses and file.has_moved else []
 
 
@@ -191,7 +191,7 @@ def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfContainer, list[
 
 
 def check_target(file: MeshFile, target: Source, *, format: str, force: bool) -> None:
-    """Raise OutputError where `write` would find something in the way of what it writes beside a file."""
+    """Raise OutputError if a file that `write` would create beside the target exists already."""
     if format == file.format and isinstance(target, str | os.PathLike) and not is_special(target):
         path = Path(target)
         for beside in file.may_write(path):
@@ -207,12 +207,12 @@ def output_format(target: Source, otherwise: str = "") -> str:
     target
         Path, or a stream of bytes.
     otherwise
-        The format of a stream, and of a path without an extension.
+        Format of a stream, or of a path without an extension.
 
     Raises
     ------
     OutputError
-        Meshes are not written in that format, or there is nothing that names one.
+        The format cannot be written, or nothing selects a format.
     """
     extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
     chosen = _format_of(extension or otherwise)
@@ -229,9 +229,9 @@ def output_format(target: Source, otherwise: str = "") -> str:
 
 
 def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
-    """Raise OutputError for a path whose extension selects no format that is written.
+    """Raise OutputError if the extension of a target selects no format that can be written.
 
-    Where neither it nor the source has an extension, the format is that which the source is found to have.
+    If neither the target nor the source has an extension, the format is detected from the source.
     """
     if Path(target).suffix or not isinstance(source, str | os.PathLike) or Path(source).suffix:
         output_format(target)
@@ -247,13 +247,13 @@ def beside(source: Path, what: str) -> Path:
 
 
 def is_mesh_name(path: Path) -> bool:
-    """Whether a file can be a mesh by its extension, even if packages are missing to read it."""
+    """Whether the extension is that of a mesh format, even if the package that reads it is missing."""
     format = _format_of(path.suffix)
     return format in NEEDS or _kind(format) is not None
 
 
 def _format_of(extension: str) -> str:
-    """Return the format that an extension stands for."""
+    """Return the format of an extension."""
     name = extension.lower().lstrip(".")
     return FreeSurferFile.format if name in FREESURFER else name
 
@@ -282,7 +282,7 @@ def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], lis
 
 
 def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
-    """Make a file in memory of a mesh; it is written as binary PLY where no other format is asked for.
+    """Make a file in memory from a mesh; it is written as binary PLY unless another format is requested.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     Raises
     ------
     MeshError
-        The arrays are no valid mesh.
+        The arrays are not a valid mesh.
     """
     mesh = Mesh(vertices, faces)
     kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
@@ -302,7 +302,7 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
 
 
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
-    """Return a name for messages, the folder if there is one, and the content."""
+    """Return a name for messages, the folder or None, and the content."""
     if not isinstance(source, str | os.PathLike):
         if not hasattr(source, "read"):
             raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
@@ -319,7 +319,7 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
 
 
 def _sniffed(data: bytes) -> str | None:
-    """Recognise a format by its content."""
+    """Detect the format from the content."""
     if is_binary_stl(data):  # whose header may begin as another format does
         return "stl"
     if data[:4] in (b"ply\n", b"ply\r", b"ply "):

@@ -264,6 +264,34 @@ def test_scenes_that_copy_themselves_are_refused(monkeypatch):
         file.content()
 
 
+def test_meshes_of_all_variants_are_moved_and_the_selected_one_is_shown():
+    mesh = """{{
+            def Mesh "m"
+            {{
+                int[] faceVertexCounts = [3]
+                int[] faceVertexIndices = [0, 1, 2]
+                point3f[] points = [(0, 0, 0), ({}, 0, 0), (0, 1, 0)]
+            }}
+        }}"""
+    text = f"""#usda 1.0
+def Xform "a" (
+    variants = {{ string size = "large" }}
+    prepend variantSets = "size"
+)
+{{
+    variantSet "size" = {{
+        "small" {mesh.format(1)}
+        "large" {mesh.format(2)}
+    }}
+}}
+"""
+    file = read(text.encode(), "usda")
+    assert file.positions[[1, 4], 0].tolist() == [1, 2]
+    moved = read(b"".join(file.with_vertices(file.mesh.vertices * 3).pieces()), "usda")
+    assert np.array_equal(moved.positions, file.positions * 3)
+    assert moved.content().positions[:, 0].tolist() == [0, 6, 0]
+
+
 def test_the_extra_is_named(monkeypatch):
     monkeypatch.setattr(files, "is_openusd_installed", lambda: False)
     for format in ("usd", "usda", "usdc", "usdz"):

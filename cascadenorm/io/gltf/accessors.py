@@ -1,4 +1,4 @@
-"""Where the numbers of glTF accessors lie in the buffers."""
+"""Places of the numbers of glTF accessors in the buffers."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -14,17 +14,17 @@ FLOAT = 5126
 KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
 WHOLE = [np.dtype(kind) for kind in ("<i1", "<u1", "<i2", "<u2")]
 STORED = [(np.dtype("<f4"), 1), *((kind, 1) for kind in WHOLE), *((kind, int(np.iinfo(kind).max)) for kind in WHOLE)]
-"""How vectors of three may be stored: the type, and the number of it that stands for 1."""
+"""Storage of vectors of three: the type, and the integer that stands for 1."""
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 Data = bytes | bytearray | memoryview
 
 Places = range | NDArray[np.int64]
-"""Bytes at which vectors begin; a range where the steps are equal."""
+"""Bytes at which vectors begin; a range if the steps are equal."""
 
 
 class Vectors(NamedTuple):
-    """Vectors of three numbers: where they lie in the buffers, and how each is stored.
+    """Vectors of three numbers: their places in the buffers and their storage.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Vectors(NamedTuple):
 
     @classmethod
     def joined(cls, parts: list["Vectors"]) -> "Vectors":
-        """Return all vectors once; raises ReadError where some overlap."""
+        """Return all vectors once; raises ReadError if some overlap."""
         if len(parts) == 1 and (parts[0].at[1:] > parts[0].at[:-1]).all():  # most files, read in a fifth less time
             return parts[0]
         kinds = np.concatenate([np.zeros(0, np.int8), *(part.kinds for part in parts)])
@@ -82,7 +82,7 @@ class Vectors(NamedTuple):
         return vectors
 
     def put(self, data: bytearray, vectors: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
-        """Replace the chosen vectors; whole numbers are rounded, and end at those of their type."""
+        """Replace the chosen vectors; integers are rounded and clamped to the range of their type."""
         for rows, kind, largest in self._alike(chosen):
             stored = vectors[rows]
             if kind.kind != "f":
@@ -214,7 +214,7 @@ class Accessors:
         return np.dtype(KINDS[accessor["componentType"]])
 
     def _range(self, part: dict[str, Any], count: int, size: int) -> range:
-        """Return the bytes at which vectors of a size begin that a buffer view holds one after another."""
+        """Return the bytes at which the vectors of a buffer view begin, each of the given size."""
         view = self._document["bufferViews"][part["bufferView"]]
         begin, end = self._buffers.place(view["buffer"])
         start, step = view.get("byteOffset", 0) + part.get("byteOffset", 0), view.get("byteStride", size)
