@@ -1,4 +1,4 @@
-"""Meshes of a scene, each as often as it is shown and where it is shown, as one mesh for other formats."""
+"""The meshes that a scene shows, joined into one mesh for other formats."""
 
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple, TypeVar
@@ -22,7 +22,7 @@ LARGEST = 1e30
 
 
 class Shown(NamedTuple):
-    """A mesh where the scene shows it: positions, polygons, and the values of its vertices and faces."""
+    """A mesh as a scene shows it: positions, polygons, and the values of its vertices and faces."""
 
     positions: NDArray[Any]
     polygons: Polygons
@@ -30,7 +30,7 @@ class Shown(NamedTuple):
     face_values: Values
 
     def placed(self, matrix: Matrix) -> "Shown":
-        """Return the mesh where a transform puts it; one that mirrors reverses the faces."""
+        """Return the transformed mesh; a mirroring transform reverses the faces."""
         if np.array_equal(matrix, np.eye(4)):
             return self
         mirrored = np.linalg.det(matrix[:3, :3]) < 0
@@ -41,7 +41,7 @@ class Shown(NamedTuple):
 
 
 def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, Values, Values]:
-    """Return positions, polygons, and the values that all meshes have, of vertices and of faces."""
+    """Join meshes: positions, polygons, and the vertex and face values that all of them have."""
     first = np.cumsum([0, *(len(mesh.positions) for mesh in shown)])
     none = np.zeros(0, np.int64)
     corners = []
@@ -58,14 +58,14 @@ def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, Values, Valu
 
 
 def reversed_polygons(polygons: Polygons) -> tuple[Polygons, NDArray[np.int64]]:
-    """Return polygons of the opposite orientation, and the place that each of their corners had before."""
+    """Return polygons of the opposite orientation, and the previous place of each of their corners."""
     counts, ends = polygons.counts, polygons.indptr[1:]
     places = np.repeat(2 * ends - counts - 1, counts) - ranges(ends - counts, counts)
     return Polygons(polygons.indptr, polygons.corners[places]), places
 
 
 def values_of_vertices(values: NDArray[Any], corners: NDArray[np.int64], count: int) -> NDArray[Any] | None:
-    """Return values of corners as those of vertices, (count, …); None where a vertex has several."""
+    """Return values of corners as values of vertices, (count, …); None if a vertex has several."""
     if len(values) != len(corners) or (corners < 0).any() or (corners >= count).any():
         return None
     found = np.zeros((count, *values.shape[1:]), values.dtype)
@@ -125,7 +125,7 @@ def placements(
 
 
 def _common(parts: list[Values]) -> Values:
-    """Join the values that all parts have, of one type."""
+    """Join the values that all parts have with the same type."""
     names = [name for name in (parts[0] if parts else {}) if all(name in part for part in parts)]
     alike = [name for name in names if len({part[name].dtype for part in parts}) == 1]
     return {name: np.concatenate([part[name] for part in parts]) for name in alike}

@@ -43,7 +43,7 @@ Key = tuple[str, int, str]
 
 
 class Patching:
-    """What is added to a document for patches.
+    """The additions to a document for patches.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Patching:
         self.values |= {(name,): values for name, values in self._lists.items() if values and name in document}
 
     def _part(self, chosen: NDArray[np.bool_], owners: NDArray[np.int64]) -> "_Part":
-        """Return one patch, with the vertices that it shares with the primitive that it touches most."""
+        """Return one patch; it belongs to the primitive with most of the faces nearest to it."""
         number = int(np.bincount(owners[chosen]).argmax())
         place = self._places[number]
         vertices, corners = np.unique(self._patches.triangles[chosen], return_inverse=True)
@@ -124,7 +124,7 @@ class Patching:
         return part
 
     def _attributes(self, number: int) -> dict[Key, int]:
-        """Return the accessors of the attributes of a primitive besides positions and normals, and of its targets."""
+        """Return the accessors of a primitive except positions and normals, and those of its morph targets."""
         place = self._places[number]
         primitive = self._document["meshes"][place.mesh]["primitives"][place.number]
         plain = {name: a for name, a in primitive["attributes"].items() if name not in ("POSITION", "NORMAL")}

@@ -87,7 +87,7 @@ def written(layer: Any, *, binary: bool) -> bytes:
 
 
 def packed(files: Mapping[str, bytes]) -> bytes:
-    """Return an archive of files, uncompressed and aligned as USDZ demands."""
+    """Return an archive of files, uncompressed and aligned as USDZ requires."""
     from pxr import Sdf
 
     with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
@@ -104,7 +104,7 @@ def packed(files: Mapping[str, bytes]) -> bytes:
 
 
 def references(layer: Any) -> list[str]:
-    """Return the paths of all files that a layer names: other layers, textures."""
+    """Return the paths of all files that a layer references: other layers, textures."""
     from pxr import UsdUtils
 
     found: dict[str, None] = {}
@@ -136,7 +136,7 @@ def without_files_outside(layers: Layers) -> tuple[Layers, list[str]]:
 
 
 def target(path: str, name: str, layers: Layers) -> str | None:
-    """Return the layer that a path in another layer names; None where it is none of these."""
+    """Return the name of the layer that a path in another layer refers to; None if it is not among the layers."""
     near = posixpath.normpath(posixpath.join(posixpath.dirname(name), path))
     return next((found for found in (near, posixpath.normpath(path)) if found in layers), None)
 
@@ -154,7 +154,7 @@ def quiet() -> Iterator[None]:
 
 
 def _said(error: Exception) -> str:
-    """Return what an error of OpenUSD says, without the places in its sources."""
+    """Return the message of an error of OpenUSD, without the places in its source code."""
     lines = [line for line in str(error).splitlines() if " : '" in line]
     text = " ".join(lines[-1].partition(" : '")[2].split()) if lines else ""
     return (text.rstrip("'\" ") or reason(error))[:200]

@@ -1,4 +1,4 @@
-"""What a USD scene shows and where, as one mesh for other formats; and a scene of one mesh."""
+"""The meshes that a USD scene shows, joined into one mesh for other formats; and a new scene of one mesh."""
 
 import tempfile
 from pathlib import Path
@@ -31,7 +31,7 @@ PRIM = 1000
 
 
 def content_of(layers: Layers, size: int) -> Content:
-    """Return the meshes, each as often as the scene shows it and where it shows it.
+    """Return the meshes, once for each time that the scene shows them, and transformed as shown.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _content(stage: Any, size: int) -> tuple[NDArray[Any], Polygons, Values, Val
 
 
 def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:
-    """Return a mesh where its matrix, which is applied to rows, puts it."""
+    """Return a mesh transformed by its matrix, which is applied to rows."""
     from pxr import Usd
 
     time, path = Usd.TimeCode.EarliestTime(), str(mesh.GetPath())
@@ -135,7 +135,7 @@ def _columns(name: str, values: NDArray[Any]) -> Values:
 
 
 class _Composition:
-    """How many prims a scene is composed of at most, so that none is composed that copies itself without end."""
+    """Upper bound on the number of prims of a composed scene, which stops scenes that multiply without end."""
 
     def __init__(self, layers: Layers) -> None:
         self._layers, self._known, self._open = layers, dict[tuple[str, str], int](), set[tuple[str, str]]()
@@ -181,7 +181,7 @@ class _Composition:
 
 
 def stage_of(content: Content) -> tuple[Any, list[str]]:
-    """Return the layer of a scene of one mesh with colours, texture coordinates and other values; and what is lost."""
+    """Return a layer with one mesh, its colours, texture coordinates and other values; and what is lost."""
     from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
     positions = content.single_positions()

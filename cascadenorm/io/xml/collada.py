@@ -280,7 +280,7 @@ class ColladaFile(MeshFile):
         return Shown(self.positions[first : first + count], polygons, values, {})
 
     def _at_corners(self, part: Part, semantic: str, width: int) -> NDArray[np.float64] | None:
-        """Return the first numbers that the corners of a part have of a semantic; None where some have none."""
+        """Return the first `width` numbers of a semantic at the corners of a part; None if some corners have none."""
         id, rows = part.others.get(semantic, ("", np.zeros(0, np.int64)))
         values = self._array(id).values if id in self._by_id else np.zeros((0, 0))
         if values.shape[1] < width or (rows < 0).any() or (rows >= len(values)).any():
@@ -308,7 +308,7 @@ class ColladaFile(MeshFile):
 
 
 def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:
-    """Return how some words of an array are replaced; those that several vectors share get the last value."""
+    """Return the edit that replaces some words of an array; a word that several vectors share gets the last value."""
     order = np.argsort(words.ravel(), kind="stable")
     ascending = words.ravel()[order]
     last = np.append(ascending[1:] != ascending[:-1], True)
@@ -317,7 +317,7 @@ def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:
 
 
 def _faces(primitive: Element, width: int, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the number of corners of each face, strip or fan, and what the corners reference, (c, width)."""
+    """Return the number of corners of each face, strip or fan, and the indices of the corners, (c, width)."""
     lists = [_numbers(element) for element in primitive.all("p")]
     if primitive.first("ph") is not None:
         raise ReadError("polygons of this COLLADA file have holes: triangulate it")
@@ -336,7 +336,7 @@ def _faces(primitive: Element, width: int, size: int) -> tuple[NDArray[np.int64]
 
 
 def _polygons(kind: str, counts: NDArray[np.int64], corners: NDArray[np.int64]) -> tuple[Polygons, NDArray[np.int64]]:
-    """Return polygons of corners, and for each of theirs its place among the corners given."""
+    """Return polygons, and the place of each of their corners among the given corners."""
     if kind == "tristrips":
         places = strips(counts, np.arange(len(corners))).corners
     elif kind == "trifans":

@@ -1,4 +1,4 @@
-"""What the nodes of a COLLADA document show: geometries, other nodes, and skins of geometries."""
+"""The scene graph of a COLLADA document: nodes that show geometries, other nodes, and skins of geometries."""
 
 from collections.abc import Callable
 

@@ -37,7 +37,7 @@ class Element:
         """Begin and end of the content in the document."""
         tag = TAG.match(self._data, self._at)
         if tag is None:
-            raise ReadError(f"the element {self.name!r} is not as XML demands: export the file again")
+            raise ReadError(f"the element {self.name!r} is not valid XML: export the file again")
         return (tag.end(), tag.end()) if tag[1] else (tag.end(), self._end)
 
     @property
@@ -116,7 +116,7 @@ def tree_of(data: bytes) -> Element:
 
 
 def attribute_edits(data: bytes, at: int, values: dict[bytes, bytes]) -> list[Edit]:
-    """Return how attributes of the element that begins at a place get other values."""
+    """Return the edits that give attributes of the element at a place other values."""
     edits = []
     place = at + 1
     while data[place : place + 1] not in (b" ", b"\t", b"\r", b"\n", b""):
@@ -126,12 +126,12 @@ def attribute_edits(data: bytes, at: int, values: dict[bytes, bytes]) -> list[Ed
             edits.append((*found.span(2 if found[2] is not None else 3), values[found[1]]))
         place = found.end()
     if len(edits) < len(values):
-        raise ReadError("an element of this file is not as XML demands: export the file again")
+        raise ReadError("an element of this file is not valid XML: export the file again")
     return edits
 
 
 def edited(data: bytes, edits: Iterable[Edit]) -> list[bytes]:
-    """Return bytes, in pieces, with some replaced; edits ascend."""
+    """Apply edits, in ascending order, to bytes; return the result in pieces."""
     pieces, last = list[bytes](), 0
     for begin, end, new in edits:
         pieces += (data[last:begin], new)
