@@ -18,6 +18,8 @@ CRATE = b"PXR-USDC"
 TEXT = b"#usda"
 """First bytes of a layer in text."""
 EXTENSIONS = (".usd", ".usda", ".usdc")
+SECTION = 32
+"""Bytes of the table of contents of a binary layer for each section: name, begin, size."""
 SINGLE = "layer.usd"
 """Name of the layer of a file that is no archive."""
 
@@ -55,12 +57,16 @@ def opened(files: Mapping[str, bytes]) -> Layers:
                 continue
             if not data.startswith((CRATE, TEXT)):
                 raise ReadError("the file is not USD: it begins neither with '#usda' nor with 'PXR-USDC'")
+            if data.startswith(CRATE):
+                _check_sections(data)
             path = Path(folder) / f"{number}.usd"
             path.write_bytes(data)
             try:
                 layers[name] = Sdf.Layer.OpenAsAnonymous(str(path))
             except Exception as error:  # its parsers raise what they like
                 raise ReadError(f"OpenUSD cannot read this file: {_said(error)}") from None
+            if layers[name] is None:
+                raise ReadError("OpenUSD cannot read this file: it gives no reason")
     if not layers or next(iter(files)) not in layers:
         raise ReadError("the first file of this usdz archive is no USD layer: export it again")
     return layers
@@ -153,8 +159,22 @@ def quiet() -> Iterator[None]:
         del delegate
 
 
+def _check_sections(data: bytes) -> None:
+    """Raise ReadError if a section of a binary layer runs past its end, which OpenUSD does not check."""
+    place = int.from_bytes(data[16:24], "little")
+    count = int.from_bytes(data[place : place + 8], "little")
+    table = data[place + 8 : place + 8 + SECTION * min(count, len(data))]
+    rows = [table[at + 16 : at + SECTION] for at in range(0, len(table), SECTION)]
+    ends = [int.from_bytes(row[:8], "little") + int.from_bytes(row[8:], "little") for row in rows]
+    if not count or len(table) < SECTION * count or max(ends) > len(data):
+        raise ReadError("the file is truncated or damaged: a section of it runs past its end")
+
+
 def _said(error: Exception) -> str:
     """Return the message of an error of OpenUSD, without the places in its source code."""
-    lines = [line for line in str(error).splitlines() if " : '" in line]
-    text = " ".join(lines[-1].partition(" : '")[2].split()) if lines else ""
-    return (text.rstrip("'\" ") or reason(error))[:200]
+    try:
+        lines = [line for line in str(error).splitlines() if " : '" in line]
+        text = " ".join(lines[-1].partition(" : '")[2].split()) if lines else ""
+        return (text.rstrip("'\" ") or reason(error))[:200]
+    except UnicodeDecodeError:  # it shows bytes of the file
+        return "it is damaged"
