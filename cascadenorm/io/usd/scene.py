@@ -207,8 +207,8 @@ def stage_of(content: Content) -> tuple[Any, list[str]]:
         taken |= set(TEXTURE)
         st = np.stack([content.vertex_values[name] for name in TEXTURE], axis=1).astype(np.float32)
         api.CreatePrimvar("st", names.TexCoord2fArray, "vertex").Set(Vt.Vec2fArray.FromNumpy(st))
-    for values, kind in ((content.vertex_values, "vertex"), (content.face_values, "uniform")):
-        for name, column in values.items():
+    for properties, kind in ((content.vertex_values, "vertex"), (content.face_values, "uniform")):
+        for name, column in properties.items():
             if name not in taken or kind == "uniform":
                 floating = column.dtype.kind == "f"
                 array = Vt.FloatArray if column.dtype == np.float32 else Vt.DoubleArray if floating else Vt.Int64Array
