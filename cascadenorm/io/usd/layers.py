@@ -64,7 +64,7 @@ def opened(files: Mapping[str, bytes]) -> Layers:
             try:
                 layers[name] = Sdf.Layer.OpenAsAnonymous(str(path))
             except Exception as error:  # its parsers raise what they like
-                raise ReadError(f"OpenUSD cannot read this file: {_said(error)}") from None
+                raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
             if layers[name] is None:
                 raise ReadError("OpenUSD cannot read this file: it gives no reason")
     if not layers or next(iter(files)) not in layers:
@@ -89,7 +89,7 @@ def written(layer: Any, *, binary: bool) -> bytes:
             layer.Export(str(path))
             return path.read_bytes()
         except Exception as error:  # its writers raise what they like
-            raise OutputError(f"OpenUSD cannot write this file: {_said(error)}: choose ply or glb") from None
+            raise OutputError(f"OpenUSD cannot write this file: {said(error)}: choose ply or glb") from None
 
 
 def packed(files: Mapping[str, bytes]) -> bytes:
@@ -106,7 +106,7 @@ def packed(files: Mapping[str, bytes]) -> bytes:
                     archive.AddFile(str(path), name)
             return target.read_bytes()
         except Exception as error:  # its writers raise what they like
-            raise OutputError(f"OpenUSD cannot write this archive: {_said(error)}: choose usdc") from None
+            raise OutputError(f"OpenUSD cannot write this archive: {said(error)}: choose usdc") from None
 
 
 def references(layer: Any) -> list[str]:
@@ -170,7 +170,7 @@ def _check_sections(data: bytes) -> None:
         raise ReadError("the file is truncated or damaged: a section of it runs past its end")
 
 
-def _said(error: Exception) -> str:
+def said(error: Exception) -> str:
     """Return the message of an error of OpenUSD, without the places in its source code."""
     try:
         lines = [line for line in str(error).splitlines() if " : '" in line]

@@ -23,6 +23,7 @@ from cascadenorm.io.usd.layers import (
     packed,
     quiet,
     references,
+    said,
     unpacked,
     written,
 )
@@ -42,8 +43,13 @@ class UsdFile(MeshFile):
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         self._files = unpacked(self.data, self.format)
         self._layers = opened(self._files)
-        with quiet():
-            self._meshes = meshes_of(self._layers)
+        try:
+            with quiet():
+                self._meshes = meshes_of(self._layers)
+        except ReadError:
+            raise
+        except Exception as error:  # a binary layer is read when its values are asked for
+            raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
         if not self._meshes:
             elsewhere = [path for layer in self._layers.values() for path in layer.GetCompositionAssetDependencies()]
             names = ", ".join(sorted({*elsewhere} - {""})[:3])[:100]
