@@ -231,8 +231,16 @@ def _scaled(vertices, factor):
     return vertices * factor if largest < 1e5 else vertices / largest * 1e5
 
 
-def read_damaged(format: str, data: bytes, rng: Generator, others: Sequence[bytes]) -> str:
+def read_damaged(
+    format: str,
+    data: bytes,
+    rng: Generator,
+    others: Sequence[bytes],
+    packed: Callable[[bytes], bytes] = bytes,
+) -> str:
     """Damage a file, read it, weld, move and write; what came of it: 'read' or our own error.
+
+    What is damaged is the content of an archive where `packed` puts it into one.
 
     Raises
     ------
@@ -240,7 +248,7 @@ def read_damaged(format: str, data: bytes, rng: Generator, others: Sequence[byte
     """
     import cascadenorm as cn
 
-    content = damaged(data, others, rng)
+    content = packed(damaged(data, others, rng))
     try:
         file = cn.read(io.BytesIO(content), format if rng.random() < 0.8 else None)
         assert b"".join(file.pieces()) == content, "unmoved, but not as it was"

@@ -25,6 +25,23 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "io"))
 
 from damage import denoised, read_damaged
 from test_io import SAMPLES, SAMPLES_FORMAT
+from test_usd import SCENE, archive, stored
+from test_xml import COLLADA, entries, nested_3mf
+
+MODEL = "3D/3dmodel.model"
+SCENES = {
+    "3mf": entries(nested_3mf())[MODEL],
+    "dae": COLLADA.encode(),
+    "usda": SCENE.encode(),
+    "usdz": SCENE.encode(),
+    "usdc": stored(SCENE.encode(), "usdc"),
+}
+"""Samples of scenes; those of archives are what they hold."""
+
+PACKED = {
+    "3mf": lambda model: nested_3mf({MODEL: model}),
+    "usdz": lambda layer: archive({"layer.usda": layer}),
+}
 
 LIMIT_S = 60  # of processor time for a case, after which it counts as hanging
 BYTES = 8 << 30  # of address space, beyond which a file asks for too much
@@ -71,8 +88,10 @@ def case(seed: int) -> str:
     rng = np.random.default_rng(seed)
     if rng.random() < 0.3:
         return f"mesh {'done' if denoised(rng) == 'done' else 'refused'}"
-    name = sorted(SAMPLES)[rng.integers(len(SAMPLES))]
-    found = read_damaged(SAMPLES_FORMAT[name], SAMPLES[name], rng, list(SAMPLES.values()))
+    samples = {**SAMPLES, **SCENES}
+    name = sorted(samples)[rng.integers(len(samples))]
+    format = SAMPLES_FORMAT.get(name, name)
+    found = read_damaged(format, samples[name], rng, list(samples.values()), PACKED.get(name, bytes))
     return f"{name} {'read' if found == 'read' else 'refused'}"
 
 

@@ -47,7 +47,7 @@ def fill_holes_file(
 ) -> Filling:
     """Fill the holes of a mesh file, as `fill_holes` does; what is there stays, and the patches get values like it.
 
-    PLY and OBJ keep all that they hold, in other formats what is kept is what another format could take over.
+    PLY, OBJ and glTF keep all that they hold; in other formats what is kept is what another format could take over.
 
     Raises
     ------
@@ -63,7 +63,8 @@ def fill_holes_file(
     mesh, holes = filled(file.mesh, order=order, max_edges=max_edges, outer=outer)
     added = len(mesh.faces) - len(file.mesh.faces)
     if added:
-        left_out = lost + io.write(file.with_patches(HolePatches(file, mesh)), output, format=format, force=force)
+        patches = HolePatches(file, mesh)
+        left_out = lost + io.write(file.with_patches(patches), output, format=format, force=force) + patches.left_out
     else:
         left_out = io.write(read, output, format=format, force=force)
     return Filling(

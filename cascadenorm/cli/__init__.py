@@ -10,6 +10,7 @@ __all__ = ["main", "run"]
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit; what it needs is loaded here, so that Ctrl-C then ends in a line as well."""
+    vars(sys.modules["__main__"]).pop("__file__", None)  # worker processes need not run the script that started this
     try:
         program = import_module("cascadenorm.cli.program")
     except KeyboardInterrupt:

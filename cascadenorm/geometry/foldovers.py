@@ -1,4 +1,4 @@
-"""Displacements that flip no face but foldovers."""
+"""Displacements that flip no face and fold no edge, except at foldovers."""
 
 import math
 
@@ -12,6 +12,8 @@ STEP_HALVINGS = 8
 """Of the displacement of a vertex whose face would flip, before it returns to where it was."""
 STEEPEST_NORMAL = math.sqrt(0.5)
 """Cosine of the angle to the mean normal around it, 45°, up to which no face may flip, however noisy the mesh."""
+FOLDED = math.cos(math.radians(105))
+"""Cosine of the angle between the normals of two adjacent faces below which the edge is folded."""
 LEAST_FLOAT = float(np.finfo(float).tiny)
 
 
@@ -42,10 +44,44 @@ def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] 
     return partly_displaced(mesh, vertices, halvings)
 
 
+def without_folds(mesh: Mesh, vertices: Vectors, smooth: NDArray[np.bool_]) -> Vectors:
+    """Take back of a displacement what would flip faces, or fold edges of a surface without sharp noise.
+
+    Faces are treated as in `without_flips`. Where the normals of two adjacent faces would end more than 105° from each
+    other, and are not in the input, the displacements of their four vertices are halved in the same way. The limit lies
+    between square edges and blades.
+
+    Parameters
+    ----------
+    mesh
+        The input, n vertices.
+    vertices
+        (n, 3), where a method wants them.
+    smooth
+        (m,) faces whose noise is not independent from vertex to vertex, which would hide blades in the input.
+
+    Returns
+    -------
+    (n, 3)
+    """
+    held = ~foldovers(mesh) & (mesh.areas > 0)
+    pairs = mesh.topology.face_pairs
+    pairs = pairs[smooth[pairs].all(axis=1)]
+    pairs = pairs[~_folded(mesh, pairs)]
+    halvings = np.zeros(len(vertices), np.uint8)
+    while halved_where_flipped(mesh, vertices, held, halvings, pairs).any():
+        pass
+    return partly_displaced(mesh, vertices, halvings)
+
+
 def halved_where_flipped(
-    mesh: Mesh, vertices: Vectors, held: NDArray[np.bool_], halvings: NDArray[np.uint8]
+    mesh: Mesh,
+    vertices: Vectors,
+    held: NDArray[np.bool_],
+    halvings: NDArray[np.uint8],
+    pairs: NDArray[np.int32] | None = None,
 ) -> NDArray[np.bool_]:
-    """Count one more halving, in place, for the vertices of faces that flip, (m,), which are returned.
+    """Count one more halving, in place, for the vertices of faces that flip or fold, (m,), which are returned.
 
     Parameters
     ----------
@@ -53,12 +89,22 @@ def halved_where_flipped(
         (m,) faces that may not flip.
     halvings
         (n,) of the displacement of each vertex so far.
+    pairs
+        (p, 2) adjacent faces whose normals may not end more than 105° from each other.
     """
     moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
     flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
+    if pairs is not None:
+        flipped[pairs[_folded(moved, pairs)]] = True
     back = np.unique(mesh.faces[flipped])
     halvings[back] = np.minimum(halvings[back] + 1, STEP_HALVINGS + 1)
     return np.asarray(flipped)
+
+
+def _folded(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return (p,) which pairs of faces have normals more than 105° from each other."""
+    one, other = mesh.face_normals[pairs].swapaxes(0, 1)
+    return np.asarray(np.einsum("ij,ij->i", one, other) < FOLDED)
 
 
 def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8]) -> Vectors:

@@ -1,4 +1,4 @@
-"""What every mesh format offers: a file that was read, and the same file with its vertices moved."""
+"""The base class of all mesh formats: a file that was read, and the same file with moved vertices."""
 
 import copy
 from abc import ABC, abstractmethod
@@ -24,7 +24,7 @@ AnyMeshFile = TypeVar("AnyMeshFile", bound="MeshFile")
 
 
 class MeshFile(ABC):
-    """A mesh file in memory, complete: what is not a position or a normal is written as it was read.
+    """A complete mesh file in memory: everything except positions and normals is written as it was read.
 
     Attributes
     ----------
@@ -33,30 +33,30 @@ class MeshFile(ABC):
     positions
         (k, 3) float32 or float64, as the file holds them, copies at seams included.
     polygons
-        The faces of the file, corners counted from 0 in `positions`.
+        The faces of the file; corners are rows of `positions`.
     data
         The file as it was read; empty if there was none.
     folder
-        Where other files lie that it names; None if it came from a stream.
+        Folder of the files that it references; None if it was read from a stream.
     parts
-        (k,) the frame that each position is given in, where the file has several; None for one.
+        (k,) number of the coordinate frame of each position. None if all share one frame.
     triangles
         (m, 3) the polygons cut into triangles.
     welds
-        (k,) for each position the vertex of `mesh` that it is a copy of.
+        (k,) the vertex of `mesh` that each position is a copy of.
     mesh
-        n vertices and m triangles; n < k where the file splits vertices at seams or for each face.
+        n vertices and m triangles; n < k if the file splits vertices at seams or for each face.
     left_out
-        (m,) the triangles that `mesh` is without; none but for files made by `isolating`.
+        (m,) the triangles that `mesh` does not contain. All False unless the file comes from `isolating`.
     bad_vertices
-        (n,) the vertices that are not finite; `mesh` has them at the origin, or is refused.
+        (n,) the vertices that are not finite. `isolating` puts them at the origin; otherwise `mesh` raises MeshError.
     """
 
     format: ClassVar[str]
     counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
     _isolates = False
     _weld_distance = 0.0
-    moving_loses: tuple[str, ...] = ()  # what a moved file lacks, in words
+    moving_loses: tuple[str, ...] = ()  # what is lost when vertices move, in words
 
     def __init__(self, data: bytes, folder: Path | None = None) -> None:
         self.data = data
@@ -67,7 +67,7 @@ class MeshFile(ABC):
 
     @abstractmethod
     def _parse(self) -> tuple[Positions, Polygons]:
-        """Read `data`; raises ReadError."""
+        """Parse `data`; raises ReadError."""
 
     @abstractmethod
     def _moved_pieces(self) -> Iterable[Piece]:
@@ -75,27 +75,27 @@ class MeshFile(ABC):
 
     @abstractmethod
     def _read_content(self) -> Content:
-        """Return what other formats can take over from `data`."""
+        """Return the content of `data` that other formats can hold."""
 
     @classmethod
     @abstractmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
-        """Write content in this format; the bytes, in pieces, and what they leave out, in words."""
+        """Encode content in this format; return the bytes, in pieces, and what is left out, in words."""
 
     def isolating(self: AnyMeshFile) -> AnyMeshFile:
-        """Return this file with a `mesh` that does without what is bad, as `isolated` does, instead of refusing it."""
+        """Return this file with a `mesh` that leaves out invalid vertices and faces instead of raising MeshError."""
         file = copy.copy(self)
         file._isolates = True
         file.__dict__.pop("mesh", None)
         return file
 
     def welding(self: AnyMeshFile, distance: float) -> AnyMeshFile:
-        """Return this file with a `mesh` in which boundary vertices are joined that are near each other.
+        """Return this file with a `mesh` in which nearby boundary vertices are joined.
 
         Parameters
         ----------
         distance
-            Between two of them at most, in the unit of the file.
+            Largest distance between two joined vertices, in the unit of the file.
         """
         file = copy.copy(self)
         file._weld_distance = distance
@@ -104,34 +104,38 @@ class MeshFile(ABC):
         return file
 
     def pieces(self) -> Iterable[Piece]:
-        """Return the bytes of the file with its present positions, in pieces."""
+        """Return the bytes of the file with its current positions, in pieces."""
         return self._moved_pieces() if self.has_moved else [self.data]
 
     def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
-        """Return what is written for this file at a path: itself last, before it what it keeps in other files.
+        """Return the files to write for an output path: parts that are stored in other files, then the file itself.
 
-        The names of those are what `part_name` makes of their usual ones.
+        `part_name` is the pattern that turns the usual name of a part into the one to use.
         """
         return {path: self.pieces()}
 
     def may_write(self, path: Path) -> list[Path]:
-        """Return the paths that `files` may have, for other positions as well."""
+        """Return all paths that `files` can return, whatever the positions are."""
         return [path]
 
     def refers_to(self) -> dict[str, bool]:
-        """Return the names, relative to its folder, of files that stay as they are: name -> needed to read this one."""
+        """Return the referenced files that do not change: name relative to its folder -> whether reading needs it."""
         return {}
 
+    def repacked(self, kind: type["MeshFile"]) -> "MeshFile | None":
+        """Return this file in another format with all that is in it; None where that format cannot hold it."""
+        return None
+
     def content(self) -> Content:
-        """Return what other formats can take over."""
+        """Return the content that other formats can hold."""
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         here._isolates = self._isolates
         return here._read_content().without_out_of_range()
 
     def face_labels(self) -> list[Labels]:
-        """Return what the polygons are labelled with: their properties; in some formats also materials and the like.
+        """Return the labels of the polygons: their properties, and in some formats materials, groups and objects.
 
-        A kind may come more than once, where a face has several labels of it.
+        A kind occurs more than once if a face can have several labels of it.
         """
         properties = self._read_content().face_values
         labels = [Labels(name, *np.unique(v, return_inverse=True)) for name, v in properties.items()]
@@ -139,7 +143,7 @@ class MeshFile(ABC):
 
     @cached_property
     def triangles(self) -> NDArray[np.int64]:
-        """(m, 3) the polygons cut into triangles, in their order; corners are rows of `positions`."""
+        """(m, 3) the polygons cut into triangles, in order; corners are rows of `positions`."""
         return self._cut[0]
 
     @cached_property
@@ -176,12 +180,12 @@ class MeshFile(ABC):
 
     @property
     def welds(self) -> NDArray[np.int32]:
-        """(k,) for each position the vertex of `mesh` that it is a copy of."""
+        """(k,) the vertex of `mesh` that each position is a copy of."""
         return self._weld[0]
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The triangles with seams closed; raises MeshError where the file describes no valid mesh."""
+        """The triangles with closed seams; raises MeshError if the file does not describe a valid mesh."""
         if self._isolates:
             return isolated(self._at_vertices(self.positions), self._welded_triangles)
         if not len(self.polygons):
@@ -200,53 +204,53 @@ class MeshFile(ABC):
 
     @property
     def _splits(self) -> bool:
-        """Whether a vertex of `mesh` has several positions; most files split none, and are read in less time."""
+        """Whether some vertex of `mesh` has several positions. Most files split none, which is faster."""
         welds, first = self._weld
         return len(first) < len(welds)
 
     def _at_vertices(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return what the first position of each vertex of `mesh` has, (n, …), of values of the positions, (k, …)."""
+        """Return values of the positions, (k, …), at the first position of each vertex of `mesh`, (n, …)."""
         return values.take(self._weld[1], axis=0) if self._splits else values
 
     @property
     def _welded_triangles(self) -> NDArray[np.integer[Any]]:
-        """(m, 3) the triangles by vertices of `mesh`; -1 where the file names none."""
+        """(m, 3) the triangles as vertices of `mesh`; -1 for corners out of range."""
         return np.append(self.welds, np.int32(-1))[self.triangles] if self._splits else self.triangles
 
     @property
     def bad_vertices(self) -> NDArray[np.bool_]:
-        """(n,) the vertices that are not finite; `mesh` has them at the origin, or is refused."""
+        """(n,) the vertices that are not finite."""
         return bad_vertices(self._at_vertices(self._read_positions))
 
     @cached_property
     def left_out(self) -> NDArray[np.bool_]:
-        """(m,) the triangles that `mesh` is without; none unless the file is `isolating`."""
+        """(m,) the triangles that `mesh` does not contain. All False unless the file comes from `isolating`."""
         if not self._isolates:
             return np.zeros(len(self.triangles), bool)
         return bad_faces(self._at_vertices(self._read_positions), self._welded_triangles)
 
     def _numbers(self, places: NDArray[np.int64]) -> str:
-        """Name the first few places as the format counts them: '17, 18, 40, …'."""
+        """Return the first few indices as the format counts them: '17, 18, 40, …'."""
         return ", ".join(map(str, places[:3] + self.counts_from)) + (", …" if len(places) > 3 else "")
 
     def with_vertices(self: AnyMeshFile, vertices: ArrayLike, *, limit: float = np.inf) -> AnyMeshFile:
-        """Return this file with the vertices of `mesh` elsewhere; every copy of a vertex goes with it.
+        """Return this file with other vertices of `mesh`; all copies of a vertex move with it.
 
         Parameters
         ----------
         vertices
-            (n, 3) finite, in the order of mesh.vertices; rounded to the type that the file holds.
+            (n, 3) finite, in the order of mesh.vertices; rounded to the number type of the file.
         limit
-            Where whole numbers hold the positions, rounding takes none farther than this, in the unit of the file.
+            Largest displacement after rounding to integers, if the file stores integers, in the unit of the file.
 
         Returns
         -------
-        A new file; positions that did not move stay bit for bit, normals around those that did are recomputed
+        A new file. Unmoved positions stay bit for bit; normals around moved ones are recomputed
 
         Raises
         ------
         MeshError
-            Wrong shape, or numbers that are not finite in the type of the file.
+            The shape is wrong, or a number is not finite in the number type of the file.
         """
         mesh = self.mesh
         wanted = np.asarray(vertices, np.float64)
@@ -277,7 +281,7 @@ class MeshFile(ABC):
         return moved
 
     def _storable(self, positions: Positions) -> Positions:
-        """Return positions as near as the file can store them, where that is coarser than their type."""
+        """Return positions rounded to what the file can store, if that is coarser than their type."""
         return positions
 
     @property
@@ -294,8 +298,20 @@ class MeshFile(ABC):
         read = self._read_positions[rows]
         return np.asarray((self.positions[rows] != read) & ~np.isnan(read))
 
+    def _at_triangles(self, named: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return values of the corners of the polygons at the corners of the triangles."""
+        counts = self.polygons.counts
+        if (counts == 3).all():
+            return named.reshape(-1, 3)
+        # A polygon that visits a vertex twice may name either of its two normals there.
+        count = int(self.polygons.corners.max(initial=0)) + 2  # a corner may be out of range, at least -1
+        keys = self.polygons.owners * count + self.polygons.corners + 1
+        order = np.argsort(keys, kind="stable")
+        wanted = self.triangle_polygons[:, None] * count + self.triangles + 1
+        return named[order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]]
+
     def _renewed(self, normals: Normals) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the normals of the present positions, and which of them belong to faces that moved."""
+        """Return the normals for the current positions, and which of them belong to faces that moved."""
         if self._isolates:
             normals = normals._replace(corners=np.where(self.left_out[:, None], -1, normals.corners))
         return renewed_normals(normals, self.triangles, self.welds, self._read_positions, self.positions)

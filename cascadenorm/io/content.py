@@ -1,4 +1,4 @@
-"""What formats have in common, to turn one into another: positions, polygons, attributes, labels."""
+"""The content that formats have in common, for conversion: positions, polygons, attributes, labels."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,7 +17,7 @@ Positions = NDArray[Any]
 
 @dataclass(frozen=True)
 class Content:
-    """What formats have in common, to turn one into another; attributes carry the names that PLY uses.
+    """Content for conversion between formats; attributes have the names that PLY uses.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Content:
     face_values
         Name -> one for each polygon.
     left_out
-        What the source holds that has no place here, in words.
+        What the source holds beyond this, in words.
     """
 
     positions: Positions
@@ -40,7 +40,7 @@ class Content:
     left_out: tuple[str, ...] = ()
 
     def without_out_of_range(self) -> "Content":
-        """Leave out polygons with indices out of range, which may mean positions that exist elsewhere."""
+        """Remove polygons with indices out of range, which could be valid in another file."""
         corners = self.polygons.out_of_range(len(self.positions))
         if not corners.any():
             return self
@@ -76,7 +76,7 @@ class Content:
         return lost
 
     def single_positions(self) -> NDArray[np.float32]:
-        """Return the positions in single precision; raises OutputError where one is beyond it."""
+        """Return the positions in single precision; raises OutputError if one exceeds its range."""
         with np.errstate(over="ignore"):
             single = self.positions.astype(np.float32)
         bad = any_in_rows(np.isinf(single) & np.isfinite(self.positions))
@@ -89,7 +89,7 @@ class Content:
 
 
 class Labels(NamedTuple):
-    """What the faces of a file are labelled with, of one kind.
+    """Labels of one kind of the faces of a file.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Labels(NamedTuple):
     values
         (c,) names, or numbers, each once or more.
     of_faces
-        (p,) for each polygon the row of its value, -1 where it has none.
+        (p,) row of the value of each polygon, -1 for none.
     """
 
     kind: str
@@ -106,7 +106,7 @@ class Labels(NamedTuple):
     of_faces: NDArray[np.int64]
 
     def carrying(self, value: str) -> NDArray[np.bool_]:
-        """Return (p,) which polygons carry a label, which may be a number in words."""
+        """Return (p,) which polygons have a label, which may be a number as text."""
         try:
             wanted = value if self.values.dtype.kind == "U" else float(value)
         except ValueError:

@@ -35,16 +35,26 @@ from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile, is_vtk
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.streams import write_stream
-from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind, trimesh_outputs
+from cascadenorm.io.usd.usd import USD, is_openusd_installed, layer_format
+from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind
 from cascadenorm.io.vtk import MESHIO, is_installed
+from cascadenorm.io.xml.collada import ColladaFile
+from cascadenorm.io.xml.threemf import ThreemfFile
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.polygons import Polygons
 
 FORMATS: dict[str, type[MeshFile]] = {
-    kind.format: kind for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, FreeSurferFile)
+    kind.format: kind
+    for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, ThreemfFile, ColladaFile, FreeSurferFile)
 }
 
-NEEDS = {**TRIMESH_NEEDS, **dict.fromkeys(MESHIO, "meshio"), **dict.fromkeys(POLYDATA, "pyvista"), "gii": "nibabel"}
+NEEDS = {
+    **TRIMESH_NEEDS,
+    **dict.fromkeys(MESHIO, "meshio"),
+    **dict.fromkeys(POLYDATA, "pyvista"),
+    **dict.fromkeys(USD, "usd-core"),
+    "gii": "nibabel",
+}
 """Packages to be installed for a format."""
 
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
@@ -61,18 +71,18 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     source
         Path, or a stream of bytes.
     format
-        'ply', 'obj', 'stl', 'off', 'glb', or what trimesh knows; by default what the content looks like, then the
+        Name of the format, which is also its extension. By default it is detected from the content, then taken from the
         extension.
 
     Returns
     -------
-    The file, to be moved by `with_vertices` and written by `write`; its `mesh` raises MeshError where its vertices
-    or faces are no valid mesh
+    The file, to be moved by `with_vertices` and written by `write`; its `mesh` raises MeshError if the file does not
+    contain a valid mesh
 
     Raises
     ------
     ReadError
-        Missing, unreadable, empty, truncated or damaged, or not a mesh; the message names the file.
+        The file is missing, unreadable, empty, truncated, damaged or not a mesh; the message names the file.
     """
     name, folder, data = _bytes_of(source)
     try:
@@ -82,7 +92,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
             raise ReadError("the file is empty")
         if not is_binary_stl(data):
             data = data.removeprefix(codecs.BOM_UTF8)
-        chosen = _format_of(format or _sniffed(data) or Path(name).suffix)
+        chosen = _format_of(format or _sniffed(data) or Path(name).suffix or layer_format(data))
         kind = _kind(chosen)
         if chosen == "vtk" and LEGACY.match(data):
             if not is_vtk_installed():
@@ -102,7 +112,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
 
 
 def write(file: MeshFile, target: Source, *, format: str | None = None, force: bool = False) -> list[str]:
-    """Write a file, whole or not at all; in another format if the extension says so.
+    """Write a file, whole or not at all; the extension of the target selects the format.
 
     Parameters
     ----------
@@ -111,18 +121,18 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     target
         Path, or a stream of bytes.
     format
-        By default that of the extension, and for a stream that of the file.
+        By default the format of the extension; for a stream, that of the file.
     force
         Replace an existing file.
 
     Returns
     -------
-    What the target cannot hold and was left out, in words; empty if nothing was
+    What the target format cannot hold and was left out, in words; empty if nothing was left out
 
     Raises
     ------
     OutputError
-        The target exists and force is not given, or it cannot be written.
+        The target exists and force is not given, or the target cannot be written.
     """
     if not isinstance(file, MeshFile):
         raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
@@ -132,8 +142,8 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
         check_output(path, force=force)
     kind = _kind(chosen)
     assert kind is not None
-    if file.format != chosen and isinstance(file, GltfContainer) and issubclass(kind, GltfContainer):
-        file = file.repacked(kind)
+    if file.format != chosen:
+        file = file.repacked(kind) or file
     if path and file.format == chosen and not is_special(path):
         beside, lost = sidecar_files(file, path, force=force)
         for copy in beside:
@@ -149,10 +159,10 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
 
 
 def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]], *, force: bool) -> None:
-    """Write a file with those that hold a part of it, and others beside it.
+    """Write a file, its parts, and the files that it references.
 
-    Where one of its parts is there already, the file names another one meanwhile: so at no moment does it name a part
-    of another file, or that of its former self.
+    If a part exists already, the file references a temporary copy until the part is replaced. So it never references
+    a part of another file, or an outdated one.
     """
     files, aside = file.files(path), dict[Path, Iterable[Piece]]()
     if any(part.exists() for part in files if part != path):
@@ -164,23 +174,23 @@ def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]]
 
 
 def _lost(file: MeshFile) -> list[str]:
-    """Return what a file in its own format cannot keep."""
+    """Return what is lost when a file is written in its own format, in words."""
     return list(file.moving_loses) if file.moving_loses and file.has_moved else []
 
 
-def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile, list[str]]:
+def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfContainer, list[str]]:
     """Return a file that can take further vertices and faces, and what it lacks of the given one, in words.
 
-    PLY and OBJ files are returned as they are; others become PLY, with the scene as it is shown.
+    PLY, OBJ and glTF files are returned as they are; others become PLY, with the scene as it is shown.
     """
-    if isinstance(file, PlyFile | ObjFile):
+    if isinstance(file, PlyFile | ObjFile | GltfContainer):
         return file, []
     pieces, lost = _encoded(file, PlyFile)
     return PlyFile(b"".join(pieces)), lost
 
 
 def check_target(file: MeshFile, target: Source, *, format: str, force: bool) -> None:
-    """Raise OutputError where `write` would find something in the way of what it writes beside a file."""
+    """Raise OutputError if a file that `write` would create beside the target exists already."""
     if format == file.format and isinstance(target, str | os.PathLike) and not is_special(target):
         path = Path(target)
         for beside in file.may_write(path):
@@ -196,31 +206,31 @@ def output_format(target: Source, otherwise: str = "") -> str:
     target
         Path, or a stream of bytes.
     otherwise
-        The format of a stream, and of a path without an extension.
+        Format of a stream, or of a path without an extension.
 
     Raises
     ------
     OutputError
-        Meshes are not written in that format, or there is nothing that names one.
+        The format cannot be written, or nothing selects a format.
     """
     extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
     chosen = _format_of(extension or otherwise)
     if chosen in FORMATS:
         return chosen  # without loading the packages that know others
-    known = [*FORMATS, *_further_formats(), *trimesh_outputs()]
+    known = [*FORMATS, *_further_formats()]
     if not chosen:
         raise OutputError(f"{target} has no extension, which selects the format: choose one of {', '.join(known)}")
-    if chosen in NEEDS and _kind(chosen) is None:
-        raise _missing("writing", chosen)
     if chosen not in known:
+        if chosen in NEEDS and chosen not in TRIMESH_NEEDS:
+            raise _missing("writing", chosen)
         raise OutputError(f"the format '{chosen}' cannot be written: choose one of {', '.join(known)}")
     return chosen
 
 
 def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
-    """Raise OutputError for a path whose extension selects no format that is written.
+    """Raise OutputError if the extension of a target selects no format that can be written.
 
-    Where neither it nor the source has an extension, the format is that which the source is found to have.
+    If neither the target nor the source has an extension, the format is detected from the source.
     """
     if Path(target).suffix or not isinstance(source, str | os.PathLike) or Path(source).suffix:
         output_format(target)
@@ -236,20 +246,20 @@ def beside(source: Path, what: str) -> Path:
 
 
 def is_mesh_name(path: Path) -> bool:
-    """Whether a file can be a mesh by its extension, even if packages are missing to read it."""
+    """Whether the extension is that of a mesh format, even if the package that reads it is missing."""
     format = _format_of(path.suffix)
     return format in NEEDS or _kind(format) is not None
 
 
 def _format_of(extension: str) -> str:
-    """Return the format that an extension stands for."""
+    """Return the format of an extension."""
     name = extension.lower().lstrip(".")
     return FreeSurferFile.format if name in FREESURFER else name
 
 
 def _missing(work: str, format: str) -> MissingDependencyError:
     package = NEEDS[format]
-    extra = {"cascadio": "", "pyvista": "pyvista"}.get(package, "formats")
+    extra = {"cascadio": "", "pyvista": "pyvista", "usd-core": "usd"}.get(package, "formats")
     return MissingDependencyError(f"{work} {format!r} files", package=package, extra=extra)
 
 
@@ -260,6 +270,7 @@ def _kind(format: str) -> type[MeshFile] | None:
 def _further_formats() -> dict[str, type[MeshFile]]:
     found: dict[str, type[MeshFile]] = dict(MESHIO) if is_installed() else {}
     found |= POLYDATA if is_vtk_installed() else {}
+    found |= USD if is_openusd_installed() else {}
     return found | ({GiftiFile.format: GiftiFile} if is_nibabel_installed() else {})
 
 
@@ -270,7 +281,7 @@ def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], lis
 
 
 def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
-    """Make a file in memory of a mesh; it is written as binary PLY where no other format is asked for.
+    """Make a file in memory from a mesh; it is written as binary PLY unless another format is requested.
 
     Parameters
     ----------
@@ -282,7 +293,7 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     Raises
     ------
     MeshError
-        The arrays are no valid mesh.
+        The arrays are not a valid mesh.
     """
     mesh = Mesh(vertices, faces)
     kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
@@ -290,7 +301,7 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
 
 
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
-    """Return a name for messages, the folder if there is one, and the content."""
+    """Return a name for messages, the folder or None, and the content."""
     if not isinstance(source, str | os.PathLike):
         if not hasattr(source, "read"):
             raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
@@ -307,7 +318,7 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
 
 
 def _sniffed(data: bytes) -> str | None:
-    """Recognise a format by its content."""
+    """Detect the format from the content."""
     if is_binary_stl(data):  # whose header may begin as another format does
         return "stl"
     if data[:4] in (b"ply\n", b"ply\r", b"ply "):

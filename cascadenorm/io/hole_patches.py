@@ -12,7 +12,7 @@ from cascadenorm.mesh import Mesh
 
 
 class HolePatches:
-    """What is added to a file to close its holes.
+    """The vertices and triangles that close the holes of a file.
 
     Parameters
     ----------
@@ -30,10 +30,12 @@ class HolePatches:
         the file splits the first copy.
     polygons
         (b,) the polygon of the file that each triangle takes values from: the nearest, counted in edges.
+    left_out
+        What the patches lack that is around them, in words; what adds them to a file says so here.
     """
 
     def __init__(self, file: MeshFile, filled: Mesh) -> None:
-        self._filled, self._own = filled, len(file.mesh.vertices)
+        self._filled, self._own, self.left_out = filled, len(file.mesh.vertices), list[str]()
         self._first = np.unique(file.welds, return_index=True)[1]
         count, faces = len(file.positions), len(file.mesh.faces)
         further = count + np.arange(len(filled.vertices) - self._own)
@@ -46,11 +48,11 @@ class HolePatches:
         self._nearest = _nearest(self._own, len(filled.vertices), filled.topology.edges)
 
     def nearest(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return (a,) the value, of (k,), that the nearest vertex of the file has, counted in edges."""
+        """Return (a,) the value of the nearest vertex of the file, counted in edges, of values (k,)."""
         return values[self._first[self._nearest]]
 
     def blended(self, values: NDArray[Any]) -> NDArray[np.float64]:
-        """Return (a,) values that are each the mean of those around; the nearest where some are not finite."""
+        """Return (a,) values that each equal the mean of their neighbours; the nearest ones if some are not finite."""
         known = values[self._first].astype(np.float64)
         if not len(self.positions) or not np.isfinite(known).all():
             return self.nearest(values).astype(np.float64)
@@ -62,8 +64,15 @@ class HolePatches:
 
     def vertex_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         """Return (a, 3) unit normals of the further vertices, on the side on which those of the file, (k, 3), are."""
+        return self.all_normals(stored)[len(stored) :]
+
+    def all_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
+        """Return (k + a, 3) unit normals of the first copies of vertices, zero for others, and of further vertices."""
         normals = self._filled.vertex_normals
-        return normals[self._own :] * _side(stored[self._first], normals[: self._own])
+        signed = normals * _side(stored[self._first], normals[: self._own])
+        of_file = np.zeros((len(stored), 3))
+        of_file[self._first] = signed[: self._own]
+        return np.concatenate([of_file, signed[self._own :]])
 
     def face_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         """Return (b, 3) unit normals of the triangles, on the side on which those of the polygons, (p, 3), are."""
@@ -83,6 +92,6 @@ def _nearest(own: int, count: int, pairs: NDArray[np.integer]) -> NDArray[np.int
 
 
 def _side(stored: NDArray[Any], normals: NDArray[np.float64]) -> float:
-    """Return 1 where stored normals are mostly on the side of the others, else -1."""
+    """Return 1 if most stored normals point to the same side as the others, else -1."""
     with np.errstate(invalid="ignore"):
         return -1.0 if np.nansum(np.sign((stored * normals).sum(axis=1))) < 0 else 1.0

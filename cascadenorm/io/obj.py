@@ -95,18 +95,6 @@ class ObjFile(MeshFile):
             replaced.append((columns[renewed].ravel(), normals[renewed].astype(np.float32).ravel()))
         return respelled(text, *replaced)
 
-    def _at_triangles(self, named: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return what the corners of the polygons name at the corners of the triangles."""
-        counts = self.polygons.counts
-        if (counts == 3).all():
-            return named.reshape(-1, 3)
-        # A polygon that visits a vertex twice may name either of its two normals there.
-        count = int(self.polygons.corners.max(initial=0)) + 2  # a corner may be out of range, at least -1
-        keys = self.polygons.owners * count + self.polygons.corners + 1
-        order = np.argsort(keys, kind="stable")
-        wanted = self.triangle_polygons[:, None] * count + self.triangles + 1
-        return named[order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]]
-
     def with_patches(self, patches: HolePatches) -> "ObjFile":
         """Return this file with further vertices and triangles at its end; all of its bytes stay.
 

@@ -162,7 +162,7 @@ def _array(array: Any) -> NDArray[Any]:
 
 
 def _arrays(data: Any) -> list[Any]:
-    """Return the arrays of numbers of points or cells that have a name."""
+    """Return the named numeric arrays of points or cells."""
     found = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
     return [array for array in found if array is not None and array.GetName()]
 
@@ -179,7 +179,7 @@ def _written_by(writer: Any, surface: Any, format: str) -> bytes:
 
 
 def _run(work: Any) -> str:
-    """Call a function of VTK, and return the first error that it reports, empty if there is none."""
+    """Call a function of VTK; return the first error that it reports, or an empty text."""
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
     window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()

@@ -1,4 +1,4 @@
-"""Files that a mesh file names, textures say, taken along when it is written into another folder."""
+"""Referenced files, such as textures, that are copied when a mesh file is written into another folder."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,26 +12,25 @@ MOST_SHOWN = 80
 
 
 def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path, Iterable[Piece]], list[str]]:
-    """Return what has to be written beside a target so that the file finds what it names.
+    """Return the files to write beside a target so that its references stay valid.
 
     Parameters
     ----------
     file
-        Names other files relative to its own folder.
+        References other files relative to its own folder.
     target
         Path of the output.
     force
-        Other content may be replaced.
+        Files with other content may be replaced.
 
     Returns
     -------
-    Contents by path, none if the target is in the folder of the file; and what was not found, or leads out of it
+    Contents by path, empty if the target is in the folder of the file; and the references that are missing or outside
 
     Raises
     ------
     OutputError
-        A file that is needed is missing, or its name leads out of the folder, or other content lies in the way and
-        force is not given.
+        A required file is missing or outside the folder, or a file with other content exists and force is not given.
     """
     there = target.resolve().parent
     if file.folder is not None and file.folder.resolve() == there:

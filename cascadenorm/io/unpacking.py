@@ -1,4 +1,4 @@
-"""Bound what meshio and nibabel unpack: a block of a few bytes may become a thousand times as many."""
+"""Limit what meshio and nibabel decompress: a few bytes can expand to a thousand times as many."""
 
 import lzma
 import sys
@@ -12,18 +12,18 @@ from typing import Any
 from cascadenorm.io.limits import check_expansion, expansion_limit
 
 _room: ContextVar["_Room | None"] = ContextVar("room", default=None)
-"""What may be unpacked yet, in the block of `limited_expansion`."""
+"""Memory that is left for decompression inside a block of `limited_expansion`."""
 
 
 class _Room:
-    """Bytes that a file of a size may still expand to."""
+    """Bytes that a file of a given size may still expand to."""
 
     def __init__(self, size: int) -> None:
         self.size, self.taken = size, 0
 
 
 class _Limited:
-    """A module of the standard library whose `decompress` stops at the limit; the rest is that of the module."""
+    """A module of the standard library whose `decompress` stops at the limit."""
 
     def __init__(self, module: Any, decompressor: Any) -> None:
         self._module, self._decompressor = module, decompressor
@@ -32,7 +32,7 @@ class _Limited:
         return getattr(self._module, name)
 
     def decompress(self, data: bytes) -> bytes:
-        """Return what data unpacks to; raises ReadError beyond the limit."""
+        """Return decompressed data; raises ReadError beyond the limit."""
         room = _room.get()
         if room is None:
             return bytes(self._module.decompress(data))
@@ -48,7 +48,7 @@ LIMITED = {"zlib": _Limited(zlib, zlib.decompressobj), "lzma": _Limited(lzma, lz
 
 @contextmanager
 def limited_expansion(size: int, reader: ModuleType) -> Iterator[None]:
-    """Let a module of a library unpack no more in this block than a file of a size may expand to."""
+    """Limit decompression in a library module inside this block to what a file of this size may expand to."""
     for name, stands_for in LIMITED.items():
         if getattr(reader, name, None) is sys.modules[name]:
             setattr(reader, name, stands_for)

@@ -1,9 +1,9 @@
-"""Formats that trimesh reads or writes; what trimesh does not hold of a file is lost when vertices move."""
+"""Formats that trimesh reads; they are written in other formats, with what trimesh holds of them."""
 
 import logging
 from collections.abc import Iterable
 from io import BytesIO
-from typing import Any, cast
+from typing import cast
 from xml.etree.ElementTree import ParseError, iterparse
 from zipfile import ZipFile
 
@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.colors import CHANNELS
 from cascadenorm.io.content import Content
 from cascadenorm.io.limits import check_archive, check_expansion
-from cascadenorm.mesh.polygons import Polygons, triangulate
+from cascadenorm.mesh.polygons import Polygons
 
 TRIMESH_NEEDS = {
     "3dxml": "lxml networkx",
-    "3mf": "lxml networkx",
-    "dae": "pycollada",
     "stp": "cascadio",
     "step": "cascadio",
     "xaml": "lxml",
@@ -28,14 +26,11 @@ TRIMESH_NEEDS = {
 }
 """Packages to be installed for a format."""
 
-INPUTS = ("3dxml", "3mf", "ctm", "dae", "glb", "gltf", "step", "stp", "xaml", "xyz", "zae")
-OUTPUTS = ("3mf", "dae")  # beside the native ones; others that trimesh writes lose the faces
+INPUTS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")
 
 
 class TrimeshFile(MeshFile):
     """A scene of one or more meshes as trimesh holds it; positions are float64, in the frame of each mesh."""
-
-    moving_loses = ("what trimesh does not keep (units, metadata, names)",)
 
     def _parse(self) -> tuple[NDArray[np.float64], Polygons]:
         import trimesh
@@ -67,7 +62,7 @@ class TrimeshFile(MeshFile):
         return file
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        return [_exported(self._moved()._scene, self.format)]
+        raise OutputError(f"the format '{self.format}' cannot be written: choose ply, obj or glb")
 
     def content(self) -> Content:
         """Return what other formats can take over."""
@@ -95,18 +90,8 @@ class TrimeshFile(MeshFile):
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
-        """Write content with the colours of vertices."""
-        import trimesh
-
-        triangles, _ = triangulate(content.positions, content.polygons)
-        colors = channels(content.vertex_values)
-        mesh = trimesh.Trimesh(
-            content.positions,
-            triangles,
-            vertex_colors=np.stack(list(colors.values()), axis=1) if colors else None,
-            process=False,
-        )
-        return [_exported(mesh, cls.format)], content.lost_as_triangles(of_vertices=colors, single=False)
+        """Raise OutputError: trimesh is used for reading alone."""
+        raise OutputError(f"the format '{cls.format}' cannot be written: choose ply, obj or glb")
 
 
 def trimesh_kind(format: str) -> type[TrimeshFile] | None:
@@ -123,15 +108,10 @@ def trimesh_formats() -> list[str]:
     return sorted({*INPUTS} & {*trimesh.available_formats()})
 
 
-def trimesh_outputs() -> list[str]:
-    """Return the extensions in which trimesh writes meshes with the packages installed here."""
-    return [format for format in OUTPUTS if format in trimesh_formats()]
-
-
 def _check_sizes(data: bytes, format: str) -> None:
     """Raise ReadError where a file announces more than it can hold."""
-    documents = [data]
-    if format in ("3dxml", "3mf", "zae"):
+    documents: list[bytes] = []
+    if format in ("3dxml", "zae"):
         try:
             with ZipFile(BytesIO(data)) as archive:
                 check_archive(archive, len(data))
@@ -141,10 +121,9 @@ def _check_sizes(data: bytes, format: str) -> None:
             raise
         except Exception as error:  # of a damaged archive
             raise ReadError(f"this {format} file is a damaged archive: {reason(error)}") from None
-    if format in ("dae", "zae"):
-        for document in documents:
-            corners = 8 * _corner_count(document)  # of each an index is made, and some copies
-            check_expansion(5 * corners, len(data), "the polygons of this COLLADA file")
+    for document in documents:
+        corners = 8 * _corner_count(document)  # of each an index is made, and some copies
+        check_expansion(5 * corners, len(data), "the polygons of this COLLADA file")
 
 
 def _corner_count(document: bytes) -> int:
@@ -158,24 +137,3 @@ def _corner_count(document: bytes) -> int:
     except (ParseError, ValueError) as error:
         raise ReadError(f"this COLLADA file is damaged: {reason(error)}") from None
     return total
-
-
-def _exported(scene: Any, format: str) -> bytes:
-    try:
-        with np.errstate(all="ignore"):
-            data = _exported_collada(scene) if format == "dae" else scene.export(file_type=format)
-    except Exception as error:  # each of its writers raises what it likes
-        raise OutputError(f"trimesh cannot write {format}: {reason(error)}: choose ply or obj") from None
-    if isinstance(data, str):
-        return data.encode()
-    if not isinstance(data, bytes):
-        raise OutputError(f"trimesh writes {format} as several files: choose glb, ply or obj")
-    return data
-
-
-def _exported_collada(scene: Any) -> Any:
-    """Return the meshes of a scene where it shows them."""
-    from trimesh.exchange import dae
-
-    exporter: Any = dae
-    return exporter.export_collada(scene.dump() if hasattr(scene, "dump") else scene)

@@ -58,7 +58,8 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     vertices = without_drift(mesh, network.vertices(start))
     del start
     free_derived(mesh)
-    return safeguarded(mesh, vertices)
+    measured = network.measured[mesh.topology.face_components] if isinstance(network, ChosenNetworks) else None
+    return safeguarded(mesh, vertices, measured)
 
 
 @method("cascade", source="Wang, Liu, Tong 2016", family="learned")

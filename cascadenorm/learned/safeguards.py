@@ -7,7 +7,7 @@ import numpy as np
 
 from cascadenorm.detection.chords import CHORD_RINGS, NOISE_PASSES, chord_noise, chord_residuals
 from cascadenorm.detection.segmentation_steps import has_voxel_faces
-from cascadenorm.geometry.foldovers import without_flips
+from cascadenorm.geometry.foldovers import without_flips, without_folds
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
 from cascadenorm.patches.cutting import MeshPatch
 from cascadenorm.patches.work import moved_in_patches, patching_of
@@ -21,11 +21,11 @@ FACE_HEIGHTS = 4.0
 """Times the height of the tallest face around it that a vertex may move."""
 
 
-def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
+def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) -> Vectors:
     """Return vertices with displacements taken back as far as the bounds ask for.
 
     No vertex moves farther than `displacement_bounds`, and no face flips, except to undo foldovers in the input (see
-    `without_flips`).
+    `without_flips`). On measured surfaces no edge folds either (see `without_folds`).
 
     Parameters
     ----------
@@ -33,6 +33,8 @@ def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
         The input, n vertices.
     vertices
         (n, 3), where a model wants them.
+    measured
+        (m,) faces of measured surfaces; None for none.
 
     Returns
     -------
@@ -44,7 +46,7 @@ def safeguarded(mesh: Mesh, vertices: Vectors) -> Vectors:
     else:
         work = partial(_within_bounds_of_patch, what_is_bounded(mesh))
         bounded = moved_in_patches(mesh, patching, work, vertices, reach=CHORD_RINGS + NOISE_PASSES, components=True)
-    return without_flips(mesh, bounded)
+    return without_flips(mesh, bounded) if measured is None else without_folds(mesh, bounded, measured)
 
 
 def _within_bounds_of_patch(bounded: "Bounded", patch: MeshPatch, vertices: Vectors) -> Vectors:

@@ -205,7 +205,25 @@ def _regions(walls: int, votes: dict[Pattern, float]) -> tuple[Ints, set[Pattern
 def _canonical(pattern: Pattern) -> Pattern:
     """Return the least form of a pattern, among those seen along and against the edge and begun at any face."""
     against = tuple(token ^ 1 for token in reversed(pattern))
-    return min(form[k:] + form[:k] for form in (pattern, against) for k in range(len(pattern)))
+    return min(_least_rotation(pattern), _least_rotation(against))
+
+
+def _least_rotation(pattern: Pattern) -> Pattern:
+    """Return the least form of a pattern begun at any place, in linear time: the worse of two places skips ahead."""
+    one, other, same, count = 0, 1, 0, len(pattern)
+    while max(one, other, same) < count:
+        first, second = pattern[(one + same) % count], pattern[(other + same) % count]
+        if first == second:
+            same += 1
+            continue
+        if first > second:
+            one += same + 1
+        else:
+            other += same + 1
+        other += one == other
+        same = 0
+    start = min(one, other)
+    return pattern[start:] + pattern[:start]
 
 
 def _wedges(pattern: Pattern) -> list[tuple[int, int]]:

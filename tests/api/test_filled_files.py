@@ -215,8 +215,105 @@ def test_other_formats_keep_what_others_can_take_over(tmp_path, suffix):
 def test_what_a_scene_loses_is_said(tmp_path, capsys):
     data = b"".join(GltfFile.encode(cn.read(io.BytesIO(ply_binary("<"))).content())[0])
     (tmp_path / "holed.gltf").write_bytes(data.replace(b'"scene":0', b'"materials":[{"name":"steel"}],"scene":0'))
-    assert run(["fill-holes", str(tmp_path / "holed.gltf")]) == 0
+    assert run(["fill-holes", str(tmp_path / "holed.gltf"), "-o", str(tmp_path / "filled.ply")]) == 0
     assert "left out: materials\n" in capsys.readouterr().err
+
+
+def textured(seam: bool) -> tuple[dict, bytes]:
+    """Return a glTF document of the holed ball with a texture, colours and normals, and its buffer.
+
+    Texture coordinates are those of a projection along z; behind a seam at x = 0 they are elsewhere in the picture.
+    """
+    vertices, faces = HOLED.vertices, HOLED.faces.astype(np.int64)
+    if seam:  # vertices of faces at x > 0 are copies
+        right = np.unique(faces[SIDE == 1])
+        renumbered = np.full(COUNT, -1)
+        renumbered[right] = COUNT + np.arange(len(right))
+        faces = np.where((SIDE == 1)[:, None], renumbered[faces], faces)
+        vertices = np.concatenate([vertices, vertices[right]])
+    texture = 0.25 * vertices[:, :2] + 0.25 + 0.5 * (np.arange(len(vertices)) >= COUNT)[:, None]
+    arrays = {
+        "POSITION": (5126, "VEC3", vertices.astype("<f4")),
+        "NORMAL": (5126, "VEC3", -vertices.astype("<f4")),
+        "TEXCOORD_0": (5126, "VEC2", texture.astype("<f4")),
+        "COLOR_0": (5121, "VEC4", np.rint(100 + 50 * vertices[:, [2, 2, 2, 2]]).astype("u1")),
+        "indices": (5125, "SCALAR", faces.astype("<u4").ravel()),
+        "picture": (5121, "SCALAR", np.frombuffer(b"\x89PNG picture ", "u1")),
+    }
+    starts = np.cumsum([0, *(len(values.tobytes()) for _, _, values in arrays.values())]).tolist()
+    kinds = [(component, kind, values) for component, kind, values in arrays.values()]
+    names = list(arrays)
+    return {
+        "asset": {"version": "2.0"},
+        "images": [{"bufferView": 5, "mimeType": "image/png"}],
+        "textures": [{"source": 0}],
+        "materials": [
+            {"name": "skin", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}
+        ],
+        "meshes": [
+            {"primitives": [{"attributes": {n: names.index(n) for n in names[:4]}, "indices": 4, "material": 0}]}
+        ],
+        "nodes": [{"mesh": 0, "translation": [5, 0, 0]}],
+        "scenes": [{"nodes": [0]}],
+        "accessors": [
+            {"bufferView": i, "componentType": c, "count": len(v), "type": kind}
+            | ({"normalized": True} if i == 3 else {})
+            for i, (c, kind, v) in enumerate(kinds[:5])
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": begin, "byteLength": len(v.tobytes())}
+            for begin, (_, _, v) in zip(starts, kinds, strict=False)
+        ],
+        "buffers": [{"byteLength": starts[-1]}],
+    }, b"".join(values.tobytes() for _, _, values in kinds)
+
+
+def primitive_values(file, mesh: int, number: int, name: str) -> np.ndarray:
+    """Return the values of an attribute of a primitive."""
+    primitive = file._json.document["meshes"][mesh]["primitives"][number]
+    return file._accessors.values(primitive["attributes"][name])
+
+
+@pytest.mark.parametrize("format", ["glb", "gltf"])
+def test_textures_of_gltf_stay_and_patches_continue_them(tmp_path, format):
+    document, buffer = textured(seam=False)
+    source = b"".join(FORMATS[format]._made(document, buffer))
+    file, done = filled(tmp_path, source, f".{format}")
+    assert done.left_out == () and done.closed == 1
+    assert_closed(file.mesh)
+    after = file._json.document
+    assert all(after[name] == document[name] for name in ("images", "textures", "materials", "nodes", "scenes"))
+    assert after["accessors"][:5] == document["accessors"] and after["bufferViews"][:6] == document["bufferViews"]
+    assert bytes(file._buffers.data[: len(buffer)]) == buffer
+    old, new = after["meshes"][0]["primitives"]
+    assert old == document["meshes"][0]["primitives"][0] and new["material"] == 0
+    assert set(new["attributes"]) == set(old["attributes"])
+    positions = primitive_values(file, 0, 1, "POSITION")
+    texture, normals = primitive_values(file, 0, 1, "TEXCOORD_0"), primitive_values(file, 0, 1, "NORMAL")
+    inner = np.linalg.norm(positions[:, :2], axis=1) < 0.3
+    assert inner.sum() > 3
+    np.testing.assert_allclose(texture, 0.25 * positions[:, :2] + 0.25, atol=0.01)
+    assert (normals * -positions).sum(axis=1).min() > 0.95  # inward, as those of the file
+    colors = primitive_values(file, 0, 1, "COLOR_0")
+    assert colors.dtype == np.uint8 and np.abs(colors[:, 0] - (100 + 50 * positions[:, 2])).max() < 8
+    assert file.content().positions[:, 0].min() == pytest.approx(4, abs=0.01)
+
+
+def test_a_patch_across_a_seam_of_the_texture_has_none(tmp_path, capsys):
+    document, buffer = textured(seam=True)
+    (tmp_path / "holed.glb").write_bytes(b"".join(FORMATS["glb"]._made(document, buffer)))
+    assert run(["fill-holes", str(tmp_path / "holed.glb")]) == 0
+    said = capsys.readouterr()
+    assert "1 hole closed" in said.out
+    assert "left out: textures on 1 patch across seams of the texture coordinates" in said.err
+    file = cn.read(tmp_path / "holed_filled.glb")
+    assert_closed(file.mesh)
+    after = file._json.document
+    assert after["materials"] == [
+        *document["materials"],
+        {"name": "skin", "pbrMetallicRoughness": {"metallicFactor": 0}},
+    ]
+    assert [primitive["material"] for primitive in after["meshes"][0]["primitives"]] == [0, 1]
 
 
 def test_without_holes_a_file_comes_out_byte_for_byte(tmp_path):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import coil, cube, cylinder, grid, icosphere, mean_angle, noisy, torus
 
 import cascadenorm as cn
-from cascadenorm.geometry.foldovers import foldovers, without_flips
+from cascadenorm.geometry.foldovers import foldovers, without_flips, without_folds
 from cascadenorm.learned.safeguards import safeguarded
 from cascadenorm.mesh import Mesh
 
@@ -32,6 +32,36 @@ def test_no_face_flips_but_foldovers_whatever_is_asked_for(name, seed, size):
     mesh = SHAPES[name]
     wanted = mesh.vertices + size * np.random.default_rng(seed).normal(size=mesh.vertices.shape)
     assert not (flipped(mesh, without_flips(mesh, wanted)) & ~foldovers(mesh)).any()
+
+
+def angles(mesh: Mesh) -> np.ndarray:
+    """Cosines of the angles between the normals of adjacent faces."""
+    one, other = mesh.face_normals[mesh.topology.face_pairs].swapaxes(0, 1)
+    return (one * other).sum(axis=1)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@settings(deadline=None)
+@given(seed=st.integers(0, 10**6), size=st.floats(0.01, 10))
+def test_no_edge_folds_whatever_is_asked_for(name, seed, size):
+    mesh = SHAPES[name]
+    wanted = mesh.vertices + size * np.random.default_rng(seed).normal(size=mesh.vertices.shape)
+    found = mesh.moved(without_folds(mesh, wanted, np.ones(len(mesh.faces), bool)))
+    limit = np.cos(np.radians(105))
+    assert angles(found)[angles(mesh) >= limit].min() > limit - 1e-9
+    assert not (flipped(mesh, found.vertices) & ~foldovers(mesh)).any()
+    none = without_folds(mesh, wanted, np.zeros(len(mesh.faces), bool))
+    assert np.array_equal(none, without_flips(mesh, wanted))
+
+
+def test_a_ridge_that_flips_no_face_is_made_lower():
+    """Its sides are 143° apart and, at a quarter of its height, 74°; those of a lower ridge are 84° apart and stay."""
+    mesh, smooth = grid(6, 6), np.ones(72, bool)
+    ridge = (mesh.vertices[:, 1] == 3)[:, None] * np.array((0, 0, 1.0))
+    high, low = mesh.vertices + 3 * ridge, mesh.vertices + 0.9 * ridge
+    assert np.array_equal(without_flips(mesh, high), high)
+    assert np.array_equal(without_folds(mesh, high, smooth), mesh.vertices + 0.75 * ridge)
+    assert np.array_equal(without_folds(mesh, low, smooth), low)
 
 
 @pytest.mark.parametrize("mesh", [cube(1), cube(6), cylinder(10), cylinder(90)])

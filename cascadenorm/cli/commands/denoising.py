@@ -278,7 +278,12 @@ def fill_holes(
     ] = "keep",
     force: Force = False,
 ) -> None:
-    """Fill the holes of a mesh with patches as dense as the mesh around; existing vertices and faces stay."""
+    """Fill the holes of a mesh with patches as dense as the mesh around; existing vertices and faces stay.
+
+    PLY, OBJ and glTF files keep everything else that they hold. In glTF, a patch continues the material, the texture
+    coordinates and the colours around it; where it crosses a seam of the texture coordinates, it has the material
+    without its textures.
+    """
     from cascadenorm.api.filled_files import fill_holes_file
     from cascadenorm.cli import tables
     from cascadenorm.io.files import beside

@@ -1,4 +1,4 @@
-"""Where the numbers of glTF accessors lie in the buffers."""
+"""Places of the numbers of glTF accessors in the buffers."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -43,7 +43,7 @@ class StoredVectors(NamedTuple):
 
     @classmethod
     def joined(cls, parts: list["StoredVectors"]) -> "StoredVectors":
-        """Return all vectors once; raises ReadError where some overlap."""
+        """Return all vectors once; raises ReadError if some overlap."""
         if len(parts) == 1 and (parts[0].at[1:] > parts[0].at[:-1]).all():  # most files, read in a fifth less time
             return parts[0]
         kinds = np.concatenate([np.zeros(0, np.int8), *(part.kinds for part in parts)])
@@ -86,7 +86,7 @@ class StoredVectors(NamedTuple):
         return vectors
 
     def put(self, data: bytearray, vectors: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
-        """Replace the chosen vectors; whole numbers are rounded, and end at those of their type."""
+        """Replace the chosen vectors; integers are rounded and clamped to the range of their type."""
         for rows, kind, largest in self._alike(chosen):
             stored = vectors[rows]
             if kind.kind != "f":
@@ -218,7 +218,7 @@ class Accessors:
         return np.dtype(COMPONENT_TYPES[accessor["componentType"]])
 
     def _range(self, part: dict[str, Any], count: int, size: int) -> range:
-        """Return the bytes at which vectors of a size begin that a buffer view holds one after another."""
+        """Return the bytes at which the vectors of a buffer view begin, each of the given size."""
         view = self._document["bufferViews"][part["bufferView"]]
         begin, end = self._buffers.place(view["buffer"])
         start, step = view.get("byteOffset", 0) + part.get("byteOffset", 0), view.get("byteStride", size)

@@ -16,13 +16,15 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError
+from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
 from cascadenorm.io.gltf.document import check_lists, document_of, encoded, parsed
+from cascadenorm.io.gltf.patching import Patching, PrimitivePlace
 from cascadenorm.io.gltf.scene import ShownPrimitive, content_of
+from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -85,6 +87,7 @@ class GltfContainer(MeshFile):
         used = [name for name in COMPRESSED if name in extensions]
         if used:
             raise ReadError(f"this glTF file is compressed ({used[0]}): export it without compression")
+        self._chunk = chunk
         self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
         self._accessors = Accessors(document, self._buffers, len(self.data))
         self._primitives = [
@@ -295,8 +298,10 @@ class GltfContainer(MeshFile):
                 labels.append(Labels(kind, names, np.where(names[owner] == "", -1, owner)))
         return labels
 
-    def repacked(self, kind: type["GltfContainer"]) -> "GltfContainer":
-        """Return this file in the other container, with all that is in it."""
+    def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
+        """Return this file in the other container, with all that is in it; None for other formats."""
+        if not issubclass(kind, GltfContainer):
+            return None
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         document, chunk = copy.deepcopy(here._document), None
         if document.get("buffers"):
@@ -304,6 +309,47 @@ class GltfContainer(MeshFile):
             chunk = here._buffers.data[begin:end]
             document["buffers"][0].pop("uri", None)
         return kind(b"".join(kind._made(document, chunk)), self.folder)
+
+    def with_patches(self, patches: HolePatches) -> "GltfContainer":
+        """Return this file with a further primitive for each patch, in the mesh and of the material around it.
+
+        Texture coordinates, colours and other values are blended between those around. Where these cross a seam of the
+        texture coordinates, the material has no texture. Existing primitives and buffers stay.
+        """
+        stored = np.zeros((len(self.positions), 3))
+        for primitive in self._primitives:
+            if len(primitive.normals.at):
+                stored[self._rows(primitive)] = primitive.normals.read(self._buffers.data)
+        inner = self._chunk is not None and "uri" not in self._buffers.declared[0]
+        begin, buffer = (len(self._chunk or b""), 0) if inner else (0, len(self._buffers.declared))
+        with _explained():
+            places, accessors = self._places(), self._accessors
+            added = Patching(
+                self._document, accessors, places, self.positions, self.welds, stored, patches, begin, buffer
+            )
+        buffers, chunk, data = copy.deepcopy(self._buffers.declared), self._chunk, bytes(added.data)
+        if inner:
+            chunk = bytes(chunk or b"") + data + bytes(-len(data) % 4)
+            buffers[0]["byteLength"] = len(chunk)
+        else:
+            buffers.append({"byteLength": len(data), "uri": embedded(data)})
+        if added.untextured:
+            what = counted(added.untextured, "patch", "patches")
+            patches.left_out.append(f"textures on {what} across seams of the texture coordinates")
+        text = encoded({**added.document, "buffers": buffers})
+        return type(self)(b"".join(self._packed(text, chunk)), self.folder)
+
+    def _places(self) -> list[PrimitivePlace]:
+        numbers = [
+            (number, i)
+            for number, mesh in enumerate(self._document.get("meshes", []))
+            for i, primitive in enumerate(mesh["primitives"])
+            if "POSITION" in primitive["attributes"]
+        ]
+        return [
+            PrimitivePlace(*number, self._rows(primitive), len(primitive.triangles))
+            for number, primitive in zip(numbers, self._primitives, strict=True)
+        ]
 
     def _read_content(self) -> Content:
         with _explained():

@@ -1,4 +1,4 @@
-"""What a glTF scene shows and where, as one mesh for other formats."""
+"""The meshes that a glTF scene shows, joined into one mesh for other formats."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ class ShownPrimitive(NamedTuple):
 
 
 def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[ShownPrimitive]) -> Content:
-    """Return the shapes, each as often as the scene shows its mesh, and where it shows it.
+    """Return the shapes, once for each time that the scene shows their mesh, and transformed as shown.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Show
 
 
 def _joined(shapes: list[ShownPrimitive]) -> list[ShownPrimitive]:
-    """Put primitives of a mesh over the same vertices together; usually they differ in their materials."""
+    """Join primitives of a mesh that share vertices; usually they differ in their materials."""
     alike: dict[tuple[Any, ...], list[ShownPrimitive]] = {}
     for shape in shapes:
         alike.setdefault((shape.mesh, *sorted(shape.attributes.items())), []).append(shape)
@@ -96,7 +96,7 @@ def _placed(shape: ShownPrimitive, matrix: Matrix) -> ShownPrimitive:
 
 
 def _values(shown: list[ShownPrimitive], name: str, read: Callable[[int], NDArray[Any] | None]) -> NDArray[Any] | None:
-    """Return an attribute of all shapes, one vector a row; None where one of them lacks it, or holds it otherwise."""
+    """Return an attribute of all shapes, one vector a row; None if one lacks it or stores another type."""
     if not shown or any(name not in shape.attributes for shape in shown):
         return None
     parts = [part for shape in shown if (part := read(shape.attributes[name])) is not None]

@@ -1,0 +1,296 @@
+"""Patches that close holes of a glTF document: primitives of their own, with values like those around them."""
+
+import copy
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.io.gltf.accessors import COMPONENT_TYPES, FLOAT, Accessors
+from cascadenorm.io.gltf.document import TYPES
+from cascadenorm.io.hole_patches import HolePatches
+from cascadenorm.mesh import box_of, connected_components
+
+COMPRESSED_IN = ("KHR_draco_mesh_compression",)
+COPIED = ("JOINTS_", "WEIGHTS_", "TANGENT")
+"""Attributes of which the nearest vertex is taken, since means of them are no values of them."""
+UNSIGNED, ALIGNMENT = 5125, 4
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
+
+
+class PrimitivePlace(NamedTuple):
+    """A primitive in a document.
+
+    Parameters
+    ----------
+    mesh, number
+        Of its mesh, and its own in it.
+    rows
+        (c,) the positions of the file that its vertices are.
+    triangles
+        Number of its triangles, which are polygons of the file.
+    """
+
+    mesh: int
+    number: int
+    rows: NDArray[np.int64]
+    triangles: int
+
+
+Key = tuple[str, int, str]
+"""An attribute of a primitive: its name, the number of its morph target or -1, and how it is stored."""
+
+
+class Patching:
+    """The additions to a document for patches.
+
+    Parameters
+    ----------
+    document
+        As JSON gives it.
+    accessors
+        Of the document.
+    places
+        The primitives of the file, in the order of its polygons.
+    positions, welds, normals
+        Of the file; normals are (k, 3), zero where it has none.
+    patches
+        What is added.
+    begin
+        Byte of a buffer from which on the values are put.
+    buffer
+        Number of that buffer.
+
+    Attributes
+    ----------
+    document
+        The document with the primitives, accessors, buffer views and materials of the patches.
+    data
+        What the buffer gets.
+    untextured
+        How many patches got no texture, since they cross a seam of the texture coordinates.
+    """
+
+    def __init__(
+        self,
+        document: dict[str, Any],
+        accessors: Accessors,
+        places: list[PrimitivePlace],
+        positions: NDArray[Any],
+        welds: NDArray[np.int32],
+        normals: NDArray[np.float64],
+        patches: HolePatches,
+        begin: int,
+        buffer: int,
+    ) -> None:
+        self._document, self._accessors, self._places, self._patches = document, accessors, places, patches
+        self._begin, self._buffer, self._count = begin, buffer, len(positions)
+        self._positions, self._welds = positions, welds
+        self._lists = {name: list(document.get(name, [])) for name in ("accessors", "bufferViews", "materials")}
+        self.data, self.untextured = bytearray(), 0
+        self._normals = patches.all_normals(normals)
+        owners = np.repeat(np.arange(len(places)), [place.triangles for place in places])[patches.polygons]
+        parts = _parts(patches.triangles)
+        found = [self._part(parts == number, owners) for number in range(int(parts.max(initial=-1)) + 1)]
+        further = self._blended(found)
+        primitives: dict[int, list[Any]] = {}
+        for part in found:
+            place = places[part.place]
+            of_mesh = primitives.setdefault(place.mesh, list(document["meshes"][place.mesh]["primitives"]))
+            of_mesh.append(self._primitive(part, further))
+        meshes = [
+            mesh | ({"primitives": primitives[number]} if number in primitives else {})
+            for number, mesh in enumerate(document["meshes"])
+        ]
+        lists = {name: values for name, values in self._lists.items() if values and name in document}
+        self.document = {**document, "meshes": meshes, **lists}
+
+    def _part(self, chosen: NDArray[np.bool_], owners: NDArray[np.int64]) -> "_Part":
+        """Return one patch; it belongs to the primitive with most of the faces nearest to it."""
+        number = int(np.bincount(owners[chosen]).argmax())
+        place = self._places[number]
+        vertices, corners = np.unique(self._patches.triangles[chosen], return_inverse=True)
+        own = vertices[vertices < self._count]
+        order = np.argsort(self._welds[place.rows], kind="stable")
+        sorted_welds = self._welds[place.rows][order]
+        first, last = (np.searchsorted(sorted_welds, self._welds[own], side) for side in ("left", "right"))
+        local = np.where(last > first, order[np.minimum(first, len(order) - 1)], -1)
+        part = _Part(number, vertices, own, corners.reshape(-1, 3), local, {})
+        for key, accessor in self._attributes(number).items():
+            values = self._accessors.values(accessor)
+            usual = values[local[local >= 0][:1]] if (local >= 0).any() else values[:1]
+            part.values[key] = np.where((local >= 0)[:, None], values[local], usual)
+            if key[0].startswith("TEXCOORD_") and key[1] < 0:
+                copies = [values[order[a:b]] for a, b in zip(first.tolist(), last.tolist(), strict=True)]
+                if any(not len(found) or (found != found[0]).any() for found in copies):
+                    part.seams.append(key[0])
+        return part
+
+    def _attributes(self, number: int) -> dict[Key, int]:
+        """Return the accessors of a primitive except positions and normals, and those of its morph targets."""
+        place = self._places[number]
+        primitive = self._document["meshes"][place.mesh]["primitives"][place.number]
+        plain = {name: a for name, a in primitive["attributes"].items() if name not in ("POSITION", "NORMAL")}
+        found = {(name, -1, self._stored(accessor)): accessor for name, accessor in plain.items()}
+        for target, attributes in enumerate(primitive.get("targets", [])):
+            found |= {(name, target, self._stored(accessor)): accessor for name, accessor in attributes.items()}
+        return found
+
+    def _stored(self, accessor: int) -> str:
+        declared = self._document["accessors"][accessor]
+        return f"{declared['componentType']} {declared['type']} {bool(declared.get('normalized'))}"
+
+    def _blended(self, parts: list["_Part"]) -> dict[Key, NDArray[np.float64]]:
+        """Return the values of further vertices, (a, w), by attribute."""
+        known: dict[Key, NDArray[np.float64]] = {}
+        for part in parts:
+            for key, values in part.values.items():
+                table = known.setdefault(key, np.zeros((self._count, values.shape[1])))
+                table[part.own] = values
+        found = {}
+        for key, table in known.items():
+            name, _, stored = key
+            component, _, normalized = stored.split()
+            whole = int(component) != FLOAT and normalized == "False"
+            fill = self._patches.nearest if whole or name.startswith(COPIED) else self._patches.blended
+            found[key] = np.stack([fill(column) for column in table.T], axis=1)
+        return found
+
+    def _primitive(self, part: "_Part", further: dict[Key, NDArray[np.float64]]) -> dict[str, Any]:
+        """Return the primitive of a patch, whose accessors are added."""
+        place = self._places[part.place]
+        like = self._document["meshes"][place.mesh]["primitives"][place.number]
+        new = part.vertices[len(part.own) :] - self._count
+        positions = np.concatenate([self._positions[part.own], self._patches.positions[new]]).astype("<f4")
+        made: dict[str, Any] = {"attributes": {"POSITION": self._add(positions, bounds=True)}}
+        if "NORMAL" in like["attributes"]:
+            self._add_normals(made["attributes"], part, new, like["attributes"]["NORMAL"])
+        targets: list[dict[str, int]] = [{} for _ in like.get("targets", [])]
+        for key, values in part.values.items():
+            name, target, stored = key
+            component, _, normalized = stored.split()
+            kind = np.dtype(COMPONENT_TYPES[int(component)])
+            filled = further[key][new]
+            if kind.kind != "f":
+                filled = np.clip(np.rint(filled), np.iinfo(kind).min, np.iinfo(kind).max)
+            number = self._add(
+                np.concatenate([values.astype(kind), filled.astype(kind)]),
+                component=int(component),
+                normalized=normalized == "True",
+                bounds=target >= 0 and name == "POSITION",
+            )
+            (targets[target] if target >= 0 else made["attributes"])[name] = number
+        made["indices"] = self._add(part.corners.astype("<u4").reshape(-1, 1), component=UNSIGNED, indices=True)
+        if targets:
+            made["targets"] = targets
+        kept = {key: value for key, value in like.items() if key not in ("mode", "extensions", *made)}
+        extensions = {name: value for name, value in like.get("extensions", {}).items() if name not in COMPRESSED_IN}
+        made |= kept | ({"extensions": extensions} if extensions else {})
+        if "material" in made and part.seams:
+            made["material"] = self._untextured(made["material"])
+        return made
+
+    def _add_normals(self, attributes: dict[str, int], part: "_Part", new: NDArray[np.int64], accessor: int) -> None:
+        """Add the normals of a patch: those stored at the boundary, computed ones within."""
+        stored = self._accessors.fractions(accessor)
+        if stored is None or stored.shape[1] != 3:
+            return
+        own = np.where((part.local >= 0)[:, None], stored[part.local], self._normals[part.own])
+        attributes["NORMAL"] = self._add(np.concatenate([own, self._normals[self._count + new]]).astype("<f4"))
+
+    def _untextured(self, number: int) -> int:
+        """Add a copy of a material without its textures; the number of it."""
+        self.untextured += 1
+        material = _without_textures(copy.deepcopy(self._lists["materials"][number]))
+        if material in self._lists["materials"]:
+            return self._lists["materials"].index(material)
+        self._lists["materials"].append(material)
+        return len(self._lists["materials"]) - 1
+
+    def _add(
+        self,
+        values: NDArray[Any],
+        *,
+        component: int = FLOAT,
+        normalized: bool = False,
+        bounds: bool = False,
+        indices: bool = False,
+    ) -> int:
+        """Append an accessor with its values, each vector at a multiple of four bytes; the number of it."""
+        self.data += bytes(-(self._begin + len(self.data)) % ALIGNMENT)
+        raw = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
+        step = raw.shape[1] + (0 if indices else -raw.shape[1] % ALIGNMENT)
+        rows = np.zeros((len(values), step), np.uint8)
+        rows[:, : raw.shape[1]] = raw
+        view: dict[str, Any] = {
+            "buffer": self._buffer,
+            "byteOffset": self._begin + len(self.data),
+            "byteLength": rows.size,
+            "target": ELEMENT_ARRAY_BUFFER if indices else ARRAY_BUFFER,
+        }
+        if step > raw.shape[1]:
+            view["byteStride"] = step
+        self.data += rows.tobytes()
+        accessor: dict[str, Any] = {
+            "bufferView": len(self._lists["bufferViews"]),
+            "componentType": component,
+            "count": len(values),
+            "type": TYPES[values.shape[1]],
+        }
+        if normalized:
+            accessor["normalized"] = True
+        if bounds:
+            lower, upper = box_of(values.astype(np.float32))
+            accessor |= {"min": lower.tolist(), "max": upper.tolist()}
+        self._lists["bufferViews"].append(view)
+        self._lists["accessors"].append(accessor)
+        return len(self._lists["accessors"]) - 1
+
+
+class _Part:
+    """One patch.
+
+    Attributes
+    ----------
+    place
+        Number of the primitive that it is like.
+    vertices, own
+        Positions of the file and further ones behind them, ascending; and those of the file alone.
+    corners
+        (b, 3) rows of the vertices.
+    local
+        For each of `own` the vertex of the primitive, -1 where it has none there.
+    values
+        Of `own`, by attribute.
+    seams
+        Names of texture coordinates of which a vertex has several, or none.
+    """
+
+    def __init__(
+        self,
+        place: int,
+        vertices: NDArray[np.int64],
+        own: NDArray[np.int64],
+        corners: NDArray[np.int64],
+        local: NDArray[np.int64],
+        values: dict[Key, NDArray[Any]],
+    ) -> None:
+        self.place, self.vertices, self.own, self.corners, self.local = place, vertices, own, corners, local
+        self.values, self.seams = values, list[str]()
+
+
+def _parts(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (b,) the patch of each triangle: those that share edges."""
+    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    _, side = np.unique(sides, axis=0, return_inverse=True)
+    order = np.argsort(side.ravel(), kind="stable")
+    same = np.diff(side.ravel()[order]) == 0
+    links = np.stack([order[:-1][same], order[1:][same]], axis=1) // 3
+    return np.unique(connected_components(links, len(triangles)), return_inverse=True)[1].ravel()
+
+
+def _without_textures(value: Any) -> Any:
+    """Return a material without textures at any depth."""
+    if not isinstance(value, dict):
+        return value
+    return {name: _without_textures(inner) for name, inner in value.items() if not name.lower().endswith("texture")}

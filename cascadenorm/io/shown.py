@@ -1,0 +1,131 @@
+"""The meshes that a scene shows, joined into one mesh for other formats."""
+
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.limits import check_expansion
+from cascadenorm.mesh.polygons import Polygons, ranges
+
+Values = dict[str, NDArray[Any]]
+Matrix = NDArray[np.float64]
+"""(4, 4) transform of columns."""
+Key = TypeVar("Key", bound=Hashable)
+
+NODE = 200
+"""Bytes that an instance takes, about."""
+LARGEST = 1e30
+"""Of the numbers of a transform."""
+
+
+class Shown(NamedTuple):
+    """A mesh as a scene shows it: positions, polygons, and the values of its vertices and faces."""
+
+    positions: NDArray[Any]
+    polygons: Polygons
+    vertex_values: Values
+    face_values: Values
+
+    def placed(self, matrix: Matrix) -> "Shown":
+        """Return the transformed mesh; a mirroring transform reverses the faces."""
+        if np.array_equal(matrix, np.eye(4)):
+            return self
+        mirrored = np.linalg.det(matrix[:3, :3]) < 0
+        return self._replace(
+            positions=self.positions @ matrix[:3, :3].T + matrix[:3, 3],
+            polygons=reversed_polygons(self.polygons)[0] if mirrored else self.polygons,
+        )
+
+
+def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, Values, Values]:
+    """Join meshes: positions, polygons, and the vertex and face values that all of them have."""
+    first = np.cumsum([0, *(len(mesh.positions) for mesh in shown)])
+    none = np.zeros(0, np.int64)
+    corners = []
+    for mesh, start in zip(shown, first, strict=False):
+        bad = mesh.polygons.out_of_range(len(mesh.positions))  # not a vertex of another mesh
+        corners.append(np.where(bad, -1, mesh.polygons.corners + start))
+    counts = np.concatenate([none, *(mesh.polygons.counts for mesh in shown)])
+    return (
+        np.concatenate([np.zeros((0, 3), np.float32), *(mesh.positions for mesh in shown)]),
+        Polygons.from_counts(counts, np.concatenate([none, *corners])),
+        _common([mesh.vertex_values for mesh in shown]),
+        _common([mesh.face_values for mesh in shown]),
+    )
+
+
+def reversed_polygons(polygons: Polygons) -> tuple[Polygons, NDArray[np.int64]]:
+    """Return polygons of the opposite orientation, and the previous place of each of their corners."""
+    counts, ends = polygons.counts, polygons.indptr[1:]
+    places = np.repeat(2 * ends - counts - 1, counts) - ranges(ends - counts, counts)
+    return Polygons(polygons.indptr, polygons.corners[places]), places
+
+
+def values_of_vertices(values: NDArray[Any], corners: NDArray[np.int64], count: int) -> NDArray[Any] | None:
+    """Return values of corners as values of vertices, (count, …); None if a vertex has several."""
+    if len(values) != len(corners) or (corners < 0).any() or (corners >= count).any():
+        return None
+    found = np.zeros((count, *values.shape[1:]), values.dtype)
+    found[corners] = values
+    return found if np.array_equal(found[corners], values) else None
+
+
+def placements(
+    roots: Sequence[tuple[Key, Matrix]],
+    inner: Callable[[Key], Sequence[tuple[Key, Matrix]]],
+    nbytes: Callable[[Key], int],
+    size: int,
+) -> list[tuple[Key, Matrix]]:
+    """Return everything that a scene shows, with its transform.
+
+    Parameters
+    ----------
+    roots
+        What the scene shows itself.
+    inner
+        What an object contains, in its own frame.
+    nbytes
+        Memory that one instance of an object needs.
+    size
+        Bytes of the file, which the instances are held against before any is made.
+
+    Raises
+    ------
+    ReadError
+        An object contains itself, the instances need too much memory, or a transform is not finite.
+    """
+    needed: dict[Key, int] = {}
+    opened: set[Key] = set()
+
+    def total(key: Key) -> int:
+        if key in opened:
+            raise ReadError("an object of this file contains itself: export the file again")
+        if key not in needed:
+            opened.add(key)
+            needed[key] = NODE + nbytes(key) + sum(total(child) for child, _ in inner(key))
+            opened.remove(key)
+        return needed[key]
+
+    try:
+        check_expansion(sum(total(key) for key, _ in roots), size, "the meshes that the scene of this file shows")
+    except RecursionError:
+        raise ReadError("the objects of this file are nested too deeply: export the file again") from None
+    found, waiting = [], list(reversed(roots))
+    while waiting:
+        key, matrix = waiting.pop()
+        if not (np.abs(matrix) < LARGEST).all():
+            raise ReadError("a transform of this file is not finite: export the file again")
+        found.append((key, matrix))
+        with np.errstate(all="ignore"):
+            waiting += [(child, matrix @ own) for child, own in reversed(inner(key))]
+    return found
+
+
+def _common(parts: list[Values]) -> Values:
+    """Join the values that all parts have with the same type."""
+    names = [name for name in (parts[0] if parts else {}) if all(name in part for part in parts)]
+    alike = [name for name in names if len({part[name].dtype for part in parts}) == 1]
+    return {name: np.concatenate([part[name] for part in parts]) for name in alike}

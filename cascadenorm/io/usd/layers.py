@@ -1,0 +1,180 @@
+"""The layers of a USD file: read, copied, and written as text, binary or an archive."""
+
+import posixpath
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+from cascadenorm.errors import OutputError, ReadError, reason
+from cascadenorm.io.limits import check_archive
+from cascadenorm.io.references import is_within
+
+CRATE = b"PXR-USDC"
+"""First bytes of a binary layer."""
+TEXT = b"#usda"
+"""First bytes of a layer in text."""
+EXTENSIONS = (".usd", ".usda", ".usdc")
+SECTION = 32
+"""Bytes of the table of contents of a binary layer for each section: name, begin, size."""
+SINGLE = "layer.usd"
+"""Name of the layer of a file that is no archive."""
+
+Layers = dict[str, Any]
+"""Layers by their names in an archive; the first is the root."""
+
+
+def unpacked(data: bytes, format: str) -> dict[str, bytes]:
+    """Return the files in a USD file by name; raises ReadError for a damaged archive."""
+    if format != "usdz":
+        return {SINGLE: data}
+    try:
+        with ZipFile(BytesIO(data)) as archive:
+            check_archive(archive, len(data))
+            names = [entry.filename for entry in archive.infolist() if not entry.is_dir()]
+            files = {name: archive.read(name) for name in names}
+    except ReadError:
+        raise
+    except Exception as error:  # of a damaged archive
+        raise ReadError(f"this usdz file is a damaged archive: {reason(error)}") from None
+    outside = [name for name in names if not is_within(name)]
+    if outside or len(files) < len(names):
+        raise ReadError("this usdz file holds two files of one name, or one outside the archive: export it again")
+    return files
+
+
+def opened(files: Mapping[str, bytes]) -> Layers:
+    """Read the layers among files; raises ReadError. Nothing that they reference is read."""
+    from pxr import Sdf
+
+    layers: Layers = {}
+    with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        for number, (name, data) in enumerate(files.items()):
+            if not name.lower().endswith(EXTENSIONS):
+                continue
+            if not data.startswith((CRATE, TEXT)):
+                raise ReadError("the file is not USD: it begins neither with '#usda' nor with 'PXR-USDC'")
+            if data.startswith(CRATE):
+                _check_sections(data)
+            path = Path(folder) / f"{number}.usd"
+            path.write_bytes(data)
+            try:
+                layers[name] = Sdf.Layer.OpenAsAnonymous(str(path))
+            except Exception as error:  # its parsers raise what they like
+                raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
+            if layers[name] is None:
+                raise ReadError("OpenUSD cannot read this file: it gives no reason")
+    if not layers or next(iter(files)) not in layers:
+        raise ReadError("the first file of this usdz archive is no USD layer: export it again")
+    return layers
+
+
+def copied(layer: Any) -> Any:
+    """Return a layer of its own with the content of another."""
+    from pxr import Sdf
+
+    copy = Sdf.Layer.CreateAnonymous(".usda")
+    copy.TransferContent(layer)
+    return copy
+
+
+def written(layer: Any, *, binary: bool) -> bytes:
+    """Return the bytes of a layer."""
+    with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        path = Path(folder) / ("layer.usdc" if binary else "layer.usda")
+        try:
+            layer.Export(str(path))
+            return path.read_bytes()
+        except Exception as error:  # its writers raise what they like
+            raise OutputError(f"OpenUSD cannot write this file: {said(error)}: choose ply or glb") from None
+
+
+def packed(files: Mapping[str, bytes]) -> bytes:
+    """Return an archive of files, uncompressed and aligned as USDZ requires."""
+    from pxr import Sdf
+
+    with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        target = Path(folder) / "archive.usdz"
+        try:
+            with Sdf.ZipFileWriter.CreateNew(str(target)) as archive:
+                for number, (name, data) in enumerate(files.items()):
+                    path = Path(folder) / str(number)
+                    path.write_bytes(data)
+                    archive.AddFile(str(path), name)
+            return target.read_bytes()
+        except Exception as error:  # its writers raise what they like
+            raise OutputError(f"OpenUSD cannot write this archive: {said(error)}: choose usdc") from None
+
+
+def references(layer: Any) -> list[str]:
+    """Return the paths of all files that a layer references: other layers, textures."""
+    from pxr import UsdUtils
+
+    found: dict[str, None] = {}
+
+    def note(path: str) -> str:
+        found[path] = None
+        return path
+
+    with quiet():
+        UsdUtils.ModifyAssetPaths(copied(layer), note)
+    return [path for path in found if path]
+
+
+def without_files_outside(layers: Layers) -> tuple[Layers, list[str]]:
+    """Return copies of layers that reference only each other, and the paths of the layers left out."""
+    kept, left_out = {name: copied(layer) for name, layer in layers.items()}, dict[str, None]()
+    with quiet():
+        for name, layer in kept.items():
+            for path in layer.GetCompositionAssetDependencies():
+                if path and target(path, name, layers) is None:
+                    layer.UpdateCompositionAssetDependency(path, "")
+                    left_out[path] = None
+            paths: list[Any] = []
+            layer.Traverse("/", paths.append)
+            for prim in (layer.GetPrimAtPath(path) for path in paths if path.IsPrimPath()):
+                if prim is not None and prim.HasInfo("clips"):  # values in further files
+                    prim.ClearInfo("clips")
+    return kept, list(left_out)
+
+
+def target(path: str, name: str, layers: Layers) -> str | None:
+    """Return the name of the layer that a path in another layer refers to; None if it is not among the layers."""
+    near = posixpath.normpath(posixpath.join(posixpath.dirname(name), path))
+    return next((found for found in (near, posixpath.normpath(path)) if found in layers), None)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep OpenUSD from writing its diagnostics to stderr."""
+    from pxr import UsdUtils
+
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        del delegate
+
+
+def _check_sections(data: bytes) -> None:
+    """Raise ReadError if a section of a binary layer runs past its end, which OpenUSD does not check."""
+    place = int.from_bytes(data[16:24], "little")
+    count = int.from_bytes(data[place : place + 8], "little")
+    table = data[place + 8 : place + 8 + SECTION * min(count, len(data))]
+    rows = [table[at + 16 : at + SECTION] for at in range(0, len(table), SECTION)]
+    ends = [int.from_bytes(row[:8], "little") + int.from_bytes(row[8:], "little") for row in rows]
+    if not count or len(table) < SECTION * count or max(ends) > len(data):
+        raise ReadError("the file is truncated or damaged: a section of it runs past its end")
+
+
+def said(error: Exception) -> str:
+    """Return the message of an error of OpenUSD, without the places in its source code."""
+    try:
+        lines = [line for line in str(error).splitlines() if " : '" in line]
+        text = " ".join(lines[-1].partition(" : '")[2].split()) if lines else ""
+        return (text.rstrip("'\" ") or reason(error))[:200]
+    except UnicodeDecodeError:  # it shows bytes of the file
+        return "it is damaged"

@@ -1,0 +1,134 @@
+"""The meshes that the layers of a USD file define, each once."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.shown import reversed_polygons
+from cascadenorm.io.usd.layers import Layers
+from cascadenorm.mesh.polygons import Polygons
+
+NORMALS = ("primvars:normals", "normals")
+"""Names under which a mesh may have normals."""
+
+
+class LayerMesh(NamedTuple):
+    """A mesh in a layer.
+
+    Parameters
+    ----------
+    layer
+        Name of the layer.
+    prim
+        Its specification there.
+    points
+        (k, 3) float32.
+    polygons
+        Corners are rows of points.
+    places
+        For each corner its place in the file, where the corners of a left-handed mesh have the opposite order.
+    """
+
+    layer: str
+    prim: Any
+    points: NDArray[np.float32]
+    polygons: Polygons
+    places: NDArray[np.int64]
+
+
+def meshes_of(layers: Layers) -> list[LayerMesh]:
+    """Return the meshes of layers; raises ReadError where one is damaged, or its points change in time."""
+    return [mesh for name, layer in layers.items() for mesh in _meshes_in(name, layer)]
+
+
+def _meshes_in(name: str, layer: Any) -> Iterator[LayerMesh]:
+    paths: list[Any] = []
+    layer.Traverse("/", paths.append)
+    prims = (layer.GetPrimAtPath(path.GetPrimOrPrimVariantSelectionPath()) for path in paths if path.name == "points")
+    for prim in prims:
+        if prim is None or prim.typeName not in ("Mesh", ""):
+            continue
+        points, counts, corners = (value(prim, what) for what in ("points", "faceVertexCounts", "faceVertexIndices"))
+        if points is None:
+            continue
+        if counts is None or corners is None:
+            raise ReadError(
+                f"{prim.path} has points without faces, which another place defines: "
+                "flatten the file (usdcat --flatten)"
+            )
+        orientation = value(prim, "orientation")
+        polygons, places = oriented_polygons(counts, corners, orientation == "leftHanded", str(prim.path))
+        if points.ndim != 2 or points.shape[1] != 3 or points.dtype != np.float32:
+            raise ReadError(f"the points of {prim.path} are not of type point3f[]: export the file again")
+        yield LayerMesh(name, prim, points, polygons, places)
+
+
+def value(prim: Any, name: str) -> Any:
+    """Return the value of an attribute as an array, or as what it is; None where there is none.
+
+    Raises ReadError where it has several values in time.
+    """
+    attribute = prim.attributes.get(name)
+    if attribute is None:
+        return None
+    times = prim.layer.ListTimeSamplesForPath(attribute.path)
+    if len(times) > 1:
+        raise ReadError(f"{attribute.path} is animated: export a single frame")
+    found = prim.layer.QueryTimeSample(attribute.path, times[0]) if times else attribute.default
+    if found is None or isinstance(found, str):
+        return found
+    try:
+        return np.asarray(found)
+    except (TypeError, ValueError):
+        return None
+
+
+def put(prim: Any, name: str, values: NDArray[Any]) -> None:
+    """Replace the value of an attribute that has one."""
+    attribute = prim.attributes[name]
+    times = prim.layer.ListTimeSamplesForPath(attribute.path)
+    stored = prim.layer.QueryTimeSample(attribute.path, times[0]) if times else attribute.default
+    kind = np.asarray(stored).dtype
+    new = type(stored).FromNumpy(np.ascontiguousarray(values, kind))
+    if times:
+        prim.layer.SetTimeSample(attribute.path, times[0], new)
+    else:
+        attribute.default = new
+
+
+def oriented_polygons(counts: Any, corners: Any, reverses: bool, name: str) -> tuple[Polygons, NDArray[np.int64]]:
+    """Return polygons, and for each of their corners its place in the file; raises ReadError for damaged ones."""
+    counts, corners = (np.asarray(a) for a in (counts, corners))
+    whole = all(a.ndim == 1 and (a.dtype.kind in "iu" or not len(a)) for a in (counts, corners))
+    if not whole or (counts < 0).any() or int(counts.sum(dtype=np.int64)) != len(corners):
+        raise ReadError(f"the faces of {name} do not fit together: export the file again")
+    polygons = Polygons.from_counts(counts.astype(np.int64), corners.astype(np.int64))
+    return reversed_polygons(polygons) if reverses else (polygons, np.arange(len(corners)))
+
+
+def normal_rows(mesh: LayerMesh, name: str) -> tuple[NDArray[Any], NDArray[np.int64]] | None:
+    """Return the normals of a mesh under a name, (j, 3), and the one that each corner uses, or -1.
+
+    None where there are none, or a single one for all faces.
+    """
+    try:
+        normals, indices = value(mesh.prim, name), value(mesh.prim, f"{name}:indices")
+    except ReadError:  # animated ones stay as they are
+        return None
+    if normals is None or normals.ndim != 2 or normals.shape[1] != 3 or normals.dtype.kind != "f":
+        return None
+    kind = mesh.prim.attributes[name].GetInfo("interpolation") or ("vertex" if name == "normals" else "constant")
+    rows = {
+        "vertex": mesh.polygons.corners,
+        "varying": mesh.polygons.corners,
+        "faceVarying": mesh.places,
+        "uniform": mesh.polygons.owners,
+    }.get(kind)
+    if rows is None:
+        return None
+    if indices is not None and indices.ndim == 1 and indices.dtype.kind in "iu":
+        rows = np.append(indices.astype(np.int64), -1)[np.where((rows >= 0) & (rows < len(indices)), rows, -1)]
+    return normals, np.where((rows >= 0) & (rows < len(normals)), rows, -1)

@@ -1,0 +1,226 @@
+"""The meshes that a USD scene shows, joined into one mesh for other formats; and a new scene of one mesh."""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ReadError, reason
+from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.content import Content
+from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.shown import Shown, Values, joined, values_of_vertices
+from cascadenorm.io.usd.layers import Layers, quiet, target, without_files_outside
+from cascadenorm.io.usd.meshes import oriented_polygons
+from cascadenorm.mesh.polygons import Polygons
+
+TEXTURE = ("s", "t")
+KEPT_ELSEWHERE = {
+    "Material": "materials",
+    "Camera": "cameras",
+    "SkelAnimation": "animations",
+    "Points": "points",
+    "BasisCurves": "curves",
+    "PointInstancer": "instances of points",
+}
+METADATA = {"upAxis": "the up axis", "metersPerUnit": "the unit"}
+PRIM = 1000
+"""Bytes that a composed prim takes, about."""
+
+
+def content_of(layers: Layers, size: int) -> Content:
+    """Return the meshes, once for each time that the scene shows them, and transformed as shown.
+
+    Parameters
+    ----------
+    layers
+        The first is the root. Nothing outside them is read.
+    size
+        Bytes of the file.
+    """
+    from pxr import Usd
+
+    inside, outside = without_files_outside(layers)
+    root = next(iter(inside))
+    check_expansion(PRIM * _Composition(inside).count(root, "/"), size, "the objects of this scene")
+    with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        try:
+            if len(inside) == 1:
+                stage = Usd.Stage.Open(inside[root])
+            else:
+                for name, layer in inside.items():
+                    path = Path(folder) / name
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    layer.Export(str(path))
+                stage = Usd.Stage.Open(str(Path(folder) / root))
+            content = _content(stage, size)
+            del stage
+        except ReadError:
+            raise
+        except Exception as error:  # OpenUSD raises what it likes
+            raise ReadError(f"OpenUSD cannot compose the scene of this file: {reason(error)}") from None
+    lost = (f"the file {path!r} that it references" for path in outside)
+    return Content(*content[:4], left_out=(*lost, *content[4]))
+
+
+def _content(stage: Any, size: int) -> tuple[NDArray[Any], Polygons, Values, Values, list[str]]:
+    from pxr import Usd, UsdGeom
+
+    cache = UsdGeom.XformCache()
+    everything = list(stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
+    prims = [prim for prim in everything if prim.IsA(UsdGeom.Mesh)]
+    shown: list[Shown] = []
+    taken = 0
+    for prim in prims:
+        mesh = _shown(UsdGeom.Mesh(prim), np.array(cache.GetLocalToWorldTransform(prim), float))
+        taken += mesh.positions.nbytes + mesh.polygons.corners.nbytes
+        check_expansion(taken, size, "the meshes that the scene of this file shows")
+        shown.append(mesh)
+    kinds = {str(prim.GetTypeName()) for prim in everything}
+    left_out = [what for kind, what in KEPT_ELSEWHERE.items() if kind in kinds]
+    left_out += [what for name, what in METADATA.items() if stage.HasAuthoredMetadata(name)]
+    return *joined(shown), left_out
+
+
+def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:
+    """Return a mesh transformed by its matrix, which is applied to rows."""
+    from pxr import Usd
+
+    time, path = Usd.TimeCode.EarliestTime(), str(mesh.GetPath())
+    points, counts, corners = (
+        np.asarray([] if (found := attribute.Get(time)) is None else found)
+        for attribute in (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
+    )
+    points = points.reshape(-1, 3) if points.size % 3 == 0 else np.zeros((0, 3), np.float32)
+    reverses = mesh.GetOrientationAttr().Get(time) == "leftHanded"
+    polygons, places = oriented_polygons(counts, corners, reverses, path)
+    vertex_values, face_values = _values(mesh, time, len(points), polygons, places)
+    return Shown(points, polygons, vertex_values, face_values).placed(matrix.T)
+
+
+def _values(mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArray[np.int64]) -> tuple[Values, Values]:
+    """Return the values of vertices and of faces: colours, texture coordinates, and numbers."""
+    from pxr import UsdGeom
+
+    vertex_values, face_values = Values(), Values()
+    for primvar in UsdGeom.PrimvarsAPI(mesh).GetPrimvarsWithValues():
+        name, kind = primvar.GetPrimvarName(), primvar.GetInterpolation()
+        flat = primvar.ComputeFlattened(time)
+        values = np.asarray(flat) if flat is not None and not isinstance(flat, str) else np.zeros(0)
+        if values.dtype.kind not in "fiub":
+            continue
+        if kind == "faceVarying" and len(values) == len(polygons.corners):
+            per_vertex = values_of_vertices(values[places], polygons.corners, count)
+            if per_vertex is None:
+                continue
+            kind, values = "vertex", per_vertex
+        if kind in ("vertex", "varying") and len(values) == count:
+            vertex_values |= _columns(name, values)
+        elif kind == "uniform" and len(values) == len(polygons):
+            face_values |= _columns(name, values)
+    return vertex_values, face_values
+
+
+def _columns(name: str, values: NDArray[Any]) -> Values:
+    """Return values by the names that PLY gives them; none for vectors of other kinds."""
+    if values.ndim == 1:
+        return {name: values}
+    if name == "displayColor" and values.shape[1:] == (3,):
+        with np.errstate(invalid="ignore"):
+            colors = np.nan_to_num(np.clip(np.rint(values * 255), 0, 255)).astype(np.uint8)
+        return dict(zip(CHANNELS, colors.T, strict=False))
+    return dict(zip(TEXTURE, values.T, strict=True)) if name == "st" and values.shape[1:] == (2,) else {}
+
+
+class _Composition:
+    """Upper bound on the number of prims of a composed scene, which stops scenes that multiply without end."""
+
+    def __init__(self, layers: Layers) -> None:
+        self._layers, self._known, self._open = layers, dict[tuple[str, str], int](), set[tuple[str, str]]()
+
+    def count(self, name: str, path: Any) -> int:
+        """Return the number of prims below a path of a layer, it included, with all that they reference."""
+        key = (name, str(path))
+        if key in self._known:
+            return self._known[key]
+        if key in self._open:  # a cycle, which OpenUSD leaves out
+            return 0
+        self._open.add(key)
+        try:
+            self._known[key] = total = self._counted(name, path)
+        except RecursionError:
+            raise ReadError("the objects of this scene are nested too deeply: export the file again") from None
+        self._open.remove(key)
+        return total
+
+    def _counted(self, name: str, path: Any) -> int:
+        from pxr import Sdf
+
+        layer, place = self._layers[name], Sdf.Path(path)
+        if place == Sdf.Path.absoluteRootPath:
+            sublayers = [found for p in layer.subLayerPaths if (found := target(p, name, self._layers)) is not None]
+            return sum(self.count(name, prim.path) for prim in layer.rootPrims) + sum(
+                self.count(found, "/") for found in sublayers
+            )
+        prim = layer.GetPrimAtPath(place)
+        if prim is None:  # composed, perhaps: what is above has it
+            return self.count(name, place.GetParentPath())
+        total = 1 + sum(self.count(name, child.path) for child in prim.nameChildren)
+        for sets in prim.variantSets:
+            total += sum(self.count(name, variant.primSpec.path) for variant in sets.variants)
+        for arcs in (prim.referenceList, prim.payloadList):
+            for arc in arcs.GetAddedOrExplicitItems():
+                found = target(arc.assetPath, name, self._layers) if arc.assetPath else name
+                if found is not None:
+                    total += self.count(found, arc.primPath or "/")
+        for paths in (prim.inheritPathList, prim.specializesList):
+            total += sum(self.count(name, at) for at in paths.GetAddedOrExplicitItems())
+        return total
+
+
+def stage_of(content: Content) -> tuple[Any, list[str]]:
+    """Return a layer with one mesh, its colours, texture coordinates and other values; and what is lost."""
+    from pxr import Sdf, Tf, Usd, UsdGeom, Vt
+
+    positions = content.single_positions()
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    stage = Usd.Stage.Open(layer)
+    mesh = UsdGeom.Mesh.Define(stage, "/mesh")
+    stage.SetDefaultPrim(mesh.GetPrim())
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(positions)))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(content.polygons.counts.astype(np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(content.polygons.corners.astype(np.int32)))
+    mesh.CreateSubdivisionSchemeAttr("none")
+    finite = positions[np.isfinite(positions).all(axis=1)]
+    if len(finite):
+        mesh.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([finite.min(axis=0), finite.max(axis=0)])))
+    api, names = UsdGeom.PrimvarsAPI(mesh), Sdf.ValueTypeNames
+    colors = channels(content.vertex_values)
+    colors.pop("alpha", None)
+    taken = set(colors)
+    if colors:
+        values = np.stack(list(colors.values()), axis=1).astype(np.float32) / np.float32(255)
+        api.CreatePrimvar("displayColor", names.Color3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(values))
+    if all(name in content.vertex_values for name in TEXTURE):
+        taken |= set(TEXTURE)
+        st = np.stack([content.vertex_values[name] for name in TEXTURE], axis=1).astype(np.float32)
+        api.CreatePrimvar("st", names.TexCoord2fArray, "vertex").Set(Vt.Vec2fArray.FromNumpy(st))
+    for properties, kind in ((content.vertex_values, "vertex"), (content.face_values, "uniform")):
+        for name, column in properties.items():
+            if name not in taken or kind == "uniform":
+                floating = column.dtype.kind == "f"
+                array = Vt.FloatArray if column.dtype == np.float32 else Vt.DoubleArray if floating else Vt.Int64Array
+                type_name = {
+                    Vt.FloatArray: names.FloatArray,
+                    Vt.DoubleArray: names.DoubleArray,
+                    Vt.Int64Array: names.Int64Array,
+                }[array]
+                stored = column.astype(
+                    np.float64 if array is Vt.DoubleArray else column.dtype if floating else np.int64
+                )
+                primvar = api.CreatePrimvar(Tf.MakeValidIdentifier(name), type_name, kind)
+                primvar.Set(array.FromNumpy(np.ascontiguousarray(stored)))
+    lost = ["digits of the positions beyond single precision"] if (positions != content.positions).any() else []
+    return layer, lost

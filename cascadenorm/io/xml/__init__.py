@@ -1,0 +1,1 @@
+"""Formats in XML whose numbers are replaced where they are: 3MF and COLLADA."""

@@ -1,0 +1,399 @@
+"""COLLADA: coordinates and normals are replaced in the arrays of numbers, all else stays.
+
+Positions are those of the geometries themselves, before the transforms of nodes. Each geometry is moved once, however
+often nodes show it.
+"""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.shown import Shown, Values, joined, placements, values_of_vertices
+from cascadenorm.io.text.spelling import lines_of, respelled
+from cascadenorm.io.text.text import Text
+from cascadenorm.io.xml.collada_nodes import instances
+from cascadenorm.io.xml.documents import Edit, Element, edited, tree_of
+from cascadenorm.mesh import repeats_vertex
+from cascadenorm.mesh.normals import Normals
+from cascadenorm.mesh.polygons import Polygons, strips
+
+SHORT = 9  # digits that single precision holds
+KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
+TEXTURE = ("s", "t")
+KEPT_ELSEWHERE = {
+    "library_materials": "materials",
+    "library_images": "textures",
+    "library_animations": "animations",
+    "library_controllers": "skins and morph targets",
+    "library_cameras": "cameras",
+}
+
+
+class Array:
+    """The vectors of a source, as words of the document.
+
+    Attributes
+    ----------
+    text
+        The words of the array.
+    begin, end
+        Where they are in the document.
+    words
+        (k, w) words of each vector.
+    values
+        (k, w) float64.
+    """
+
+    def __init__(self, source: Element, by_id: dict[str, Element]) -> None:
+        accessor = source.first("technique_common", "accessor")
+        found = by_id.get(accessor.attributes.get("source", "").removeprefix("#")) if accessor is not None else None
+        if accessor is None or found is None or found.name != "float_array":
+            raise ReadError(
+                f"the source {source.attributes.get('id', '')!r} of this COLLADA file has no array of numbers"
+            )
+        self.begin, self.end = found.span
+        self.text = Text(found.numbers)
+        count, stride, offset = (_whole(accessor, name, usual) for name, usual in _ACCESSOR.items())
+        named = [row for row, parameter in enumerate(accessor.all("param")) if parameter.attributes.get("name")]
+        width = named or list(range(min(stride, 3)))
+        last = offset + (count - 1) * stride + max(width, default=0)
+        if not width or stride < 1 or (count and last >= len(self.text.starts)):
+            raise ReadError(f"the source {source.attributes.get('id', '')!r} announces more numbers than it holds")
+        self.words = offset + stride * np.arange(count)[:, None] + np.array(width)
+        self.values = self.text.numbers(self.words)
+
+
+_ACCESSOR = {"count": "0", "stride": "1", "offset": "0"}
+
+
+class Part(NamedTuple):
+    """The faces of a geometry that have one material.
+
+    Parameters
+    ----------
+    geometry
+        Its id.
+    material
+        Symbol of the material.
+    positions
+        Id of the source of its positions.
+    polygons
+        Corners are rows of these.
+    others
+        Semantic -> id of the source, and for each corner the row of it, such as those of normals.
+    """
+
+    geometry: str
+    material: str
+    positions: str
+    polygons: Polygons
+    others: dict[str, tuple[str, NDArray[np.int64]]]
+
+
+class ColladaFile(MeshFile):
+    """A COLLADA file; positions are float64, or float32 where none has more digits than that holds."""
+
+    format = "dae"
+
+    def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        self._root = tree_of(self.data)
+        self._by_id = {id: element for element in self._root.within() if (id := element.attributes.get("id"))}
+        self._arrays: dict[str, Array] = {}
+        self._parts = [part for geometry in self._root.within() for part in self._parts_of(geometry)]
+        self._sources = list(dict.fromkeys(part.positions for part in self._parts))
+        if not self._sources:
+            raise ReadError("there is no mesh in this COLLADA file: export it again")
+        arrays = [self._array(source) for source in self._sources]
+        sizes = [len(array.values) for array in arrays]
+        self._first = dict(zip(self._sources, np.cumsum([0, *sizes]).tolist(), strict=False))
+        self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
+        positions = np.concatenate([array.values for array in arrays])
+        short = all(array.text.significant_digits(array.words.ravel()) <= SHORT for array in arrays)
+        with np.errstate(over="ignore"):
+            single = positions.astype(np.float32)
+        if short and not (np.isinf(single) & np.isfinite(positions)).any():
+            positions = single
+        corners = []
+        for part in self._parts:
+            bad = part.polygons.out_of_range(len(self._array(part.positions).values))
+            corners.append(np.where(bad, -1, part.polygons.corners + self._first[part.positions]))
+        counts = np.concatenate([part.polygons.counts for part in self._parts])
+        return positions, Polygons.from_counts(counts, np.concatenate(corners))
+
+    def _array(self, id: str) -> Array:
+        if id not in self._arrays:
+            source = self._by_id.get(id)
+            if source is None or source.name != "source":
+                raise ReadError(f"this COLLADA file has no source {id!r}: export it again")
+            self._arrays[id] = Array(source, self._by_id)
+        return self._arrays[id]
+
+    def _parts_of(self, geometry: Element) -> list[Part]:
+        mesh = geometry.first("mesh") if geometry.name == "geometry" else None
+        if mesh is None:
+            return []
+        parts = [self._part(geometry, element) for element in mesh.children if element.name in KINDS]
+        return [part for part in parts if len(part.polygons)]
+
+    def _part(self, geometry: Element, primitive: Element) -> Part:
+        inputs = [element.attributes for element in primitive.all("input")]
+        width = 1 + max((_number(i.get("offset", "0")) for i in inputs), default=0)
+        counts, rows = _faces(primitive, width, len(self.data))
+        others: dict[str, tuple[str, NDArray[np.int64]]] = {}
+        positions, corners = "", np.zeros(0, np.int64)
+        for attributes in inputs:
+            semantic, id = attributes.get("semantic", ""), attributes.get("source", "").removeprefix("#")
+            column = rows[:, _number(attributes.get("offset", "0"))]
+            if semantic != "VERTEX":
+                others.setdefault(semantic, (id, column))
+                continue
+            vertices = self._by_id.get(id)
+            for shared in vertices.all("input") if vertices is not None else ():
+                name, source = shared.attributes.get("semantic", ""), shared.attributes.get("source", "")
+                if name == "POSITION":
+                    positions, corners = source.removeprefix("#"), column
+                else:
+                    others.setdefault(name, (source.removeprefix("#"), column))
+        if not positions:
+            raise ReadError("faces of this COLLADA file have no positions: export it again")
+        if self._array(positions).values.shape[1] != 3:
+            raise ReadError(
+                f"the source {positions!r} of this COLLADA file is not of three coordinates: export it again"
+            )
+        polygons, places = _polygons(primitive.name, counts, corners)
+        chosen = {name: (id, column[places]) for name, (id, column) in others.items()}
+        return Part(
+            geometry.attributes.get("id", ""), primitive.attributes.get("material", ""), positions, polygons, chosen
+        )
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        changed, edits = self._changed, list[Edit]()
+        for id in self._sources:
+            array = self._arrays[id]
+            rows = slice(self._first[id], self._first[id] + len(array.values))
+            new = changed[rows]
+            if new.any():
+                edits.append(_edit(array, array.words[new], self.positions[rows][new]))
+        edits += self._normal_edits()
+        if len({begin for begin, _, _ in edits}) < len(edits):
+            raise ReadError("positions and normals of this COLLADA file share an array: export it again")
+        return edited(self.data, sorted(edits))
+
+    def _normal_edits(self) -> list[Edit]:
+        used = [part.others.get("NORMAL") for part in self._parts]
+        ids = [id for id in dict.fromkeys(found[0] for found in used if found) if id in self._by_id]
+        ids = [id for id in ids if self._array(id).values.shape[1] == 3]
+        if not ids:
+            return []
+        first = dict(zip(ids, np.cumsum([0, *(len(self._array(id).values) for id in ids)]).tolist(), strict=False))
+        corners = []
+        for part, found in zip(self._parts, used, strict=True):
+            row = np.full(len(part.polygons.corners), -1)
+            if found and found[0] in first:
+                bad = (found[1] < 0) | (found[1] >= len(self._array(found[0]).values))
+                row = np.where(bad, -1, found[1] + first[found[0]])
+            corners.append(row)
+        stored = np.concatenate([self._array(id).values for id in ids])
+        normals, renewed = self._renewed(Normals(stored, self._at_triangles(np.concatenate(corners))))
+        edits = []
+        for id in ids:
+            array = self._arrays[id]
+            rows = slice(first[id], first[id] + len(array.values))
+            if renewed[rows].any():
+                words = array.words[renewed[rows]]
+                edits.append(_edit(array, words, normals[rows][renewed[rows]].astype(np.float32)))
+        return edits
+
+    def refers_to(self) -> dict[str, bool]:
+        """Return the names of images, which stay as they are."""
+        images = [element for image in self._root.all("library_images", "image") for element in image.within()]
+        names = [
+            self.data[slice(*image.span)].decode("utf-8", "surrogateescape").strip()
+            for image in images
+            if image.name in ("init_from", "ref") and not image.children
+        ]
+        return {name.removeprefix("./"): False for name in names if name and ":" not in name}
+
+    def face_labels(self) -> list[Labels]:
+        """Return the symbols of materials, and the names of geometries."""
+        names = [self._by_id[p.geometry].attributes.get("name", p.geometry) if p.geometry else "" for p in self._parts]
+        owner = np.repeat(np.arange(len(names)), [len(part.polygons) for part in self._parts])
+        labels = []
+        for kind, values in (
+            ("mesh", np.array(names, str)),
+            ("material", np.array([p.material for p in self._parts], str)),
+        ):
+            labels.append(Labels(kind, values, np.where(values[owner] == "", -1, owner)))
+        return labels
+
+    def _read_content(self) -> Content:
+        of_geometry: dict[str, dict[str, list[Part]]] = {}
+        for part in self._parts:
+            of_geometry.setdefault(part.geometry, {}).setdefault(part.positions, []).append(part)
+
+        def nbytes(element: Element) -> int:
+            id = element.attributes.get("id", "") if element.name == "geometry" else ""
+            return 8 * sum(
+                3 * len(self._array(source).values) + sum(len(part.polygons.corners) for part in parts)
+                for source, parts in of_geometry.get(id, {}).items()
+            )
+
+        roots, inner = instances(self._root, self._by_id)
+        placed = placements(roots, inner, nbytes, len(self.data))
+        named = [(element.attributes.get("id", ""), matrix) for element, matrix in placed if element.name == "geometry"]
+        places = [place for place in named if place[0] in of_geometry]
+        places = places or [(id, np.eye(4)) for id in of_geometry]  # a library of geometries
+        shown = [self._shape(parts).placed(matrix) for id, matrix in places for parts in of_geometry[id].values()]
+        left_out = [what for library, what in KEPT_ELSEWHERE.items() if self._root.first(library) is not None]
+        left_out += ["normals"] if any("NORMAL" in part.others for part in self._parts) else []
+        left_out += ["the unit"] if self._root.first("asset", "unit") is not None else []
+        left_out += ["the up axis"] if self._root.first("asset", "up_axis") is not None else []
+        if set(of_geometry) - {id for id, _ in places}:
+            left_out.append("meshes that the scene does not show")
+        return Content(*joined(shown), left_out=tuple(left_out))
+
+    def _shape(self, parts: list[Part]) -> Shown:
+        """Return parts over the same positions as one mesh."""
+        first, count = self._first[parts[0].positions], len(self._array(parts[0].positions).values)
+        polygons = Polygons.from_counts(
+            np.concatenate([part.polygons.counts for part in parts]),
+            np.concatenate([part.polygons.corners for part in parts]),
+        )
+        values: Values = {}
+        for semantic, width, names in (("COLOR", 3, CHANNELS), ("TEXCOORD", 2, TEXTURE)):
+            columns = [self._at_corners(part, semantic, width) for part in parts]
+            stored = [column for column in columns if column is not None]
+            found: NDArray[Any] | None = None
+            if len(stored) == len(parts):
+                found = values_of_vertices(np.concatenate(stored), polygons.corners, count)
+            if found is not None and semantic == "COLOR":
+                found = np.nan_to_num(np.clip(np.rint(found * 255), 0, 255)).astype(np.uint8)
+            if found is not None:
+                values |= dict(zip(names, found.T, strict=False))
+        return Shown(self.positions[first : first + count], polygons, values, {})
+
+    def _at_corners(self, part: Part, semantic: str, width: int) -> NDArray[np.float64] | None:
+        """Return the first `width` numbers of a semantic at the corners of a part; None if some corners have none."""
+        id, rows = part.others.get(semantic, ("", np.zeros(0, np.int64)))
+        values = self._array(id).values if id in self._by_id else np.zeros((0, 0))
+        if values.shape[1] < width or (rows < 0).any() or (rows >= len(values)).any():
+            return None
+        return values[rows, :width]
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
+        """Write content with the colours and texture coordinates of vertices."""
+        colors, values = channels(content.vertex_values), content.vertex_values
+        colors.pop("alpha", None)
+        arrays = {"POSITION": ("XYZ", content.positions)}
+        if colors:
+            arrays["COLOR"] = ("RGB", np.stack(list(colors.values()), axis=1) / np.float32(255))
+        if all(name in values for name in TEXTURE):
+            arrays["TEXCOORD"] = ("ST", np.stack([values[name] for name in TEXTURE], axis=1))
+        taken = (*colors, *(TEXTURE if "TEXCOORD" in arrays else ()))
+        lost = [f"vertex property '{name}'" for name in values if name not in taken]
+        lost += [f"face property '{name}'" for name in content.face_values]
+        sources = [_source(semantic.lower(), *array) for semantic, array in arrays.items()]
+        inputs = [b'<input semantic="%b" source="#%b"/>' % (s.encode(), s.lower().encode()) for s in arrays]
+        counts, corners = content.polygons.counts, content.polygons.corners
+        numbers = [lines_of(b"", a[:, None]).replace(b"\n", b" ").strip() for a in (counts, corners)]
+        return [MADE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], lost
+
+
+def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:
+    """Return the edit that replaces some words of an array; a word that several vectors share gets the last value."""
+    order = np.argsort(words.ravel(), kind="stable")
+    ascending = words.ravel()[order]
+    last = np.append(ascending[1:] != ascending[:-1], True)
+    pieces = respelled(array.text, (ascending[last], values.ravel()[order][last]))
+    return array.begin, array.end, b"".join(pieces)
+
+
+def _faces(primitive: Element, width: int, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the number of corners of each face, strip or fan, and the indices of the corners, (c, width)."""
+    lists = [_numbers(element) for element in primitive.all("p")]
+    if primitive.first("ph") is not None:
+        raise ReadError("polygons of this COLLADA file have holes: triangulate it")
+    rows = np.concatenate([np.zeros(0, np.int64), *lists])
+    vcount = primitive.first("vcount") if primitive.name == "polylist" else None
+    if vcount is not None:
+        counts = _numbers(vcount)
+        check_expansion(40.0 * float(np.abs(counts.astype(float)).sum()), size, "the polygons of this COLLADA file")
+    elif primitive.name == "triangles":
+        counts = np.full(len(rows) // (3 * width), 3)
+    else:
+        counts = np.array([len(numbers) // width for numbers in lists], np.int64)
+    if (counts < 0).any() or int(counts.sum()) * width != len(rows):
+        raise ReadError("the faces of this COLLADA file do not fit together: get a complete copy")
+    return counts, rows.reshape(-1, width)
+
+
+def _polygons(kind: str, counts: NDArray[np.int64], corners: NDArray[np.int64]) -> tuple[Polygons, NDArray[np.int64]]:
+    """Return polygons, and the place of each of their corners among the given corners."""
+    if kind == "tristrips":
+        places = strips(counts, np.arange(len(corners))).corners
+    elif kind == "trifans":
+        starts = np.repeat(np.cumsum(counts) - counts, np.maximum(counts - 2, 0))
+        steps = np.concatenate([np.zeros(0, np.int64), *(np.arange(max(n - 2, 0)) for n in counts.tolist())])
+        places = np.stack([starts, starts + steps + 1, starts + steps + 2], axis=1).ravel()
+    else:
+        return Polygons.from_counts(counts, corners), np.arange(len(corners))
+    rows = places.reshape(-1, 3)
+    rows = rows[~repeats_vertex(corners[rows])]
+    return Polygons.from_rows(corners[rows]), rows.ravel()
+
+
+def _numbers(element: Element) -> NDArray[np.int64]:
+    """Return the whole numbers that an element holds."""
+    text = Text(element.numbers)
+    return text.integers(np.arange(len(text.starts)))
+
+
+def _whole(element: Element, name: str, usual: str) -> int:
+    return _number(element.attributes.get(name, usual))
+
+
+def _number(word: str) -> int:
+    try:
+        value = int(word)
+    except ValueError:
+        value = -1
+    if not 0 <= value < 2**31:
+        raise ReadError(f"{word[:40]!r} in this COLLADA file is not a whole number that it may be: export it again")
+    return value
+
+
+def _source(name: str, letters: str, values: NDArray[Any]) -> bytes:
+    """Return a source of vectors."""
+    numbers = lines_of(b"", values)
+    parameters = "".join(f'<param name="{letter}" type="float"/>' for letter in letters)
+    return (
+        f'<source id="{name}"><float_array id="{name}-array" count="{values.size}">\n'.encode()
+        + numbers
+        + f'</float_array><technique_common><accessor source="#{name}-array" count="{len(values)}" '
+        f'stride="{len(letters)}">{parameters}</accessor></technique_common></source>'.encode()
+    )
+
+
+MADE = b"""<?xml version="1.0" encoding="UTF-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>1980-01-01T00:00:00Z</created><modified>1980-01-01T00:00:00Z</modified></asset>
+<library_geometries><geometry id="mesh"><mesh>
+%b
+<vertices id="vertices">%b</vertices>
+<polylist count="%d"><input semantic="VERTEX" source="#vertices" offset="0"/>
+<vcount>%b</vcount>
+<p>%b</p></polylist>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="scene"><node id="node"><instance_geometry url="#mesh"/></node></visual_scene>\
+</library_visual_scenes>
+<scene><instance_visual_scene url="#scene"/></scene>
+</COLLADA>
+"""

@@ -1,0 +1,83 @@
+"""The scene graph of a COLLADA document: nodes that show geometries, other nodes, and skins of geometries."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.shown import Matrix
+from cascadenorm.io.xml.documents import Element
+
+Placed = list[tuple[Element, Matrix]]
+INSTANCES = ("instance_geometry", "instance_node", "instance_controller")
+SIZES = {"matrix": 16, "translate": 3, "rotate": 4, "scale": 3}
+
+
+def instances(root: Element, by_id: dict[str, Element]) -> tuple[Placed, Callable[[Element], Placed]]:
+    """Return the nodes that the scene shows, and a function that returns what an element shows in its own frame."""
+
+    def target(element: Element, name: str = "url") -> Element | None:
+        return by_id.get(element.attributes.get(name, "").removeprefix("#"))
+
+    def inner(element: Element) -> Placed:
+        if element.name == "controller":  # deformed before its frame applies
+            source = next((part for part in element.children if part.name in ("skin", "morph")), None)
+            found = target(source, "source") if source is not None else None
+            return [] if found is None else [(found, np.eye(4))]
+        if element.name != "node":
+            return []
+        matrix = _matrix(element)
+        shown = [
+            child if child.name == "node" else target(child)
+            for child in element.children
+            if child.name in ("node", *INSTANCES)
+        ]
+        return [(found, matrix) for found in shown if found is not None]
+
+    scene = root.first("scene", "instance_visual_scene")
+    chosen = target(scene) if scene is not None else root.first("library_visual_scenes", "visual_scene")
+    nodes = [] if chosen is None else list(chosen.all("node"))
+    return [(node, np.eye(4)) for node in nodes], inner
+
+
+def _matrix(node: Element) -> Matrix:
+    """Return the product of the transforms of a node."""
+    matrix = np.eye(4)
+    with np.errstate(all="ignore"):
+        for element in node.children:
+            if element.name in ("lookat", "skew"):
+                raise ReadError(f"a node of this COLLADA file has a transform {element.name!r}, which is not supported")
+            if element.name in SIZES:
+                matrix = matrix @ _transform(element)
+    return matrix
+
+
+def _transform(element: Element) -> Matrix:
+    try:
+        numbers = np.array([float(word) for word in element.numbers.split()])
+    except ValueError:
+        numbers = np.zeros(0)
+    if len(numbers) != SIZES[element.name]:
+        raise ReadError(
+            f"a transform {element.name!r} of this COLLADA file has not {SIZES[element.name]} numbers: export it again"
+        )
+    if element.name == "matrix":
+        return numbers.reshape(4, 4)
+    matrix = np.eye(4)
+    if element.name == "translate":
+        matrix[:3, 3] = numbers
+    elif element.name == "scale":
+        matrix[:3, :3] = np.diag(numbers)
+    else:
+        matrix[:3, :3] = _rotation(numbers[:3], np.deg2rad(numbers[3]))
+    return matrix
+
+
+def _rotation(axis: Matrix, angle: float) -> Matrix:
+    """Return the rotation around an axis (Rodrigues)."""
+    length = float(np.linalg.norm(axis))
+    if not length > 0:
+        return np.eye(3)
+    x, y, z = axis / length
+    cross = np.array([(0, -z, y), (z, 0, -x), (-y, x, 0)])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)

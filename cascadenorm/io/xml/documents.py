@@ -1,0 +1,143 @@
+"""XML documents as elements with known places in the bytes, so that single numbers can be replaced and nothing else."""
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from typing import NoReturn
+from xml.parsers import expat
+
+from cascadenorm.errors import ReadError, reason
+
+TAG = re.compile(rb"""<[^\s/>]+(?:\s+[^\s=<>/]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*(/?)>""")
+ATTRIBUTE = re.compile(rb"""\s+([^\s=<>/]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+UTF_16 = (b"\xff\xfe", b"\xfe\xff", b"<\0", b"\0<")
+
+Edit = tuple[int, int, bytes]
+"""Begin and end of bytes, and what replaces them."""
+
+
+class Element:
+    """An element of a document.
+
+    Attributes
+    ----------
+    name
+        Without its namespace.
+    attributes
+        By name; those of another namespace have it in front, with a space between.
+    parent, children
+        Elements; None for the root.
+    """
+
+    def __init__(self, data: bytes, name: str, attributes: dict[str, str], parent: "Element | None", at: int) -> None:
+        self.name, self.attributes, self.parent, self.children = name, attributes, parent, list[Element]()
+        self._data, self._at, self._end = data, at, at
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Begin and end of the content in the document."""
+        tag = TAG.match(self._data, self._at)
+        if tag is None:
+            raise ReadError(f"the element {self.name!r} is not valid XML: export the file again")
+        return (tag.end(), tag.end()) if tag[1] else (tag.end(), self._end)
+
+    @property
+    def numbers(self) -> bytes:
+        """The content, which has to be plain text; raises ReadError otherwise."""
+        begin, end = self.span
+        content = self._data[begin:end]
+        if b"<" in content or b"&" in content:
+            raise ReadError(f"the element {self.name!r} holds more than numbers: export the file again")
+        return content
+
+    def all(self, *path: str) -> "Iterator[Element]":
+        """Return the elements at a path of names below this one."""
+        name, *rest = path
+        for child in self.children:
+            if child.name == name:
+                if rest:
+                    yield from child.all(*rest)
+                else:
+                    yield child
+
+    def first(self, *path: str) -> "Element | None":
+        """Return the first element at a path of names below this one, None where there is none."""
+        return next(self.all(*path), None)
+
+    def within(self) -> "Iterator[Element]":
+        """Return this element and all below it."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting += reversed(element.children)
+
+
+def parse(data: bytes, start: Callable[[str, dict[str, str], int], None], end: Callable[[str, int], None]) -> None:
+    """Call functions at the start and the end of each element; raises ReadError for what is not XML.
+
+    Parameters
+    ----------
+    data
+        The document.
+    start
+        Gets the name, with its namespace and a space in front, the attributes, and where the element begins.
+    end
+        Gets the name, and where the tag begins that ends the element.
+    """
+    if data.startswith(UTF_16):
+        raise ReadError("the XML of this file is UTF-16, which is not supported: save it as UTF-8")
+    parser = expat.ParserCreate(namespace_separator=" ")
+    parser.StartDoctypeDeclHandler = _refuse_types
+    parser.StartElementHandler = lambda name, attributes: start(name, attributes, parser.CurrentByteIndex)
+    parser.EndElementHandler = lambda name: end(name, parser.CurrentByteIndex)
+    try:
+        parser.Parse(data, True)
+    except (ReadError, KeyError):  # of a function
+        raise
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise ReadError(f"the XML of this file is damaged: {reason(error)}") from None
+
+
+def tree_of(data: bytes) -> Element:
+    """Return the root of a document; raises ReadError for what is not XML."""
+    top = Element(data, "", {}, None, 0)
+    now = [top]
+
+    def start(name: str, attributes: dict[str, str], at: int) -> None:
+        element = Element(data, name.rpartition(" ")[2], attributes, now[-1], at)
+        now[-1].children.append(element)
+        now.append(element)
+
+    def end(_: str, at: int) -> None:
+        now.pop()._end = at
+
+    parse(data, start, end)
+    return top.children[0]
+
+
+def attribute_edits(data: bytes, at: int, values: dict[bytes, bytes]) -> list[Edit]:
+    """Return the edits that give attributes of the element at a place other values."""
+    edits = []
+    place = at + 1
+    while data[place : place + 1] not in (b" ", b"\t", b"\r", b"\n", b""):
+        place += 1
+    while found := ATTRIBUTE.match(data, place):
+        if found[1] in values:
+            edits.append((*found.span(2 if found[2] is not None else 3), values[found[1]]))
+        place = found.end()
+    if len(edits) < len(values):
+        raise ReadError("an element of this file is not valid XML: export the file again")
+    return edits
+
+
+def edited(data: bytes, edits: Iterable[Edit]) -> list[bytes]:
+    """Apply edits, in ascending order, to bytes; return the result in pieces."""
+    pieces, last = list[bytes](), 0
+    for begin, end, new in edits:
+        pieces += (data[last:begin], new)
+        last = end
+    return [*pieces, data[last:]]
+
+
+def _refuse_types(*_: object) -> NoReturn:
+    raise ReadError("the XML of this file declares a document type, which is not supported: export it again")

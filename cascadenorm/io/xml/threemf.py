@@ -1,0 +1,313 @@
+"""3MF: coordinates are replaced in the models of the archive, all else stays.
+
+Positions are those of the objects themselves, before the transforms of components and of the build. Each object is
+moved once, however often others contain it.
+"""
+
+import posixpath
+import re
+from collections.abc import Iterable
+from io import BytesIO
+from itertools import chain
+from typing import Any, NamedTuple
+from zipfile import ZipFile, ZipInfo
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm.errors import ReadError, reason
+from cascadenorm.io.base import MeshFile, Piece
+from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.limits import check_archive
+from cascadenorm.io.shown import Matrix, Shown, joined, placements
+from cascadenorm.io.text.spelling import rows_of
+from cascadenorm.io.xml.documents import Edit, attribute_edits, edited, parse
+from cascadenorm.mesh import any_in_rows
+from cascadenorm.mesh.polygons import Polygons, triangulate
+
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
+MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+MATERIALS = ("basematerials", "colorgroup", "texture2dgroup", "compositematerials", "multiproperties")
+SHORT = 9  # digits that single precision holds
+SAMPLE = 1000
+
+Reference = tuple[str, str]
+"""Model and id of an object."""
+
+
+class Use(NamedTuple):
+    """An object in another one, or in the build."""
+
+    object: Reference
+    matrix: Matrix
+
+
+class Model:
+    """A model of an archive, while it is read and afterwards.
+
+    Attributes
+    ----------
+    objects
+        By their ids.
+    build
+        What is printed.
+    unit
+        Of its lengths.
+    has_materials
+        Whether it holds materials, colours or textures.
+    """
+
+    def __init__(self, name: str, data: bytes) -> None:
+        self.name, self.data = name, data
+        self.objects: dict[str, Object] = {}
+        self.build: list[Use] = []
+        self.unit, self.has_materials = "millimeter", False
+        self._object: Object | None = None
+        self._namespace = ""
+        try:
+            parse(data, self._start, self._end)
+            for found in self.objects.values():
+                found.triangles = np.array(found.corners, np.int64).reshape(-1, 3)
+        except KeyError as error:
+            raise ReadError(f"an element of this 3mf file lacks the attribute {error}: export the file again") from None
+        except OverflowError:
+            raise ReadError("a number of this 3mf file is too large: export the file again") from None
+
+    def _start(self, full_name: str, attributes: dict[str, str], at: int) -> None:
+        namespace, _, name = full_name.rpartition(" ")
+        if name == "model" and not self._namespace:
+            self._namespace, self.unit = namespace, attributes.get("unit", self.unit)
+        self.has_materials |= name in MATERIALS
+        if namespace != self._namespace:  # of an extension
+            return
+        into = self._object
+        if name == "vertex" and into is not None:
+            into.places.append(at)
+            words = attributes["x"], attributes["y"], attributes["z"]
+            into.coordinates += map(float, words)
+            if len(into.places) < SAMPLE:
+                into.digits = max(into.digits, *map(_digits, words))
+        elif name == "triangle" and into is not None:
+            into.corners += (int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"]))
+        elif name == "object":
+            self._object = Object(attributes.get("name", ""))
+            self.objects.setdefault(attributes["id"], self._object)
+        elif name == "component" and into is not None:
+            into.components.append(self._use(attributes))
+        elif name == "item":
+            self.build.append(self._use(attributes))
+
+    def _end(self, full_name: str, at: int) -> None:
+        if full_name.rpartition(" ")[2] == "object":
+            self._object = None
+
+    def _use(self, attributes: dict[str, str]) -> Use:
+        matrix = np.eye(4)
+        if "transform" in attributes:
+            numbers = np.array([float(word) for word in attributes["transform"].split()])
+            if numbers.shape != (12,):
+                raise ReadError("a transform of this 3mf file has not 12 numbers: export the file again")
+            matrix[:3] = numbers.reshape(4, 3).T
+        return Use((attributes.get(PATH, self.name).lstrip("/"), attributes["objectid"]), matrix)
+
+
+class Object:
+    """An object of a model: a mesh, or what it contains.
+
+    Attributes
+    ----------
+    places
+        Where the elements of the vertices begin.
+    coordinates, corners
+        Three for each vertex and triangle.
+    triangles
+        (m, 3) the same corners, once the model is read.
+    digits
+        Most significant digits of a coordinate.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name, self.digits = name, 0
+        self.places: list[int] = []
+        self.coordinates: list[float] = []
+        self.corners: list[int] = []
+        self.triangles: NDArray[np.int64] = np.zeros((0, 3), np.int64)
+        self.components: list[Use] = []
+
+
+class ThreemfFile(MeshFile):
+    """A 3MF file; positions are float64, or float32 where none has more digits than that holds."""
+
+    format = "3mf"
+
+    def _parse(self) -> tuple[NDArray[Any], Polygons]:
+        try:
+            with ZipFile(BytesIO(self.data)) as archive:
+                check_archive(archive, len(self.data))
+                names = [name for name in archive.namelist() if name.lower().endswith(".model")]
+                models = {name: archive.read(name) for name in names}
+                relations = archive.read("_rels/.rels") if "_rels/.rels" in archive.namelist() else b""
+        except ReadError:
+            raise
+        except Exception as error:  # of a damaged archive
+            raise ReadError(f"this 3mf file is a damaged archive: {reason(error)}") from None
+        self._models = {name: Model(name, data) for name, data in models.items()}
+        self._root = _root_of(relations, names)
+        self._objects = [
+            ((name, id), found)
+            for name, model in self._models.items()
+            for id, found in model.objects.items()
+            if found.places and found.corners
+        ]
+        if not self._objects:
+            raise ReadError("there is no mesh in this 3mf file: export it again")
+        sizes = [len(found.places) for _, found in self._objects]
+        self._first = np.cumsum([0, *sizes])
+        self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
+        short = max(found.digits for _, found in self._objects) <= SHORT
+        positions = np.array(list(chain.from_iterable(found.coordinates for _, found in self._objects)))
+        with np.errstate(over="ignore"):
+            single = positions.astype(np.float32)
+        if short and not (np.isinf(single) & np.isfinite(positions)).any():
+            positions = single
+        return positions.reshape(-1, 3), self._polygons()
+
+    def _polygons(self) -> Polygons:
+        rows = []
+        for (_, found), first in zip(self._objects, self._first, strict=False):
+            bad = (found.triangles < 0) | (found.triangles >= len(found.places))  # not a vertex of another object
+            rows.append(np.where(bad, -1, found.triangles + first))
+        return Polygons.from_rows(np.concatenate(rows))
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        changed = self._changed
+        moved = any_in_rows(changed)
+        parts: dict[str, list[Edit]] = {}
+        for ((name, _), found), first in zip(self._objects, self._first, strict=False):
+            data, edits = self._models[name].data, parts.setdefault(name, [])
+            rows = np.flatnonzero(moved[first : first + len(found.places)])
+            words = rows_of(self.positions[first + rows])
+            for row, row_words in zip(rows.tolist(), words, strict=False):
+                values = zip((b"x", b"y", b"z"), row_words.split(b" "), changed[first + row], strict=True)
+                edits += attribute_edits(data, found.places[row], {key: word for key, word, new in values if new})
+        new = {name: b"".join(edited(self._models[name].data, edits)) for name, edits in parts.items() if edits}
+        return [_repacked(self.data, new)]
+
+    def face_labels(self) -> list[Labels]:
+        """Return the names of objects."""
+        names = np.array([found.name for _, found in self._objects], str)
+        owner = np.repeat(np.arange(len(names)), [len(found.triangles) for _, found in self._objects])
+        return [Labels("object", names, np.where(names[owner] == "", -1, owner))]
+
+    def _read_content(self) -> Content:
+        number = {reference: row for row, (reference, _) in enumerate(self._objects)}
+
+        def inner(reference: Reference) -> list[Use]:
+            model = self._models.get(reference[0])
+            found = model.objects.get(reference[1]) if model else None
+            return found.components if found else []
+
+        def nbytes(reference: Reference) -> int:
+            row = number.get(reference)
+            return 0 if row is None else self._nbytes(row)
+
+        build = self._models[self._root].build if self._root in self._models else []
+        places = [use for use in placements(build, inner, nbytes, len(self.data)) if use[0] in number]
+        places = places or [(reference, np.eye(4)) for reference in number]  # a library, or nothing is built
+        shown = [self._shape(number[reference]).placed(matrix) for reference, matrix in places]
+        left_out = ["materials and colours"] if any(model.has_materials for model in self._models.values()) else []
+        left_out += ["the unit"] if any(model.unit != "millimeter" for model in self._models.values()) else []
+        if set(number) - {reference for reference, _ in places}:
+            left_out.append("objects that the build does not contain")
+        return Content(*joined(shown), left_out=tuple(left_out))
+
+    def _nbytes(self, row: int) -> int:
+        found = self._objects[row][1]
+        return 24 * (len(found.places) + len(found.triangles))
+
+    def _shape(self, row: int) -> Shown:
+        first, found = self._first[row], self._objects[row][1]
+        positions = self.positions[first : first + len(found.places)]
+        return Shown(positions, Polygons.from_rows(found.triangles), {}, {})
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
+        """Write the triangles of content as one object."""
+        triangles, _ = triangulate(content.positions, content.polygons)
+        lost = [f"vertex property '{name}'" for name in content.vertex_values]
+        lost += [f"face property '{name}'" for name in content.face_values]
+        if (content.polygons.counts != 3).any():
+            lost.append("polygons (cut into triangles)")
+        vertices = [b'<vertex x="%b" y="%b" z="%b"/>' % tuple(row.split(b" ")) for row in rows_of(content.positions)]
+        faces = [b'<triangle v1="%d" v2="%d" v3="%d"/>' % tuple(row) for row in triangles.tolist()]
+        model = MADE % (CORE.encode(), b"\n".join(vertices), b"\n".join(faces))
+        made = BytesIO()
+        with ZipFile(made, "w") as archive:
+            for name, data in (("[Content_Types].xml", TYPES), ("_rels/.rels", RELATIONS), ("3D/3dmodel.model", model)):
+                entry = ZipInfo(name)  # of 1980, so that the bytes depend on the mesh alone
+                entry.compress_type = 8
+                archive.writestr(entry, data)
+        return [made.getvalue()], lost
+
+
+def _digits(word: str) -> int:
+    """Return the number of significant digits of a number."""
+    return len(re.sub(r"\D", "", re.split("[eE]", word)[0]).strip("0"))
+
+
+def _root_of(relations: bytes, names: list[str]) -> str:
+    """Return the name of the model that is printed."""
+    found: list[str] = []
+
+    def start(_: str, attributes: dict[str, str], at: int) -> None:
+        if attributes.get("Type") == MODEL and "Target" in attributes:
+            found.append(posixpath.normpath(attributes["Target"].lstrip("/")))
+
+    if relations:
+        parse(relations, start, lambda name, at: None)
+    usual = [name for name in names if name.lower() == "3d/3dmodel.model"]
+    return next(iter([*(name for name in found if name in names), *usual, *names]), "")
+
+
+def _repacked(data: bytes, new: dict[str, bytes]) -> bytes:
+    """Return an archive with other content in some of its files."""
+    made = BytesIO()
+    with ZipFile(BytesIO(data)) as source, ZipFile(made, "w") as target:
+        target.comment = source.comment
+        for entry in source.infolist():
+            target.writestr(entry, new.get(entry.filename, source.read(entry)), compress_type=entry.compress_type)
+    return made.getvalue()
+
+
+MADE = b"""<?xml version="1.0" encoding="UTF-8"?>
+<model unit="millimeter" xml:lang="en-US" xmlns="%b">
+<resources>
+<object id="1" type="model">
+<mesh>
+<vertices>
+%b
+</vertices>
+<triangles>
+%b
+</triangles>
+</mesh>
+</object>
+</resources>
+<build>
+<item objectid="1"/>
+</build>
+</model>
+"""
+
+RELATIONS = (
+    b'<?xml version="1.0" encoding="UTF-8"?>\n'
+    b'<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+    b'<Relationship Type="%b" Target="/3D/3dmodel.model" Id="rel0"/></Relationships>\n'
+) % MODEL.encode()
+
+TYPES = b"""<?xml version="1.0" encoding="UTF-8"?>
+<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">\
+<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>\
+<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>
+"""

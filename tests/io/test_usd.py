@@ -1,0 +1,334 @@
+"""USD: each mesh of a layer is moved once; normals and extents follow, everything else stays."""
+
+import io as streams
+import re
+import zipfile
+
+import numpy as np
+import pytest
+from shapes import grid, icosphere
+from test_io import PLY_TEXT, read, written
+
+import cascadenorm as cn
+from cascadenorm import io
+from cascadenorm.cli import run
+from cascadenorm.io import files
+from cascadenorm.io.files import output_format
+
+pytest.importorskip("pxr")
+
+SCENE = """#usda 1.0
+(
+    defaultPrim = "root"
+    metersPerUnit = 0.01
+    upAxis = "Z"
+)
+
+def Xform "root" (
+    kind = "component"
+)
+{
+    double3 xformOp:translate = (10, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+
+    def Mesh "roof"
+    {
+        float3[] extent = [(0, 0, 0), (2, 1, 1)]
+        int[] faceVertexCounts = [4, 4]
+        int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
+        normal3f[] normals = [(0, -0.7071, 0.7071), (0, 0.7071, 0.7071)] (
+            interpolation = "uniform"
+        )
+        point3f[] points = [(0, 0, 0), (1, 0, 1), (2, 0, 0), (0, 1, 0), (1, 1, 1), (2, 1, 0)]
+        texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 0), (1, 0), (1, 1), (0, 1)] (
+            interpolation = "faceVarying"
+        )
+        rel material:binding = </root/paint>
+    }
+
+    def "again" (
+        instanceable = true
+        references = </root/roof>
+    )
+    {
+        double3 xformOp:translate = (0, 5, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+
+    def Material "paint"
+    {
+        asset inputs:file = @paint.png@
+    }
+}
+"""
+
+TURN = np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)])  # z becomes -y
+
+
+def stored(data: bytes, format: str) -> bytes:
+    """Return a layer in text in another format."""
+    made = streams.BytesIO()
+    io.write(read(data, "usda"), made, format=format)
+    return made.getvalue()
+
+
+def archive(files: dict[str, bytes]) -> bytes:
+    made = streams.BytesIO()
+    with zipfile.ZipFile(made, "w") as entries:
+        for name, data in files.items():
+            entries.writestr(name, data)
+    return made.getvalue()
+
+
+def layer(data: bytes, tmp_path):
+    """Return a layer as OpenUSD reads it; what it holds expires with it."""
+    from pxr import Sdf
+
+    path = tmp_path / "layer.usd"
+    path.write_bytes(data)
+    return Sdf.Layer.OpenAsAnonymous(str(path))
+
+
+def values(data: bytes, prim: str, tmp_path) -> dict[str, np.ndarray]:
+    """Return the arrays among the attributes of a prim."""
+    found = layer(data, tmp_path)
+    attributes = found.GetPrimAtPath(prim).attributes
+    return {spec.name: np.array(spec.default) for spec in attributes if spec.typeName.isArray}
+
+
+@pytest.mark.parametrize("format", ["usda", "usdc", "usd"])
+def test_points_normals_and_extent_are_replaced_and_the_rest_stays(format, tmp_path):
+    data = stored(SCENE.encode(), format)
+    file = read(data, format)
+    assert written(file) == data
+    assert file.positions.dtype == np.float32 and len(file.mesh.faces) == 4  # once, though it is shown twice
+    moved = b"".join(file.with_vertices(file.mesh.vertices @ TURN.T).pieces())
+    assert moved.startswith(b"#usda" if format == "usda" else b"PXR-USDC")
+    before, after = layer(data, tmp_path).ExportToString(), layer(moved, tmp_path).ExportToString()
+    changed = [new.strip() for old, new in zip(before.splitlines(), after.splitlines(), strict=True) if old != new]
+    assert [line.partition(" = ")[0] for line in changed] == [
+        "float3[] extent",
+        "normal3f[] normals",
+        "point3f[] points",
+    ]
+    roof = values(moved, "/root/roof", tmp_path)
+    assert np.array_equal(roof["points"], file.positions @ TURN.T)
+    assert np.array_equal(roof["extent"], [(0, 0, -1), (2, 1, 0)])
+    half = np.sqrt(0.5)
+    expected = np.array([(-half, 0, half), (half, 0, half)]) @ TURN.T
+    np.testing.assert_allclose(roof["normals"], expected, atol=1e-6)
+
+
+def test_normals_of_corners_follow_by_their_indices(tmp_path):
+    """Those of a left-handed mesh are on the other side; a mesh that stays keeps its own bit for bit."""
+    ball = icosphere(1)
+    count, corners = len(ball.vertices), ball.faces.ravel()
+    text = "#usda 1.0\n"
+    for name, hand, faces in (("a", "rightHanded", ball.faces), ("b", "leftHanded", ball.faces[:, ::-1])):
+        text += f"""def Mesh "{name}" {{
+            uniform token orientation = "{hand}"
+            point3f[] points = {[tuple(row) for row in ball.vertices.tolist()]}
+            int[] faceVertexCounts = {[3] * len(faces)}
+            int[] faceVertexIndices = {faces.ravel().tolist()}
+            normal3f[] primvars:normals = {[tuple(row) for row in ball.vertices.tolist()]} (
+                interpolation = "faceVarying"
+            )
+            int[] primvars:normals:indices = {faces.ravel().tolist()}
+        }}
+        """
+    file = read(text.encode(), "usda")
+    assert len(file.mesh.vertices) == 2 * count
+    np.testing.assert_allclose(file.mesh.face_normals[: len(ball.faces)], ball.face_normals, atol=1e-6)
+    np.testing.assert_allclose(file.mesh.face_normals[len(ball.faces) :], ball.face_normals, atol=1e-6)
+    stretched = np.concatenate([ball.vertices, ball.vertices * (1, 2, 3)])
+    moved = b"".join(file.with_vertices(stretched).pieces())
+    a, b = (values(moved, f"/{name}", tmp_path)["primvars:normals"] for name in "ab")
+    assert np.array_equal(a, ball.vertices.astype(np.float32))
+    areas = ball.moved(ball.vertices * (1, 2, 3))
+    summed = np.zeros((count, 3))
+    np.add.at(summed, corners, np.repeat(areas.face_normals * areas.areas[:, None], 3, axis=0))
+    expected = summed / np.linalg.norm(summed, axis=1, keepdims=True)
+    np.testing.assert_allclose(b, expected, atol=1e-5)
+
+
+def test_layers_and_textures_of_an_archive_stay(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    root = b"#usda 1.0\n(\n    subLayers = [@parts/roof.usda@]\n)\n"
+    (tmp_path / "in.usdz").write_bytes(
+        archive({"root.usda": root, "parts/roof.usda": SCENE.encode(), "paint.png": b"p"})
+    )
+    assert run(["denoise", "in.usdz", "-o", "out.usdz", "--method", "laplacian", "--boundary", "free"]) == 0
+    source, found = zipfile.ZipFile("in.usdz"), zipfile.ZipFile("out.usdz")
+    assert found.namelist() == source.namelist()
+    for name in ("root.usda", "paint.png"):
+        assert found.read(name) == source.read(name)
+    assert all(entry.compress_type == 0 for entry in found.infolist())
+    expected = cn.denoise(cn.read("in.usdz").mesh, method="laplacian").vertices
+    points = values(found.read("parts/roof.usda"), "/root/roof", tmp_path)["points"]
+    np.testing.assert_allclose(points, expected, atol=1e-6)
+    assert cn.read("out.usdz").content().positions.shape == (12, 3)  # composed through the root
+
+
+def test_other_formats_get_the_scene_as_it_is_shown(tmp_path):
+    file = read(SCENE.encode(), "usda")
+    content = file.content()
+    np.testing.assert_allclose(content.positions[:6], file.positions + np.array((10, 0, 0)))
+    np.testing.assert_allclose(content.positions[6:], file.positions + np.array((10, 5, 0)))
+    assert content.left_out == ("materials", "the up axis", "the unit")
+    assert set(content.vertex_values) == set()  # vertex 1 has two texture coordinates
+    one_each = SCENE.replace("(0, 0), (1, 0), (1, 1), (0, 1)]", "(1, 0), (2, 0), (2, 1), (1, 1)]")
+    found = read(one_each.encode(), "usda").content().vertex_values
+    assert found["s"].tolist() == [0, 1, 2, 0, 1, 2] * 2 and found["t"].tolist() == [0, 0, 0, 1, 1, 1] * 2
+
+
+@pytest.mark.parametrize("format", ["usd", "usda", "usdc", "usdz"])
+def test_conversion_keeps_values(format, tmp_path):
+    file = read(PLY_TEXT)
+    io.write(file, tmp_path / f"a.{format}")
+    before, after = file.content(), cn.read(tmp_path / f"a.{format}").content()
+    assert np.array_equal(after.positions, before.positions.astype(np.float32))
+    assert np.array_equal(after.polygons.corners, before.polygons.corners)
+    for found, expected in ((after.vertex_values, before.vertex_values), (after.face_values, before.face_values)):
+        assert found.keys() == {name for name in expected if name != "alpha"}
+        for name in found:
+            assert np.array_equal(found[name], expected[name])
+
+
+def test_names_of_meshes_are_labels(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.usda").write_text(SCENE)
+    assert run(["denoise", "a.usda", "-o", "b.usda", "--only", "mesh=roof", "--method", "laplacian"]) == 0
+    assert run(["denoise", "a.usda", "-o", "c.usda", "--only", "mesh=wall", "--method", "laplacian"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("int[] faceVertexCounts = [4, 4]", "int[] faceVertexCounts = [4, 5]"), "faces of /root/roof do not fit"),
+        (("point3f[] points", "point3d[] points"), "not of type point3f"),
+        (("point3f[] points = [", "point3f[] points.timeSamples = { 1: [(0, 0, 0)], 2: ["), "OpenUSD cannot read"),
+        (("def Mesh", "def Cube"), "there is no mesh in this usda file"),
+        (("int[] faceVertexCounts = [4, 4]", ""), "has points without faces"),
+        (("(0, 0, 0), (1, 0, 1)", "(0, 0, x)"), "OpenUSD cannot read this file: .*(0,|element)"),
+        (("#usda 1.0", "#usdb 1.0"), "the file is not USD"),
+        (("4, 3, 1", "4, 9, 1"), "1 face uses vertices that do not exist"),
+    ],
+)
+def test_damaged_layers_are_refused(change, words, capfd):
+    assert change[0] in SCENE
+    with pytest.raises(cn.MeshError, match=words):
+        _ = read(SCENE.replace(*change).encode(), "usda").mesh
+    assert capfd.readouterr() == ("", "")
+
+
+def test_damaged_bytes_are_refused(capfd):
+    """A message of OpenUSD may show bytes that are no text; sections of a binary layer may run past its end."""
+    with pytest.raises(io.ReadError, match="OpenUSD cannot read this file: it is damaged"):
+        read(SCENE.encode().replace(b"(1, 0, 1)", b"(1, 0, \xa2)"), "usda")
+    data = stored(SCENE.encode(), "usdc")
+    table = int.from_bytes(data[16:24], "little")
+    for at in (16, table, table + 8 + 16, table + 8 + 24):
+        damaged = data[:at] + (5 << 40).to_bytes(8, "little") + data[at + 8 :]
+        with pytest.raises(io.ReadError, match="a section of it runs past its end"):
+            read(damaged, "usdc")
+    for end in (9, 30, len(data) // 2, len(data) - 1):
+        with pytest.raises(io.ReadError, match="a section of it runs past its end"):
+            read(data[:end], "usdc")
+    assert capfd.readouterr().out == ""
+
+
+def test_animated_points_are_refused():
+    points = re.search(r"point3f\[\] points = (\[.*\])", SCENE)
+    frames = f"point3f[] points.timeSamples = {{ 1: {points[1]}, 2: {points[1]} }}"
+    with pytest.raises(io.ReadError, match=r"/root/roof\.points is animated: export a single frame"):
+        read(SCENE.replace(points[0], frames).encode(), "usda")
+    one = read(SCENE.replace(points[0], f"point3f[] points.timeSamples = {{ 7: {points[1]} }}").encode(), "usda")
+    again = read(b"".join(one.with_vertices(one.mesh.vertices + 1).pieces()), "usda")
+    assert np.array_equal(again.positions, one.positions + 1)
+
+
+@pytest.mark.parametrize("path", ["../secret.usda", "/etc/secret.usda"])
+def test_nothing_outside_the_file_is_read(path, tmp_path, monkeypatch):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    secret = tmp_path / "secret.usda"
+    secret.write_text(SCENE)
+    path = str(secret) if path.startswith("/") else path
+    text = SCENE.replace("references = </root/roof>", f"references = @{path}@")
+    (folder / "a.usda").write_text(text)
+    file = cn.read(folder / "a.usda")
+    assert len(file.content().positions) == 6
+    assert f"the file {path!r} that it references" in file.content().left_out
+    only = f'#usda 1.0\ndef "a" (references = @{path}@) {{}}\n'
+    with pytest.raises(io.ReadError, match=f"there is no mesh in this usda file; it references {re.escape(path)}"):
+        read(only.encode(), "usda")
+    for name in ("../evil.usda", "/evil.usda"):
+        with pytest.raises(io.ReadError, match="outside the archive"):
+            read(archive({"a.usda": SCENE.encode(), name: b""}), "usdz")
+
+
+def test_scenes_that_copy_themselves_are_refused(monkeypatch):
+    """Each of 30 objects references the one before twice: a thousand million meshes."""
+    text = SCENE
+    for level in range(30):
+        before = f"/level{level - 1}" if level else "/root/roof"
+        parts = "".join(f'def "{half}" (references = <{before}>) {{}}\n' for half in "ab")
+        text += f'def "level{level}" {{\n{parts}}}\n'
+    file = read(text.encode(), "usda")
+    assert len(file.mesh.faces) == 4
+    with pytest.raises(io.ReadError, match="the objects of this scene need"):
+        file.content()
+
+
+def test_meshes_of_all_variants_are_moved_and_the_selected_one_is_shown():
+    mesh = """{{
+            def Mesh "m"
+            {{
+                int[] faceVertexCounts = [3]
+                int[] faceVertexIndices = [0, 1, 2]
+                point3f[] points = [(0, 0, 0), ({}, 0, 0), (0, 1, 0)]
+            }}
+        }}"""
+    text = f"""#usda 1.0
+def Xform "a" (
+    variants = {{ string size = "large" }}
+    prepend variantSets = "size"
+)
+{{
+    variantSet "size" = {{
+        "small" {mesh.format(1)}
+        "large" {mesh.format(2)}
+    }}
+}}
+"""
+    file = read(text.encode(), "usda")
+    assert file.positions[[1, 4], 0].tolist() == [1, 2]
+    moved = read(b"".join(file.with_vertices(file.mesh.vertices * 3).pieces()), "usda")
+    assert sorted(moved.positions[[1, 4], 0].tolist()) == [3, 6]  # OpenUSD sorts variants by their names
+    assert moved.content().positions[:, 0].tolist() == [0, 6, 0]
+
+
+def test_the_extra_is_named(monkeypatch):
+    monkeypatch.setattr(files, "is_openusd_installed", lambda: False)
+    for format in ("usd", "usda", "usdc", "usdz"):
+        words = re.escape(f"'{format}' files needs usd-core, which is not installed: pip install \"cascadenorm[usd]\"")
+        with pytest.raises(cn.MissingDependencyError, match=words):
+            read(b"anything", format)
+        with pytest.raises(cn.MissingDependencyError, match=words):
+            output_format(f"a.{format}")
+
+
+def test_a_stream_is_recognised_by_its_first_bytes():
+    assert read(SCENE.encode()).format == "usda" and read(stored(SCENE.encode(), "usdc")).format == "usdc"
+
+
+def test_large_grids_are_read_and_written(tmp_path):
+    sheet = grid(30, 40)
+    io.write(io.from_arrays(sheet.vertices, sheet.faces), tmp_path / "a.usdz")
+    assert np.array_equal(cn.read(tmp_path / "a.usdz").mesh.faces, sheet.faces)
+    with zipfile.ZipFile(tmp_path / "a.usdz") as entries:
+        (entry,) = entries.infolist()
+    with (tmp_path / "a.usdz").open("rb") as file:
+        file.seek(entry.header_offset + 26)
+        name, extra = np.frombuffer(file.read(4), "<u2")
+        assert (entry.header_offset + 30 + int(name) + int(extra)) % 64 == 0  # as USDZ demands

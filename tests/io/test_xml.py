@@ -1,0 +1,295 @@
+"""3MF and COLLADA: each mesh is moved once, however often and deeply it is nested, and everything else stays."""
+
+import io as streams
+import re
+import zipfile
+
+import numpy as np
+import pytest
+from shapes import icosphere
+from test_io import PLY_TEXT, read, written
+
+import cascadenorm as cn
+from cascadenorm import io
+from cascadenorm.cli import run
+from cascadenorm.io.content import Content
+from cascadenorm.io.xml.collada import ColladaFile
+from cascadenorm.io.xml.threemf import ThreemfFile
+from cascadenorm.mesh.polygons import Polygons
+
+TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+FACES = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
+
+
+def mesh_3mf(id: int, *, extra: str = "") -> str:
+    """Return an object that is a tetrahedron."""
+    vertices = "".join(f'<vertex  z=\'{z}\' x = "{x}" y="{y}" {extra}/>\n' for x, y, z in TETRAHEDRON)
+    faces = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}" pid="9"/>' for a, b, c in FACES)
+    return (
+        f'<object id="{id}" name="part {id}" type="model"><mesh><!-- <vertex x="5"/> --><vertices>{vertices}</vertices>'
+        f"<triangles>{faces}</triangles></mesh></object>"
+    )
+
+
+def nested_3mf(files: dict[str, str | bytes] | None = None) -> bytes:
+    """Return an archive in which a part is nested twice in a pair, and the pair twice in the build."""
+    pair = (
+        '<object id="3" type="model"><components><component objectid="1"/>'
+        '<component objectid="1" transform="1 0 0 0 1 0 0 0 1 2 0 0"/></components></object>'
+    )
+    group = '<object id="4" type="model"><components><component objectid="3"/></components></object>'
+    items = '<item objectid="4"/><item objectid="3" transform="-1 0 0 0 1 0 0 0 1 0 5 0"/>'
+    model = (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<model unit="inch" xmlns="{CORE}" xmlns:p="{PRODUCTION}">'
+        f'<metadata name="Title">é</metadata><resources>{mesh_3mf(1)}{pair}{group}</resources>'
+        f"<build>{items}</build></model>"
+    )
+    made = streams.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in {"3D/3dmodel.model": model, "Metadata/plate.png": "picture", **(files or {})}.items():
+            archive.writestr(name, text)
+    return made.getvalue()
+
+
+def entries(data: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(streams.BytesIO(data)) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def shown(file) -> np.ndarray:
+    """Return the least corner of each tetrahedron that a scene shows."""
+    return file.content().positions.reshape(-1, 4, 3).min(axis=1)
+
+
+def test_nested_components_of_3mf_are_moved_once_and_nothing_else_changes():
+    data = nested_3mf()
+    file = read(data, "3mf")
+    assert written(file) == data
+    assert len(file.mesh.faces) == 4  # shown four times
+    assert shown(file).tolist() == [[0, 0, 0], [2, 0, 0], [-1, 5, 0], [-3, 5, 0]]
+    assert file.content().left_out == ("the unit",)
+    moved = b"".join(file.with_vertices(file.mesh.vertices * (1, 1, 2.5)).pieces())
+    before, after = entries(data), entries(moved)
+    assert before.keys() == after.keys() and after["Metadata/plate.png"] == before["Metadata/plate.png"]
+    assert after["3D/3dmodel.model"] == before["3D/3dmodel.model"].replace(b"z='1'", b"z='2.5'")
+    again = read(moved, "3mf")
+    assert shown(again).tolist() == shown(file).tolist()
+    assert again.content().positions[:, 2].max() == 2.5
+
+
+def test_faces_of_mirrored_components_are_reversed():
+    content = read(nested_3mf(), "3mf").content()
+    corners = content.positions[content.polygons.corners.reshape(-1, 3)]
+    volumes = np.linalg.det(corners).reshape(4, 4).sum(axis=1) / 6
+    np.testing.assert_allclose(volumes, 1 / 6)
+
+
+def test_objects_of_other_models_in_the_archive_are_moved_as_well():
+    """Slicers put each object into a model of its own, and count its ids anew."""
+    other = f'<model unit="inch" xmlns="{CORE}"><resources>{mesh_3mf(1)}{mesh_3mf(2)}</resources><build/></model>'
+    data = nested_3mf({"3D/Objects/other.model": other})
+    use = '<component objectid="1"/>'
+    root = entries(data)["3D/3dmodel.model"].decode()
+    root = root.replace(use, '<component objectid="2" p:path="/3D/Objects/other.model"/>')
+    data = nested_3mf({"3D/3dmodel.model": root, "3D/Objects/other.model": other})
+    file = read(data, "3mf")
+    assert len(file.mesh.faces) == 12 and len(shown(file)) == 4
+    labels = file.face_labels()[0]
+    assert labels.values.tolist() == ["part 1", "part 1", "part 2"]
+    moved = entries(b"".join(file.with_vertices(file.mesh.vertices + np.array((0, 0, 3))).pieces()))
+    for name in ("3D/3dmodel.model", "3D/Objects/other.model"):
+        assert b"z='4'" in moved[name] or b"z='4.0'" in moved[name]
+
+
+def test_3mf_is_read_by_trimesh_as_it_is_here(tmp_path):
+    pytest.importorskip("lxml")
+    pytest.importorskip("networkx")
+    import trimesh
+
+    ball = icosphere(2)
+    io.write(io.from_arrays(ball.vertices, ball.faces), tmp_path / "a.3mf")
+    assert run(["denoise", str(tmp_path / "a.3mf"), "-o", str(tmp_path / "b.3mf"), "--method", "laplacian"]) == 0
+    found = trimesh.load_mesh(tmp_path / "b.3mf", process=False)
+    expected = cn.denoise(cn.read(tmp_path / "a.3mf").mesh, method="laplacian")
+    assert np.array_equal(found.faces, expected.faces)
+    np.testing.assert_allclose(found.vertices, expected.vertices, rtol=1e-15)
+    assert np.array_equal(cn.read(tmp_path / "b.3mf").positions, found.vertices)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ((b'objectid="3"/>', b'objectid="4"/>'), "contains itself"),
+        ((b"1 0 0 0 1 0 0 0 1 2 0 0", b"1 0 0"), "has not 12 numbers"),
+        ((b'y="1"', b'w="1"'), "lacks the attribute 'y'"),
+        ((b'y="1"', b'y="one"'), "XML of this file is damaged: .*one"),
+        ((b'v1="0"', b'v1="99999999999999999999"'), "too large"),
+        ((b'v1="0"', b'v1="4"'), "3 faces use vertices that do not exist"),
+        ((b"</model>", b""), "XML of this file is damaged"),
+        ((b"<model", b"<!DOCTYPE a [<!ENTITY b 'c'>]><model"), "declares a document type"),
+        ((b"<mesh>", b"<other>"), "XML of this file is damaged"),
+    ],
+)
+def test_damaged_3mf_is_refused(change, words):
+    model = entries(nested_3mf())["3D/3dmodel.model"]
+    assert change[0] in model
+    with pytest.raises(cn.MeshError, match=words):
+        file = read(nested_3mf({"3D/3dmodel.model": model.replace(*change).decode()}), "3mf")
+        _ = file.mesh, file.content()
+
+
+def test_components_that_multiply_are_refused():
+    """Each of 40 objects contains the one before twice."""
+    doubled = "".join(
+        f'<object id="{n}"><components>{2 * f"""<component objectid="{n - 1}"/>"""}</components></object>'
+        for n in range(2, 42)
+    )
+    build = '<build><item objectid="41"/></build>'
+    model = f'<model xmlns="{CORE}"><resources>{mesh_3mf(1)}{doubled}</resources>{build}</model>'
+    file = read(nested_3mf({"3D/3dmodel.model": model}), "3mf")
+    assert len(file.mesh.faces) == 4
+    with pytest.raises(io.ReadError, match="the meshes that the scene of this file shows need"):
+        file.content()
+
+
+COLLADA = """<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset><unit meter="0.01"/><up_axis>Z_UP</up_axis></asset>
+  <library_images><image id="i"><init_from>./paint.png</init_from></image></library_images>
+  <library_geometries><geometry id="g" name="roof"><mesh>
+    <source id="p"><float_array id="pa" count="18">
+      0 0 0  1 0 1  2 0 0
+      0 1 0  1 1 1  2 1 0 </float_array><technique_common><accessor source="#pa" count="6" stride="3">
+      <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor>
+      </technique_common></source>
+    <source id="n"><float_array id="na" count="6">-0.7071 0 0.7071 0.7071 0 0.7071</float_array><technique_common>
+      <accessor source="#na" count="2" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+      <param name="Z" type="float"/></accessor></technique_common></source>
+    <source id="t"><float_array id="ta" count="12">0 0 1 0 2 0 0 1 1 1 2 1</float_array><technique_common>
+      <accessor source="#ta" count="6" stride="2"><param name="S" type="float"/><param name="T" type="float"/>
+      </accessor></technique_common></source>
+    <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+    <polylist count="1" material="red"><input semantic="VERTEX" source="#v" offset="0"/>
+      <input semantic="NORMAL" source="#n" offset="1"/><input semantic="TEXCOORD" source="#t" offset="2" set="0"/>
+      <vcount>4</vcount><p>0 0 0 1 0 1 4 0 4 3 0 3</p></polylist>
+    <triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/>
+      <input semantic="NORMAL" source="#n" offset="1"/>
+      <input semantic="TEXCOORD" source="#t" offset="0" set="0"/><p>1 1 2 1 5 1 1 1 5 1 4 1</p></triangles>
+  </mesh></geometry></library_geometries>
+  <library_nodes><node id="pair"><instance_geometry url="#g"/>
+    <node><translate>0 3 0</translate><instance_geometry url="#g"/></node></node></library_nodes>
+  <library_visual_scenes><visual_scene id="s">
+    <node><translate>10 0 0</translate><rotate>0 0 1 90</rotate><instance_node url="#pair"/></node>
+    <node><scale>-1 1 1</scale><instance_node url="#pair"/></node>
+    <node><matrix>1 0 0 0  0 1 0 0  0 0 1 7  0 0 0 1</matrix><instance_geometry url="#g"/></node>
+  </visual_scene></library_visual_scenes>
+  <scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>
+"""
+
+
+def test_instanced_nodes_of_collada_are_moved_once_and_nothing_else_changes():
+    data = COLLADA.encode()
+    file = read(data, "dae")
+    assert written(file) == data
+    assert file.positions.dtype == np.float32 and len(file.mesh.faces) == 4 and len(file.polygons) == 3
+    moved = b"".join(file.with_vertices(file.mesh.vertices * np.float32((1, 1, 0.5))).pieces()).decode()
+    half = 1 / np.sqrt(1 + 0.25)
+    a, b = (str(np.float32(half * x)) for x in (0.5, 1))
+    expected = COLLADA.replace("1 0 1  2", "1 0 0.5  2").replace("1 1 1  2", "1 1 0.5  2")
+    found = re.sub(r"(?<=count=\"6\">)-[^<]+(?=<)", "-0.7071 0 0.7071 0.7071 0 0.7071", moved)
+    assert found == expected
+    normals = [float(word) for word in re.search(r"count=\"6\">(-\S+ \S+ \S+ \S+ \S+ [^<]+)<", moved)[1].split()]
+    np.testing.assert_allclose(normals, [-float(a), 0, float(b), float(a), 0, float(b)], atol=1e-6)
+
+
+def test_collada_is_shown_where_its_nodes_put_it():
+    content = read(COLLADA.encode(), "dae").content()
+    assert content.positions.shape == (30, 3)
+    assert content.left_out == ("textures", "normals", "the unit", "the up axis")
+    roof = np.array([(0, 0, 0), (1, 0, 1), (2, 0, 0), (0, 1, 0), (1, 1, 1), (2, 1, 0)], float)
+    turned = np.stack([10 - roof[:, 1], roof[:, 0], roof[:, 2]], axis=1)
+    places = [turned, turned - (3, 0, 0), roof * (-1, 1, 1), roof * (-1, 1, 1) + (0, 3, 0), roof + np.array((0, 0, 7))]
+    np.testing.assert_allclose(content.positions.reshape(5, 6, 3), places, atol=1e-6)
+    assert content.polygons.counts.tolist() == [4, 3, 3] * 5
+    assert content.vertex_values["s"].tolist() == [0, 1, 2, 0, 1, 2] * 5
+    assert content.vertex_values["t"].tolist() == [0, 0, 0, 1, 1, 1] * 5
+    triangles = content.positions[content.polygons.corners[content.polygons.owners % 3 == 1]].reshape(-1, 3, 3)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    assert (normals[:, 2] > 0).all()  # those of mirrored nodes are reversed
+
+
+def test_names_and_images_of_collada_are_known(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.dae").write_text(COLLADA)
+    (tmp_path / "paint.png").write_bytes(b"picture")
+    options = ["--method", "laplacian", "--only", "material=red"]
+    (tmp_path / "out").mkdir()
+    assert run(["denoise", "a.dae", "-o", "out/a.dae", *options]) == 0
+    assert (tmp_path / "out" / "paint.png").read_bytes() == b"picture"
+    assert run(["denoise", "a.dae", "-o", "out/b.dae", "--method", "laplacian", "--only", "mesh=wall"]) == 2
+
+
+@pytest.mark.parametrize(("kind", "source"), [("tristrips", "0 1 3 4"), ("trifans", "0 1 4 3")])
+def test_strips_and_fans_are_triangles(kind, source):
+    vertices = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    faces = f'<{kind} count="1">{vertices}<p>{source}</p><p>1 2 4</p></{kind}>'
+    text = re.sub(r"(?s)<polylist.*</triangles>", faces, COLLADA)
+    mesh = read(text.encode(), "dae").mesh
+    expected = [[0, 1, 3], [1, 4, 3], [1, 2, 4]] if kind == "tristrips" else [[0, 1, 4], [0, 4, 3], [1, 2, 4]]
+    assert sorted(np.roll(face, -int(np.argmin(face))).tolist() for face in mesh.faces) == sorted(expected)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            ('url="#pair"/></node>\n    <node><scale>', 'url="#pair"/></node>\n    <node><skew>1</skew><scale>'),
+            "'skew'",
+        ),
+        (("0 0 1 90", "0 0 1"), "has not 4 numbers"),
+        (("<vcount>4", "<vcount>3"), "do not fit together"),
+        (("<p>0 0 0", "<p>0 0 <!-- -->0"), "holds more than numbers"),
+        (('count="6" stride="3"', 'count="7" stride="3"'), "announces more numbers than it holds"),
+        (('count="6" stride="3"', 'count="999999999" stride="0"'), "announces more numbers than it holds"),
+        (("<p>1 1", "<p>9 1"), "1 face uses vertices that do not exist"),
+        (
+            ("0 3 0</translate><instance_geometry", '0 3 0</translate><instance_node url="#pair"/><instance_geometry'),
+            "itself",
+        ),
+        (("1 0 1  2", "1 0 x  2"), "'x' is not a number"),
+        (('offset="1"', 'offset="-1"'), "'-1' in this COLLADA file is not a whole number"),
+        (("</COLLADA>", ""), "the XML of this file is damaged"),
+    ],
+)
+def test_damaged_collada_is_refused(change, words):
+    assert change[0] in COLLADA
+    with pytest.raises(cn.MeshError, match=words):
+        file = read(COLLADA.replace(*change).encode(), "dae")
+        _ = file.mesh, file.content()
+
+
+def test_conversion_to_collada_keeps_colours_and_polygons(tmp_path):
+    file = read(PLY_TEXT)
+    io.write(file, tmp_path / "a.dae")
+    before, after = file.content(), cn.read(tmp_path / "a.dae").content()
+    assert np.array_equal(after.polygons.corners, before.polygons.corners)
+    assert np.array_equal(after.positions, before.positions)
+    assert all(
+        np.array_equal(after.vertex_values[name], before.vertex_values[name]) for name in ("red", "green", "blue")
+    )
+
+
+@pytest.mark.parametrize("kind", [ColladaFile, ThreemfFile])
+@pytest.mark.parametrize("number", [np.float32, np.float64])
+def test_any_vertices_are_stored(kind, number):
+    rng = np.random.default_rng(0)
+    values = (rng.normal(size=(4, 3)) * 10.0 ** rng.integers(-20, 20, (4, 3))).astype(number)
+    content = Content(np.array(TETRAHEDRON, number), Polygons.from_rows(np.array(FACES)))
+    file = kind(b"".join(kind.encode(content)[0]))
+    file = kind(b"".join(file.with_vertices(values.astype(file.positions.dtype)).pieces()))
+    assert np.array_equal(file.positions, values.astype(np.float32))
+    wide = kind(b"".join(kind.encode(Content(values, content.polygons))[0]))
+    assert np.array_equal(wide.positions, values)
