@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.gltf.accessors import COMPONENT_TYPES, FLOAT, Accessors
-from cascadenorm.io.gltf.document import TYPES
+from cascadenorm.io.gltf.accessors import COMPONENT_COUNTS, COMPONENT_TYPES, FLOAT, Accessors
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.mesh import box_of, connected_components
 
@@ -235,7 +234,7 @@ class Patching:
             "bufferView": len(self._lists["bufferViews"]),
             "componentType": component,
             "count": len(values),
-            "type": TYPES[values.shape[1]],
+            "type": next(name for name, count in COMPONENT_COUNTS.items() if count == values.shape[1]),
         }
         if normalized:
             accessor["normalized"] = True
