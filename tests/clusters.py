@@ -17,7 +17,7 @@ PATIENCE = 24 * 3600.0
 COMMAND = [
     sys.executable,
     "-c",
-    f"from cascadenorm.batch import cluster_processes as of\nof.ANSWER = of.PATIENCE = {PATIENCE}\n{START}",
+    f"from cascadenorm.batch import cluster_processes as of\nof.ANSWER = of.WORKER_TIMEOUT_S = {PATIENCE}\n{START}",
     "batch",
 ]
 CLUSTER = """
@@ -57,7 +57,7 @@ def patient() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for module in (cluster_map, cluster_processes):
             patch.setattr(module, "ANSWER", PATIENCE)
-            patch.setattr(module, "PATIENCE", PATIENCE)
+            patch.setattr(module, "WORKER_TIMEOUT_S", PATIENCE)
         yield
 
 

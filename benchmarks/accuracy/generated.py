@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import results, running
-from cascadenorm.data_gen.families import FAMILIES, Family
+from cascadenorm.data_gen.families import SHAPE_FAMILIES, ShapeFamily
 from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.points import reconstruction
 from cascadenorm.data_gen.scanning.volumes import tomogram
-from cascadenorm.data_gen.shapes.fields import Field
+from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.execution.process_map import side_by_side
 from cascadenorm.mesh import Mesh, angles_between, thread_count
 
@@ -35,22 +35,22 @@ SEEDS = {"levels": 992, "extractors": 991}
 FACES = 10_000
 
 Mask = NDArray[np.bool_]
-Maker = Callable[[Family, float, np.random.Generator], Measured]
+Maker = Callable[[ShapeFamily, float, np.random.Generator], Measured]
 
 
-def grainy(family: Family, share: float, rng: np.random.Generator) -> Measured:
+def grainy(family: ShapeFamily, share: float, rng: np.random.Generator) -> Measured:
     """Mesh a grey volume whose grain deviates by a share of the contrast."""
     field = family.shape(0.05, rng)
     return tomogram(field, extent_of(field, rng=rng), faces=FACES, level=5 * share, rng=rng)
 
 
-def reconstructed(family: Family, gaps: float, rng: np.random.Generator) -> Measured:
+def reconstructed(family: ShapeFamily, gaps: float, rng: np.random.Generator) -> Measured:
     """Reconstruct from points with errors along the normals, given in mean distances between points."""
     field = family.shape(0.05, rng)
     return reconstruction(field, extent_of(field, rng=rng), faces=FACES, level=gaps, rng=rng)
 
 
-def bumpy(family: Family, edges: float, rng: np.random.Generator) -> Measured:
+def bumpy(family: ShapeFamily, edges: float, rng: np.random.Generator) -> Measured:
     """Displace the vertices of a clean mesh by error that is correlated over several edges."""
     clean = family.make(faces=FACES, rng=rng).clean
     noisy = clean.moved(clean.vertices + displacements(clean, "correlated", level=edges, rng=rng))
@@ -148,7 +148,7 @@ def of_levels(number: int, *, methods: Sequence[str]) -> dict[str, list[float]]:
         rng = np.random.default_rng([SEEDS["levels"], number])
         while True:
             try:
-                made = make(FAMILIES[SHAPES[number % len(SHAPES)]], level, rng)
+                made = make(SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]], level, rng)
             except UnfitShapeError:
                 continue
             break
@@ -161,7 +161,7 @@ def of_extractors(number: int, *, methods: Sequence[str], voxels: int) -> dict[s
     rng = np.random.default_rng([SEEDS["extractors"], number])
     while True:
         try:
-            field = FAMILIES[SHAPES[number % len(SHAPES)]].shape(0.05, rng)
+            field = SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]].shape(0.05, rng)
             extent = extent_of(field, rng=rng)
         except UnfitShapeError:
             continue
@@ -176,7 +176,7 @@ def of_extractors(number: int, *, methods: Sequence[str], voxels: int) -> dict[s
     return found
 
 
-def placed(field: Field, made: Any, origin: NDArray[np.float64], size: float) -> Measured:
+def placed(field: DistanceField, made: Any, origin: NDArray[np.float64], size: float) -> Measured:
     """Place a mesh in voxel coordinates over its shape, oriented outward."""
     faces = made.faces.reshape(-1, 4)[:, 1:]
     noisy = Mesh(origin + size * np.asarray(made.points, np.float64), faces)

@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks import results, running
 from benchmarks.accuracy.peer_filters import FILTERS
 from benchmarks.environments import interpreter
-from cascadenorm.geometry.nearest import Surface
+from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Mesh, angles_between
 
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             continue
         if shape not in truths:
             mesh = as_mesh(Path(options.truth.format(shape=shape)))
-            truths[shape] = Truth(mesh, Surface(mesh))
+            truths[shape] = Truth(mesh, SurfaceTree(mesh))
         noisy = as_mesh(next(place.glob("noisy.*")))
 
         def errors_of(mesh: Mesh, truth: Truth = truths[shape], edge: float = noisy.mean_edge_length) -> Errors:
@@ -98,7 +98,7 @@ class Truth(NamedTuple):
     """A true mesh, and its surface for searches."""
 
     mesh: Mesh
-    surface: Surface
+    surface: SurfaceTree
 
 
 def errors(mesh: Mesh, truth: Truth, *, edge: float) -> Errors:

@@ -14,7 +14,7 @@ Treatment = Literal["vertex-noise", "measured-surface"]
 """What a component is treated as. `vertex-noise`: a shape whose vertices may carry noise. `measured-surface`: what
 volumes, scanners, cameras and point clouds leave."""
 
-THRESHOLD = 0.55
+THRESHOLD = 0.6
 """Probability of a measured surface from which a component is treated as one."""
 REPEATED = 0.5
 """Share of the 16 most frequent shapes of triangles from which a closed component may be the surface of a binary mask.

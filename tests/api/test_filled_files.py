@@ -270,7 +270,7 @@ def textured(seam: bool) -> tuple[dict, bytes]:
 
 def primitive_values(file, mesh: int, number: int, name: str) -> np.ndarray:
     """Return the values of an attribute of a primitive."""
-    primitive = file._json.document["meshes"][mesh]["primitives"][number]
+    primitive = file._document["meshes"][mesh]["primitives"][number]
     return file._accessors.values(primitive["attributes"][name])
 
 
@@ -281,7 +281,7 @@ def test_textures_of_gltf_stay_and_patches_continue_them(tmp_path, format):
     file, done = filled(tmp_path, source, f".{format}")
     assert done.left_out == () and done.closed == 1
     assert_closed(file.mesh)
-    after = file._json.document
+    after = file._document
     assert all(after[name] == document[name] for name in ("images", "textures", "materials", "nodes", "scenes"))
     assert after["accessors"][:5] == document["accessors"] and after["bufferViews"][:6] == document["bufferViews"]
     assert bytes(file._buffers.data[: len(buffer)]) == buffer
@@ -308,7 +308,7 @@ def test_a_patch_across_a_seam_of_the_texture_has_none(tmp_path, capsys):
     assert "left out: textures on 1 patch across seams of the texture coordinates" in said.err
     file = cn.read(tmp_path / "holed_filled.glb")
     assert_closed(file.mesh)
-    after = file._json.document
+    after = file._document
     assert after["materials"] == [
         *document["materials"],
         {"name": "skin", "pbrMetallicRoughness": {"metallicFactor": 0}},

@@ -10,7 +10,7 @@ from shapes import grid, icosphere, noisy
 
 from benchmarks import results, running
 from benchmarks.accuracy import clean, kinds, pairs, scans
-from cascadenorm.geometry.nearest import Surface
+from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
@@ -178,7 +178,7 @@ def test_a_folder_of_scans_is_measured(tmp_path, capsys):
 
 def test_errors_of_a_kind_are_angles_and_distances_to_the_true_surface():
     flat = grid(6, 6)
-    truth = kinds.Truth(flat, Surface(flat))
+    truth = kinds.Truth(flat, SurfaceTree(flat))
     assert kinds.errors(flat, truth, edge=1.0) == pytest.approx((0, 0))
     raised = flat.moved(flat.vertices + 0.1 * UP)
     assert kinds.errors(raised, truth, edge=0.5) == pytest.approx((0, 0.2))

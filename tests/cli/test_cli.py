@@ -111,7 +111,9 @@ def test_json_says_what_was_done(place, capsys):
 
 
 NO_CONTROLS = {
-    **dict.fromkeys(("mask", "fixed", "only", "creases", "keep_detail", "remove_detail", "max_displacement", "volume")),
+    **dict.fromkeys(
+        ("mask", "fixed", "only", "creases", "keep_detail", "remove_detail", "max_displacement", "volume", "slide")
+    ),
     "boundary": "free",
     "on_bad": "error",
 }

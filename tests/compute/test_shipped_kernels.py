@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from cascadenorm.compute import shipped_kernels
 from cascadenorm.compute.kernels import kernel
-shipped_kernels.FOLDER = Path("shipped")
+shipped_kernels.KERNELS_FOLDER = Path("shipped")
 {before}
 
 @kernel

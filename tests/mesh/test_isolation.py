@@ -230,7 +230,7 @@ def test_the_bounds_in_a_glb_stay_finite(tmp_path):
     assert cn.denoise_file(source, output, on_bad="isolate", **METHOD).isolated_vertices == 1
     file = cn.read(output)
     assert file.positions[7].tobytes() == cn.read(source).positions[7].tobytes()
-    (accessor,) = [a for a in file._json.document["accessors"] if a["type"] == "VEC3"]
+    (accessor,) = [a for a in file._document["accessors"] if a["type"] == "VEC3"]
     good = np.delete(file.positions, 7, axis=0).astype(float)
     assert (accessor["min"], accessor["max"]) == (good.min(axis=0).tolist(), good.max(axis=0).tolist())
 
