@@ -1,4 +1,4 @@
-"""Process one file of a batch: check whether it is done, else denoise it."""
+"""Check one file of a batch and denoise it if necessary."""
 
 import errno
 import hashlib
