@@ -20,7 +20,7 @@ from cascadenorm.registry import REGION, Method
 
 TREAT_AS = "treat_as"  # name of the parameter of `auto`
 WIDEST_DETAIL = 10.0
-"""Largest width of detail, in mesh diagonals; keeping wider detail removes only the mean displacement of a component."""
+"""Largest detail width, in mesh diagonals; keeping wider detail removes only the mean displacement of components."""
 
 
 def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:

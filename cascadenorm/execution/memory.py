@@ -13,7 +13,7 @@ from cascadenorm.errors import ParameterError
 PROCESS = 350_000_000
 """Bytes that a process uses before it reads anything, including kernels."""
 FACE = 1800
-"""Bytes per face that the learned methods need, which need most; measurements are in benchmarks/speed.md."""
+"""Bytes per face that the learned methods need, more than all others; measured in benchmarks/speed.md."""
 OTHERS = 500
 """Minimum number of bytes per face that other methods need, including the file."""
 FREE = 0.8
