@@ -158,8 +158,8 @@ FAMILIES: Mapping[str, Family] = {
 class Method:
     """A registered method with its source and parameters.
 
-    `converges` tells whether the method changes its own result little. `rings` returns the size of the receptive field
-    in edges; None if the method depends on the whole mesh. `family` is a key of FAMILIES.
+    `converges` is True if applying the method to its own result changes it little. `rings` returns the size of
+    the receptive field in edges; None if the method depends on the whole mesh. `family` is a key of FAMILIES.
     """
 
     name: str
@@ -176,10 +176,9 @@ class Method:
         return (inspect.getdoc(self.function) or "").split("\n", 1)[0]
 
     def section(self, title: str) -> str:
-        """Return a section of the function's docstring, such as "Formula"; the title "" selects the text before the
-        first.
+        """Return a section of the function's docstring, such as "Formula", or an empty text if there is none.
 
-        If there is no such section, the result is empty.
+        The title "" selects the text before the first section.
         """
         text = inspect.getdoc(self.function) or ""
         before, *parts = re.split(r"^(\S.*)\n-+\n", text, flags=re.MULTILINE)
@@ -254,7 +253,7 @@ def method(
     family
         Key of FAMILIES that the method is listed under.
     converges
-        Whether the method changes its own result little. If so, a strength above 1 removes detail instead.
+        Whether applying the method to its own result changes it little. A strength above 1 then removes detail instead.
     rings
         Function from all parameters and the number of groups of the vertex update to the receptive field in edges.
         None, or a result of None, means that the method depends on the whole mesh.

@@ -130,8 +130,8 @@ def denoise_file(
 
     Parameters
     ----------
-    Path or binary stream.
-        Path, or a binary stream.
+    source
+        Path or binary stream.
     output
         Path, whose extension selects the format, or binary stream. None writes `<stem>_denoised<suffix>` beside the
         source.
@@ -157,8 +157,9 @@ def denoise_file(
         Address of a Dask scheduler whose workers process the patches, or "local" for a cluster on this machine.
         `memory` then applies to each worker process.
 
-    Arrays in controls refer to the vertices and triangles of `read(source).mesh`. Indices given by names refer to the
-    vertices of the file, from 0. If the file splits a vertex at a seam, the smallest weight of its copies applies.
+    Arrays in controls refer to the vertices and triangles of `read(source).mesh`. Names and indices in
+    text refer to the vertices of the file, from 0. If the file splits a vertex at a seam, the smallest weight of its
+    copies applies.
 
     Returns
     -------

@@ -131,7 +131,7 @@ def reported_controls(controls: Controls) -> dict[str, Any]:
 
 
 EDGES = 2.0
-"""Width, in mean edge lengths, of the detail that each unit of strength above 1 removes after a converging method."""
+"""Increase in the width of removed detail, in mean edge lengths, per unit of strength above 1 (converging methods)."""
 
 MOST_STRENGTH = 10.0
 """Upper limit of strength; larger values act as this one, because each unit is a further pass."""
@@ -156,7 +156,8 @@ def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent
     """Return the detail to remove: the width of `remove_detail`, and the removals for a strength above 1.
 
     For a method that converges, each unit of strength above 1 adds one removal on the previous result. Each removal is
-    wider than the last by EDGES, and the last one may be partial, so a larger strength extends a smaller one.
+    wider than the last by EDGES mean edge lengths, and the last one may be partial. A larger strength thus extends a
+    smaller one.
     """
     given, removals = controls["remove_detail"], []
     if method.converges:

@@ -60,8 +60,7 @@ def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
     Parameters
     ----------
     controls
-        Controls as arrays. The smallest weight of the copies of a vertex applies, and the vertex is fixed if one copy
-        is.
+        Controls as arrays. The smallest weight of the copies applies, and a vertex is fixed if one of its copies is.
     welds
         (k,) index of the welded vertex for each split vertex.
     """

@@ -122,6 +122,7 @@ def denoise_files(
     manifest
         File that records the outcome of each file. Files whose digests of input, settings and result match a record
         are not processed again. None uses `manifest.jsonl` in the output folder; if that is a URL, a name is required.
+    on_failure
         Called with each failure as it happens. With `watch`, also called if the sources cannot be listed, which does
         not end the watch, and for files whose results would replace those of others.
 

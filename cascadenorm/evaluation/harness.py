@@ -57,7 +57,7 @@ class Evaluation(NamedTuple):
 
     @property
     def partial(self) -> set[str]:
-        """Names of rows without results for some pairs, whose means are not comparable with those of other rows."""
+        """Names of rows that lack results for some pairs and are therefore averaged over fewer pairs."""
         counts = Counter(result.method for result in self.results)
         return {name for name in counts if counts[name] < max(counts.values())}
 

@@ -35,7 +35,7 @@ class Records(NamedTuple):
     ) -> str:
         """Return a digest of everything a result depends on, except the program that a command runs.
 
-        For methods added by other packages, the digest includes their source.
+        For methods from outside this package, the digest includes their source.
         """
         weights = None
         if settings is not None and "model" in find(name).settings:

@@ -36,7 +36,7 @@ from cascadenorm.mesh import (
 from cascadenorm.mesh.welding import nearly_coincident
 
 MOST_FACES_DENOISED = 300_000
-"""Maximum number of faces of meshes whose kind of error is determined by running `auto`."""
+"""Maximum number of faces for which `auto` is run to determine the kind of error."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.mesh import Mesh, unit
 
 LEAST_COVERAGE = 0.01
-"""Ratio of face area to half the squared diagonal of the picture, below which far parts are cut off."""
+"""Ratio of face area to the square of half the picture's diagonal, below which the camera moves closer."""
 MARGIN = 1.06
 """Ratio of the size of a picture to the size of its content."""
 FIELD_OF_VIEW = 30.0
@@ -68,8 +68,8 @@ class Camera:
         mesh
             Mesh to show.
         direction
-            From the mesh toward the viewer. None looks at the front of an open surface, and at others in a
-            three-quarter view.
+            From the mesh toward the viewer. None selects the front of an open surface, and otherwise a three-quarter
+            view.
         perspective
             Half the diagonal of the bounding box divided by the distance of the viewer; 0 is a parallel projection.
         up

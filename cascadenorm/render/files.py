@@ -33,8 +33,9 @@ def draw(
     turntable: bool = False,
     force: bool = False,
 ) -> None:
-    """Draw meshes side by side with captions, using a camera that suits the last; meshes outside its view get their
-    own.
+    """Draw meshes side by side, each above its caption.
+
+    The camera is chosen for the last mesh. Meshes that it does not show get their own camera.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def spectrum(
     ] = "area",
     as_json: JsonOption = False,
 ) -> None:
-    """Print the lowest Laplacian eigenvalues of a mesh, its Shape DNA, and its distance to another mesh."""
+    """Print the lowest Laplacian eigenvalues of a mesh (its Shape DNA) and the distance to those of another mesh."""
     from cascadenorm.api import spectra
     from cascadenorm.cli import json_output, tables
 
@@ -167,7 +167,7 @@ def evaluate(
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise pairs of noisy.* and clean.* by several methods, and measure these and other programs' results."""
+    """Denoise pairs of noisy.* and clean.* by several methods and measure the results, also of other programs."""
     from cascadenorm.cli import progress_bars, tables
     from cascadenorm.evaluation import harness
     from cascadenorm.io.atomic import check_output
