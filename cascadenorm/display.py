@@ -1,4 +1,7 @@
-"""What a notebook shows of a mesh; the package sets it, so that meshes need not import what draws them."""
+"""Hook for the HTML display of meshes in notebooks.
+
+The package sets it, so that meshes need not import the drawing code.
+"""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,7 @@
-"""Every error that the package raises on purpose, with what a front end needs to word it for its own users.
+"""Exceptions of the package.
 
-The text of an error is written for callers in Python. A front end with other names for the same settings, such as the
-command line, passes its own spelling to `message`.
+Messages are written for Python callers. A front end with other names for settings, such as the command line, passes its
+own naming function to `message`.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,30 +11,30 @@ from typing import TypeVar
 Located = TypeVar("Located", bound="CascadenormError")
 
 Spelling = Callable[[str, object], str]
-"""What an interface calls a setting, given its name in Python, and None or the value to be set."""
+"""Function that returns the name of a setting in an interface, given its name in Python and optionally its value."""
 
 
 def in_python(name: str, value: object = None) -> str:
-    """Spell a setting as a keyword argument."""
+    """Format a setting as a keyword argument."""
     return name if value is None else f"{name}={value!r}"
 
 
 class CascadenormError(Exception):
-    """Any of the errors below.
+    """Base class of all errors of this package.
 
     Parameters
     ----------
     problem
-        What is wrong, with the value and the place.
+        What is wrong, with the value and the location.
     hint
-        The way out.
+        How to solve the problem.
     remedy
-        Name and value of a setting that is another way out, such as ("force", True).
+        Name and value of a setting that also solves the problem, such as ("force", True).
 
     Attributes
     ----------
     place
-        Name of the file or stream that the problem is in, empty if there is none.
+        Name of the file or stream with the problem, empty if there is none.
     """
 
     def __init__(self, problem: str = "", *, hint: str = "", remedy: tuple[str, object] | None = None) -> None:
@@ -42,7 +42,7 @@ class CascadenormError(Exception):
         self.problem, self.hint, self.remedy, self.place = problem, hint, remedy, ""
 
     def message(self, spelling: Spelling = in_python) -> str:
-        """Return place, problem and ways out as one sentence, with settings in the spelling of an interface."""
+        """Return the location, problem and solutions as one sentence, with settings named as in an interface."""
         ways = [self.hint] if self.hint else []
         if self.remedy:
             ways.append(f"pass {spelling(*self.remedy)}")
@@ -50,7 +50,7 @@ class CascadenormError(Exception):
         return f"{place}{self._stated(spelling)}{': ' if ways else ''}{', or '.join(ways)}"
 
     def within(self: Located, place: str) -> Located:
-        """Return the same error with the name of the file that it is about."""
+        """Return a copy of the error with the name of the file it concerns."""
         located = copy(self)
         located.place = place
         return located
@@ -63,22 +63,22 @@ class CascadenormError(Exception):
 
 
 class MeshError(CascadenormError, ValueError):
-    """A mesh that cannot be processed."""
+    """A mesh cannot be processed."""
 
 
 class ReadError(MeshError):
-    """A file that cannot be read as a mesh."""
+    """A file cannot be read as a mesh."""
 
 
 class ParameterError(CascadenormError, ValueError):
-    """An unknown method, parameter or control, or a value that is out of range.
+    """A method, parameter or control is unknown, or a value is out of range.
 
     Parameters
     ----------
     problem, hint, remedy
-        As in `CascadenormError`; with `parameter` the problem is a predicate, "is -1; it must be …".
+        As in `CascadenormError`. With `parameter`, the problem is a predicate such as "is -1; it must be …".
     parameter
-        Name of the parameter or control, which precedes the problem in the message; empty if there is none.
+        Name of the parameter or control that precedes the problem in the message; empty if there is none.
     """
 
     def __init__(
@@ -92,18 +92,18 @@ class ParameterError(CascadenormError, ValueError):
 
 
 class ConfigError(CascadenormError, ValueError):
-    """A training configuration that cannot be used; the message names the key."""
+    """A training configuration cannot be used; the message names the key."""
 
 
 class OutputError(CascadenormError, OSError):
-    """An output that exists already or cannot be written; nothing has been changed.
+    """An output already exists or cannot be written; nothing was changed.
 
     Parameters
     ----------
     problem, hint, remedy
         As in `CascadenormError`.
     existing
-        Names of the files that are there already.
+        Names of the existing files.
     """
 
     def __init__(
@@ -119,29 +119,29 @@ class OutputError(CascadenormError, OSError):
 
 
 class DenoiseError(CascadenormError, RuntimeError):
-    """A method that returned no usable vertices."""
+    """A method did not return usable vertices."""
 
 
 class WorkerError(CascadenormError, RuntimeError):
-    """A worker process that ended before its work was done."""
+    """A worker process ended before its work was done."""
 
 
 class MissingDependencyError(CascadenormError, ImportError):
-    """A package that an optional feature needs and that is not installed.
+    """A package that an optional feature needs is not installed.
 
     Parameters
     ----------
     feature
-        What needs it, such as "training".
+        Feature that needs the package, such as "training".
     package
-        What is missing, several names with spaces between.
+        Name of the missing package, or several names separated by spaces.
     extra
-        The extra of cascadenorm that installs it, empty if none does.
+        Extra of cascadenorm that installs it; empty if none does.
 
     Attributes
     ----------
     command
-        What installs it with pip.
+        Command that installs it with pip.
     """
 
     def __init__(self, feature: str, *, package: str = "", extra: str = "") -> None:
@@ -152,12 +152,12 @@ class MissingDependencyError(CascadenormError, ImportError):
 
 
 def counted(count: int, one: str, several: str = "") -> str:
-    """Return a count with its noun; the plural is given, or the singular with an s."""
+    """Return a count with its noun in singular or plural; the default plural adds an s."""
     return f"{count} {one if count == 1 else several or f'{one}s'}"
 
 
 def reason(error: Exception) -> str:
-    """Return what an error of another library says, with its kind where that alone says little."""
+    """Return the message of an error of another library, with its type if the message alone is not informative."""
     if isinstance(error, KeyError | IndexError | AssertionError) or not str(error):
         return f"it does not follow the format ({' '.join([type(error).__name__, str(error)]).strip()})"
     return str(error)

@@ -1,7 +1,8 @@
-"""Every denoising method, registered once: command line, evaluation, documentation and tests read the registry.
+"""Registry of all denoising methods.
 
-A method is a function from a mesh and keyword parameters to the new vertices. The annotation of a parameter declares
-what it means and which values it takes; checks, messages and tables are made from it:
+The command line, the evaluation, the documentation and the tests read it. A method is a function from a mesh and
+keyword parameters to the new vertices. The annotation of each parameter declares its meaning and the values it accepts,
+from which checks, messages and tables are generated:
 
     @method("laplacian", source="Desbrun et al. 1999")
     def laplacian(mesh: Mesh, *, steps: Annotated[int, Parameter("steps taken", minimum=0)] = 10) -> Vectors:
@@ -18,18 +19,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_
 
 from cascadenorm.errors import ParameterError as ParameterError
 
-if TYPE_CHECKING:  # the command line reads declarations before numpy is loaded
+if TYPE_CHECKING:  # lets the command line read declarations without loading numpy
     from cascadenorm.mesh import Mesh, Vectors
 
 REGION = "region"
-"""A method with a parameter of this name is given the vertices that may move, (n,) bool, derived from the controls."""
+"""Name of the parameter that receives the vertices that may move, (n,) bool, derived from the controls."""
 
 Rings = Callable[[Mapping[str, Any], int], int | None]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """The annotation of a parameter: its meaning, its unit, the values that it takes."""
+    """The annotation of a parameter: its meaning, its unit and the values it accepts."""
 
     help: str
     unit: str = ""
@@ -40,7 +41,7 @@ class Parameter:
 
     @property
     def allowed(self) -> str:
-        """The range in words: 'at least 0, below 1'; empty if there is none."""
+        """Range in words, such as 'at least 0, below 1'; empty if unlimited."""
         limits = {"at least": self.minimum, "at most": self.maximum, "above": self.above}
         words = [f"{word} {limit:g}" for word, limit in limits.items() if limit is not None]
         if self.below is not None:
@@ -48,7 +49,7 @@ class Parameter:
         return ", ".join(words)
 
     def admits(self, value: float) -> bool:
-        """Whether a number is in range; NaN never is."""
+        """Test whether a number is in range; NaN never is."""
         return not (
             math.isnan(value)
             or (self.minimum is not None and value < self.minimum)
@@ -60,7 +61,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Setting:
-    """A keyword parameter of a method, or a control: name, type and default beside its `Parameter`."""
+    """A keyword parameter of a method, or a control, with its name, type, default and `Parameter`."""
 
     name: str
     kind: Any
@@ -69,28 +70,28 @@ class Setting:
 
     @property
     def kinds(self) -> tuple[Any, ...]:
-        """The types of a union besides None, else the type."""
+        """Types of a union except None, or the single type."""
         united = get_origin(self.kind) in (Union, types.UnionType)
         return tuple(kind for kind in get_args(self.kind) if kind is not types.NoneType) if united else (self.kind,)
 
     @property
     def optional(self) -> bool:
-        """Whether None is a value."""
+        """Whether None is allowed."""
         return types.NoneType in get_args(self.kind)
 
     @property
     def choices(self) -> tuple[Any, ...]:
-        """The values of a `Literal`, else empty."""
+        """Values of a `Literal`; empty for other types."""
         (kind, *others) = self.kinds
         return get_args(kind) if not others and get_origin(kind) is Literal else ()
 
     def checked(self, value: Any) -> Any:
-        """Return the value in the type of this setting; text, as it comes from a command line, is read.
+        """Convert a value, which may be text from a command line, to the type of this setting.
 
         Raises
         ------
         ParameterError
-            A value of the wrong type, none of the choices, or a number out of range.
+            A value has the wrong type, is not one of the choices, or is out of range.
         """
         if self.optional and value is None:
             return None
@@ -122,7 +123,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Family:
-    """Methods that work alike: what they are called, and what they do in plain words."""
+    """A group of similar methods, with a title and a description in plain words."""
 
     title: str
     about: str
@@ -150,15 +151,15 @@ FAMILIES: Mapping[str, Family] = {
     ),
     "own": Family("Added methods", "Registered by your own code."),
 }
-"""Families of methods by name, in the order in which users see them."""
+"""Families of methods by name, in the order shown to users."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A registered method: its name, its source, its parameters, whether its own result changes little under it.
+    """A registered method with its source and parameters.
 
-    `rings` tells how far from a vertex the mesh decides on its place; None where all of the mesh does. `family` is one
-    of the keys of FAMILIES.
+    `converges` is True if applying the method to its own result changes it little. `rings` returns the size of
+    the receptive field in edges; None if the method depends on the whole mesh. `family` is a key of FAMILIES.
     """
 
     name: str
@@ -175,9 +176,9 @@ class Method:
         return (inspect.getdoc(self.function) or "").split("\n", 1)[0]
 
     def section(self, title: str) -> str:
-        """Text below that title in the function's docstring, such as "Formula"; "" is all before the first title.
+        """Return a section of the function's docstring, such as "Formula", or an empty text if there is none.
 
-        A method without the section gives empty text.
+        The title "" selects the text before the first section.
         """
         text = inspect.getdoc(self.function) or ""
         before, *parts = re.split(r"^(\S.*)\n-+\n", text, flags=re.MULTILINE)
@@ -186,23 +187,23 @@ class Method:
 
     @property
     def given_by_name(self) -> list[Setting]:
-        """Settings that users name: all but the region."""
+        """Settings that users can set: all except the region."""
         return [setting for setting in self.settings.values() if setting.name != REGION]
 
     def checked(self, parameters: Mapping[str, Any], *, further: Sequence[str] = ()) -> dict[str, Any]:
-        """Return the parameters in their types.
+        """Check parameters and convert them to their types.
 
         Parameters
         ----------
         parameters
             Values by name.
         further
-            Names that the caller takes besides, such as those of controls, which may be meant by a misspelled one.
+            Other names that the caller accepts, such as those of controls, which are suggested for misspelled names.
 
         Raises
         ------
         ParameterError
-            An unknown name, a value of the wrong type or out of range.
+            A name is unknown, or a value has the wrong type or is out of range.
         """
         for name in parameters:
             if name not in self.settings:
@@ -215,18 +216,18 @@ class Method:
         return {name: self.settings[name].checked(value) for name, value in parameters.items()}
 
     def with_defaults(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all parameters, those not given by their defaults; raises ParameterError as `checked` does."""
+        """Return all parameters, with defaults for those not given; raises ParameterError as `checked` does."""
         return {name: setting.default for name, setting in self.settings.items()} | self.checked(parameters)
 
     def receptive_field(self, parameters: Mapping[str, Any], groups: int) -> int | None:
-        """Return within how many edges of a vertex the mesh decides on its place; None where there is no bound.
+        """Return the number of edges around a vertex within which the mesh determines its position; None if unlimited.
 
         Parameters
         ----------
         parameters
-            Those that are given.
+            Parameters that are given.
         groups
-            Number of groups in which the vertex update takes the vertices.
+            Number of groups in which the vertex update processes the vertices.
         """
         return None if self.rings is None else self.rings(self.with_defaults(parameters), groups)
 
@@ -241,21 +242,21 @@ _methods: dict[str, Method] = {}
 def method(
     name: str, *, source: str, family: str = "own", converges: bool = False, rings: Rings | None = None
 ) -> "Callable[[Callable[..., Vectors]], Callable[..., Vectors]]":
-    """Register a function from a mesh to its new vertices under a name.
+    """Register a function that returns the new vertices of a mesh.
 
     Parameters
     ----------
     name
-        As users type it, lower case with hyphens.
+        Name of the method for users, in lower case with hyphens.
     source
-        Authors and year of the paper that the rule comes from.
+        Authors and year of the paper that describes the method.
     family
-        A key of FAMILIES, under which users find it.
+        Key of FAMILIES that the method is listed under.
     converges
-        Applied to its own result it changes little; a strength above 1 removes detail instead.
+        Whether applying the method to its own result changes it little. A strength above 1 then removes detail instead.
     rings
-        From all parameters, and the number of groups of the vertex update, to the edges that a vertex sees; None for a
-        method that sees all of the mesh, and its result where the parameters make it do so.
+        Function from all parameters and the number of groups of the vertex update to the receptive field in edges.
+        None, or a result of None, means that the method depends on the whole mesh.
     """
 
     def register(function: "Callable[..., Vectors]") -> "Callable[..., Vectors]":
@@ -268,12 +269,12 @@ def method(
 
 
 def find(name: str) -> Method:
-    """Return the method of that name.
+    """Return a method by its name.
 
     Raises
     ------
     ParameterError
-        There is none.
+        There is no such method.
     """
     if name not in _methods:
         raise ParameterError(f"there is no method {name!r}; there are: {', '.join(sorted(_methods))}")
@@ -281,18 +282,18 @@ def find(name: str) -> Method:
 
 
 def registered() -> dict[str, Method]:
-    """Every method, by name."""
+    """Return all methods by name."""
     return dict(sorted(_methods.items()))
 
 
 def by_family() -> dict[Family, list[Method]]:
-    """Every method under its family; families in the order of FAMILIES, methods in that of their names."""
+    """Return all methods by family, with families in the order of FAMILIES and methods sorted by name."""
     found = {key: [one for one in registered().values() if one.family == key] for key in FAMILIES}
     return {FAMILIES[key]: members for key, members in found.items() if members}
 
 
 def declared(name: str, hint: Any) -> tuple[Any, Any]:
-    """Return the type and the `Parameter` of an `Annotated[type, Parameter(...)]`; raises TypeError for another."""
+    """Return the type and the `Parameter` of `Annotated[type, Parameter(...)]`; raises TypeError for other types."""
     if get_origin(hint) is not Annotated or not isinstance(get_args(hint)[1], Parameter):
         raise TypeError(f"{name} needs an Annotated[type, Parameter(...)]")
     return get_args(hint)[0], get_args(hint)[1]

@@ -1,1 +1,1 @@
-"""What users call: meshes, files and regions denoised, compared, filled."""
+"""The public functions that denoise, compare and repair meshes, files and regions."""

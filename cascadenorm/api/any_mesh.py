@@ -1,4 +1,4 @@
-"""Functions of other rooms for meshes of any kind."""
+"""Versions of internal functions that accept any kind of mesh."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -21,9 +21,9 @@ Result = TypeVar("Result")
 def on_any_mesh(
     function: Callable[Concatenate[Mesh, Settings], Result],
 ) -> Callable[Concatenate[Any, Settings], Result]:
-    """Let a function of a `Mesh` take a mesh of any kind, as `as_mesh` does."""
+    """Let a function of a `Mesh` accept any mesh that `as_mesh` converts."""
 
-    # without __module__, since pickle finds the result in this module
+    # Leave __module__ unset, because pickle looks the result up in this module
     @wraps(function, assigned=("__name__", "__qualname__", "__doc__", "__annotations__"))
     def converting(mesh: Any, *arguments: Settings.args, **settings: Settings.kwargs) -> Result:
         return function(as_mesh(mesh), *arguments, **settings)
@@ -42,28 +42,28 @@ shape_dna = on_any_mesh(harmonics.shape_dna)
 def write(
     mesh: Any, target: str | PathLike[str] | BinaryIO, *, format: str | None = None, force: bool = False
 ) -> list[str]:
-    """Write a mesh, whole or not at all; in another format if the extension says so.
+    """Write a mesh to a file, converting it if the extension names another format.
 
     Parameters
     ----------
     mesh
-        A file that `read` returned, which keeps its other content; or a mesh of any kind that `denoise` takes.
+        A file that `read` returned, which keeps its other content, or any mesh that `denoise` accepts.
     target
-        Path, or a stream of bytes.
+        Path or binary stream.
     format
-        By default that of the extension, and for a stream that of the file, or "ply" where there is none.
+        Defaults to the format of the extension. For a stream, defaults to the format of the file, or to "ply".
     force
         Replace an existing file.
 
     Returns
     -------
-    What the target cannot hold and was left out, in words; empty if nothing was
+    Content that the target format cannot hold and that was left out, in words; empty if nothing was lost
 
     Raises
     ------
     MeshError
-        No valid mesh.
+        The mesh is invalid.
     OutputError
-        The target exists and force is not given, or it cannot be written.
+        The target exists and `force` is False, or it cannot be written. No partial file is left behind.
     """
     return io.write(as_file(mesh), target, format=format, force=force)

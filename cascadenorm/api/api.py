@@ -1,4 +1,4 @@
-"""Denoising and comparing meshes of any kind: files, arrays, and the meshes of other libraries."""
+"""Denoise and compare meshes given as files, arrays or library objects."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ AnyMesh = TypeVar("AnyMesh")
 def denoise(
     mesh: tuple[ArrayLike, ArrayLike], faces: None = None, *, method: str = ..., **parameters: Any
 ) -> NDArray[Any]: ...
-@overload  # with the controls alone, for editors; parameters of the method are those of the last two
+@overload  # controls only, for editors; the last two overloads also accept parameters of the method
 def denoise(mesh: AnyMesh, faces: None = None, *, method: str = ..., **controls: Unpack[Controls]) -> AnyMesh: ...
 @overload
 def denoise(mesh: ArrayLike, faces: ArrayLike, *, method: str = ..., **controls: Unpack[Controls]) -> NDArray[Any]: ...
@@ -52,38 +52,39 @@ def denoise(mesh: AnyMesh, faces: None = None, *, method: str = ..., **parameter
 def denoise(mesh: ArrayLike, faces: ArrayLike, *, method: str = ..., **parameters: Any) -> NDArray[Any]: ...
 @takes_controls
 def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_METHOD, **parameters: Any) -> Any:
-    """Denoise a mesh; the input is never changed, and the result is of the same type.
+    """Denoise a mesh and return a result of the same type; the input is not changed.
 
     Parameters
     ----------
     mesh
         A pair of arrays, vertices (n, 3) and faces (m, 3); a `cascadenorm.Mesh`; a mesh of trimesh, pyvista, vtk,
-        open3d or meshio, of which copies of a vertex at seams stay together; a file that `read` returned; or the path
-        of a file. With `faces`, the vertices alone.
+        open3d or meshio, where copies of a vertex at seams stay together; a file that `read` returned; or the path of
+        a file. If `faces` is given, the vertices (n, 3) alone.
     faces
         (m, 3) integers in 0 … n - 1, unless `mesh` holds them.
     method
-        One of `methods()`.
+        Name of a method listed by `methods()`.
     parameters
-        Of the method, as `methods()` lists them, such as `iterations=5` or, for the learned methods, `model=path`.
+        Parameters of the method, as listed by `methods()`, such as `iterations=5` or, for learned methods,
+        `model=path`.
 
-    For a file, mask, fixed, only and creases may be given by names in it, as in `denoise_file`.
+    For a file, `mask`, `fixed`, `only` and `creases` also accept names from the file, as in `denoise_file`.
 
     Returns
     -------
-    For arrays the new vertices, (n, 3), float32 if they are given so; for an object a copy with its attributes; for a
-    path the path of a new file beside it, `<stem>_denoised<suffix>`, as `denoise_file` writes it
+    For arrays, the new vertices, (n, 3), float32 if the input is float32. For an object, a copy with its attributes.
+    For a path, the path of a new file beside it, `<stem>_denoised<suffix>`, written as by `denoise_file`
 
     Raises
     ------
     MeshError
-        No valid mesh; its subclass ReadError where a file cannot be read.
+        The mesh is invalid. Its subclass ReadError is raised if a file cannot be read.
     ParameterError
-        An unknown method or parameter, a value out of range, a mask of the wrong shape.
+        A method or parameter is unknown, a value is out of range, or a mask has the wrong shape.
     OutputError
-        The file to be written exists already, or cannot be written.
+        The output file already exists or cannot be written.
     MissingDependencyError
-        A package for the format is not installed.
+        A package that the format needs is not installed.
     """
     controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     chosen = find(method)
@@ -125,47 +126,49 @@ def denoise_file(
     scheduler: str | None = None,
     **controls: Unpack[Controls],
 ) -> DenoisingSummary:
-    """Denoise a mesh file; everything in it but positions and normals is kept.
+    """Denoise a mesh file and keep everything in it except positions and normals.
 
     Parameters
     ----------
     source
-        Path, or a binary stream.
+        Path or binary stream.
     output
-        Path, whose extension selects the format, or a binary stream; None is `<stem>_denoised<suffix>` beside the
+        Path, whose extension selects the format, or binary stream. None writes `<stem>_denoised<suffix>` beside the
         source.
     method
-        One of `methods()`.
+        Name of a method listed by `methods()`.
     format
-        That of a stream, such as "stl"; None is that of the source. The extension of a path decides for it.
+        Format of an output stream, such as "stl". None uses the format of the source. For a path, the extension
+        decides.
     force
         Replace an existing file.
     weld
-        Boundary vertices that are at most this far apart are joined, where a file has rounded the copies of a vertex to
-        different places; in the unit of the mesh or like "0.001 edges", below half the mean edge length.
+        Largest distance at which boundary vertices are joined, for files that round the copies of a vertex to different
+        positions; in mesh units or as text like "0.001 edges". Must be below half the mean edge length.
     drop_components
         Leave out connected components with fewer faces than this number, such as 50, or than this share of the largest
-        component, such as "1%"; None keeps all. `left_out` of the result lists what is lost besides.
+        component, such as "1%". None keeps all components. `left_out` of the result lists any other losses.
     parameters
-        Of the method.
+        Parameters of the method.
     memory
-        Memory for the process, as bytes or as text like "4GB". Where the whole mesh needs more, the method works in
+        Memory limit for the process, as bytes or as text like "4GB". If the whole mesh needs more, the method works in
         patches, and the result agrees to 1e-5 of an edge (docs/patches.md). None sets no limit.
     scheduler
-        Address of a Dask scheduler whose workers work on the patches, or "local" for a cluster on this machine.
-        `memory` is then that of each worker process.
+        Address of a Dask scheduler whose workers process the patches, or "local" for a cluster on this machine.
+        `memory` then applies to each worker process.
 
-    Controls count the vertices and triangles of `read(source).mesh`. Given by names, they count the vertices of the
-    file, from 0; where it splits a vertex at a seam, the smallest weight of the copies counts.
+    Arrays in controls refer to the vertices and triangles of `read(source).mesh`. Names and indices in
+    text refer to the vertices of the file, from 0. If the file splits a vertex at a seam, the smallest weight of its
+    copies applies.
 
     Returns
     -------
-    What was done; faces that were isolated keep their places in the file
+    Summary of the run. Isolated faces keep their places in the file
 
     Raises
     ------
     ReadError, MeshError, ParameterError, OutputError, MissingDependencyError
-        As in `denoise`; nothing is written then.
+        As in `denoise`. In these cases, nothing is written.
     """
     return denoise_file_with_meshes(
         source,
@@ -202,8 +205,8 @@ def denoise_file_with_meshes(
     Parameters
     ----------
     on_short
-        Called with the reason before the method works in patches although no `memory` was given, because less is free
-        than the whole mesh needs. None does not look at the free memory.
+        Called with the reason before the method switches to patches because the whole mesh needs more memory than is
+        free and no `memory` was given. None skips the check of free memory.
     """
     every, chosen, given = checked(controls), find(method), parameters or {}
     if scheduler is not None and memory is None:
@@ -234,7 +237,7 @@ def denoise_file_with_meshes(
 def _short_memory(
     method: Method, parameters: dict[str, Any], faces: int, on_short: Callable[[str], object]
 ) -> int | None:
-    """Return the memory for patches where the whole mesh needs more than is free, and say so; else None."""
+    """Return the memory for patches and report the reason if the whole mesh needs more than is free; else None."""
     need, free = faces * (FACE if method.name in IN_STEPS else OTHERS), free_memory()
     if free is None or need <= free or not works_in_patches(method, parameters):
         return None
@@ -243,22 +246,22 @@ def _short_memory(
 
 
 def methods() -> dict[str, Method]:
-    """Return every method by name, with its source and its parameters, their units, ranges and defaults."""
+    """Return all methods by name, with their sources, parameters, units, ranges and defaults."""
     return registered()
 
 
 def compare(mesh: Any, reference: Any) -> Measures:
-    """Measure a mesh against the true one.
+    """Measure a mesh against its ground truth.
 
     Parameters
     ----------
     mesh, reference
-        Meshes of any kind that `denoise` takes.
+        Meshes of any kind that `denoise` accepts.
 
     Raises
     ------
     MeshError
-        No valid mesh; its subclass ReadError where a file cannot be read.
+        A mesh is invalid. Its subclass ReadError is raised if a file cannot be read.
     """
     return measure(as_mesh(mesh), as_mesh(reference))
 
@@ -271,7 +274,7 @@ def _denoised(
     if controls["on_bad"] == "error":
         return controlled(method, Mesh(vertices, faces), parameters, controls, dtype=dtype)
     mesh = isolated(vertices, faces)
-    if controls["only"] is not None:  # counts the bad faces as well
+    if controls["only"] is not None:  # `only` counts the bad faces as well
         good = ~bad_faces(vertices, faces)
         controls = {**controls, "only": selected_faces(controls["only"], len(good))[good]}
     denoised = controlled(method, mesh, parameters, controls, dtype=dtype)
@@ -279,7 +282,7 @@ def _denoised(
 
 
 def _denoised_object(method: Method, mesh: Any, parameters: dict[str, Any], controls: Controls) -> Any:
-    """Denoise a mesh of another library, of which copies of vertices at seams stay together."""
+    """Denoise a mesh of another library; copies of a vertex at seams stay together."""
     kind = adapter(mesh)
     vertices, faces = kind.arrays(mesh)
     within = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
@@ -287,11 +290,11 @@ def _denoised_object(method: Method, mesh: Any, parameters: dict[str, Any], cont
     welds, first = weld(vertices, joined[within])
     joined[within] = welds[joined[within]]
     denoised = _denoised(method, vertices[first], joined, parameters, welded(controls, welds))[welds]
-    return kind.with_vertices(mesh, np.where(denoised == vertices, vertices, denoised))  # -0 stays -0
+    return kind.with_vertices(mesh, np.where(denoised == vertices, vertices, denoised))  # keeps the sign of -0
 
 
 def _denoised_open_file(method: Method, file: MeshFile, parameters: dict[str, Any], controls: Controls) -> MeshFile:
-    """Denoise a file that was read."""
+    """Denoise a file that `read` returned."""
     if controls["on_bad"] == "isolate":
         file = file.isolating()
     mesh, over = as_mesh(file), selected(controls, file)
@@ -312,7 +315,7 @@ def _from_file_to_file(
     weld: float | str | None = None,
     limited: Callable[[int], AbstractContextManager[None]] = lambda faces: nullcontext(),
 ) -> Denoised:
-    """Denoise a file; `limited` returns, from the number of faces, the context in which the method works."""
+    """Denoise a file; `limited` maps the number of faces to the context in which the method runs."""
     method.checked(parameters)
     opened = opened_file(
         source, output, controls, format=format, drop_components=drop_components, force=force, weld=weld

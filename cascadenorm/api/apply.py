@@ -1,4 +1,4 @@
-"""A method under the controls: in its frame, where and as strongly as wanted, within limits."""
+"""Apply a method under the controls."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -39,7 +39,7 @@ from cascadenorm.regions.walls import joined_walls
 from cascadenorm.registry import REGION, Method
 
 Step = Callable[[Mesh], Vectors]
-"""One application of a method with what surrounds it, from a mesh to its new vertices."""
+"""One application of a method and its controls, mapping a mesh to its new vertices."""
 
 
 def controlled(
@@ -53,29 +53,29 @@ def controlled(
 ) -> NDArray[Any]:
     """Apply a method to a mesh under controls.
 
-    The method sees the mesh centered at the origin, scaled by a power of two to about unit size, consistently oriented,
-    without degenerate and repeated faces, and in an order that is kind to memory. Its displacement is added to the
-    vertices in their own coordinates, so coordinates far from the origin lose nothing, and a vertex that does not move
-    or that no face uses keeps its bits.
+    The method receives the mesh centered at the origin, scaled by a power of two to about unit size, consistently
+    oriented, without degenerate or repeated faces, and in a cache-friendly order. The displacement is added to the
+    original coordinates. Coordinates far from the origin therefore lose no precision, and vertices that do not move, or
+    that no face references, keep their exact bits.
 
     Parameters
     ----------
     controls
-        All of them, as `checked` returns them.
+        All controls, as returned by `checked`.
     dtype
         Floating type of the result.
     steps
-        What the applications of the method gave in an earlier call, which are not made again; others are added. The
-        calls have the same arguments but for a strength of the same `step_key`.
+        Results of earlier applications of the method, which are reused; new results are appended. All calls that share
+        this list must have the same arguments, except for strengths of the same `step_key`.
 
     Returns
     -------
-    (n, 3), a copy
+    (n, 3) new vertices, as a copy
 
     Raises
     ------
     ParameterError
-        A parameter, mask or limit that is out of range or does not fit the mesh.
+        A parameter, mask or limit is out of range or does not fit the mesh.
     DenoiseError
         The method returned vertices that are not finite.
     """
@@ -112,12 +112,12 @@ def controlled(
 
 
 def step_key(method: Method, strength: float) -> float:
-    """Return what of a strength decides on the result of each application of a method; the rest only blends them."""
+    """Return the part of a strength that changes each application of a method; the rest only blends the results."""
     return min(max(strength, 1.0), MOST_STRENGTH) if method.converges else 1.0
 
 
 def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells | None, int]:
-    """Return how vertices are numbered, the mesh as the method sees it, its shells, and the exponent of the frame."""
+    """Return the vertex order, the mesh in its frame, the shells of its regions, and the exponent of the frame."""
     if halo is None:
         framed, exponent = in_frame(mesh)
         order = ordered_for_cache(framed)
@@ -126,18 +126,18 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
 
 
 def reported_controls(controls: Controls) -> dict[str, Any]:
-    """Return the controls that a report names, as they were given; arrays by their shape alone."""
+    """Return the controls that a report lists, as they were given; arrays are described by their shape."""
     return {name: _in_words(controls[name]) for name in CONTROLS if name not in UNREPORTED}  # type: ignore[literal-required]
 
 
 EDGES = 2.0
-"""Width of the detail, in mean edge lengths, that each 1 of strength above 1 adds after a method that converges."""
+"""Increase in the width of removed detail, in mean edge lengths, per unit of strength above 1 (converging methods)."""
 
 MOST_STRENGTH = 10.0
-"""A larger strength acts as this one: each 1 of it is a further pass, and shape has gone long before."""
+"""Upper limit of strength; larger values act as this one, because each unit is a further pass."""
 
 UNREPORTED = ("strength", "threads", "progress", "halo")
-"""Controls that a report does not name: strength has a field of its own, halos are for arrays, the others do not change
+"""Controls that a report omits: strength has its own field, halos apply to arrays only, and the others do not change
 the result."""
 
 
@@ -153,10 +153,11 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
 
 
 def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent: int) -> Removed:
-    """Return the width of `remove_detail`, and what a strength above 1 removes after a method that converges.
+    """Return the detail to remove: the width of `remove_detail`, and the removals for a strength above 1.
 
-    Each 1 of strength above 1 is one more removal on the result so far, of detail EDGES wider; the last
-    one may be partial. So a strength builds on what less of it removes.
+    For a method that converges, each unit of strength above 1 adds one removal on the previous result. Each removal is
+    wider than the last by EDGES mean edge lengths, and the last one may be partial. A larger strength thus extends a
+    smaller one.
     """
     given, removals = controls["remove_detail"], []
     if method.converges:
@@ -177,24 +178,24 @@ def _step(
     detail: float,
     removed: Removed,
 ) -> Step:
-    """Return the method together with creases, boundary and detail, which apply each time that it does.
+    """Return the step that applies the method together with creases, boundary and detail.
 
-    Where regions share walls, all that sees the shell of each region, and the walls are joined from their two sides.
+    If regions share walls, the step runs on the shell of each region and then joins the walls from their two sides.
 
     Parameters
     ----------
     mesh
-        In the frame; every mesh that the step is given has its faces.
+        Mesh in its frame. Every mesh passed to the step has the same faces.
     order
-        How its vertices are numbered.
+        Numbering of its vertices.
     parts
-        The shells of its regions, where these share walls.
+        Shells of its regions if they share walls, else None.
     detail
-        Width of the smallest feature to keep, in the unit of the frame.
+        Width of the smallest feature to keep, in units of the frame.
     removed
         Detail to remove.
     """
-    creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read
+    creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read already
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
     if parts is None:
         return _surface_step(method, mesh, order.numbers, parameters, controls, edges, detail, removed)
@@ -206,7 +207,7 @@ def _step(
 
 
 def _sliding_step(step: Step, slides: Sliding) -> Step:
-    """Return a step after which vertices on flat sides are still there."""
+    """Return a step that keeps the vertices on flat sides in their planes."""
     return lambda mesh: slides.slid(mesh, step(mesh))
 
 
@@ -220,26 +221,26 @@ def _surface_step(
     detail: float,
     removed: Removed,
 ) -> Step:
-    """Return the step of a mesh without shared walls.
+    """Return the step for a mesh without shared walls.
 
     Parameters
     ----------
     numbers
-        (n,) its vertices as they were given, for messages.
+        (n,) vertex indices in the input, for messages.
     creases
-        (e,) whether each of its edges is one.
+        (e,) bool, whether each edge of the mesh is a crease.
     """
-    # Along creases the method, and all that follows, sees copies of the vertices
+    # Cut the mesh along creases: the method and later stages see copies of the vertices there
     sides = None if creases is None else cut_along(mesh, creases)
     seen = mesh if sides is None else sides.mesh
     numbers = numbers if sides is None else numbers[sides.owners]
     if sides is not None and REGION in parameters:
         parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
-    # A cut mesh has boundaries everywhere, which only one of the two networks of `auto` has learned
+    # Cutting creates boundaries everywhere; only one of the two networks of `auto` is trained for them
     if sides is not None and TREAT_AS in method.settings and parameters.get(TREAT_AS) is None:
         parameters = {**parameters, TREAT_AS: "measured-surface"}
 
-    # The boundary is that of the uncut mesh, in the vertices of the cut one; detail is smoothed on each side
+    # Boundary edges come from the uncut mesh, numbered as in the cut one; detail is smoothed on each side separately
     edges = boundary_edges(mesh, seen.faces) if controls["boundary"] == "smooth" else None
     finer = None if controls["keep_detail"] is None else finer_than(detail, seen)
 
@@ -269,9 +270,9 @@ def _finite(method: Method, vertices: Vectors, numbers: Ints) -> Vectors:
 
 
 def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64], known: list[Vectors] | None = None) -> Vectors:
-    """Repeat a step on its own result; return the displacement of each vertex over as many steps as its strength.
+    """Apply a step repeatedly and return the displacement of each vertex over as many steps as its strength.
 
-    Results that are known are taken, and others are added to them.
+    Results in `known` are reused, and new results are appended to it.
     """
     has_lengths = mesh.mean_edge_length**2 > 0  # else the vertices of each face coincide
     times = math.ceil(strengths.max()) if has_lengths else 0
@@ -290,7 +291,7 @@ def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64], known: 
 def _volume_preserving(
     mesh: Mesh, parts: Shells | None, displacement: Vectors, weights: NDArray[np.float64]
 ) -> Vectors:
-    """Return a displacement after which closed components and regions have their volume; those of weight 0 stay."""
+    """Return a displacement that preserves the volume of closed components and regions; vertices of weight 0 stay."""
     if not displacement.any():
         return displacement
     vertices = mesh.vertices + displacement

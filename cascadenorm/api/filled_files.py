@@ -1,4 +1,4 @@
-"""Mesh files whose holes are filled."""
+"""Fill the holes of mesh files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,18 +14,18 @@ from cascadenorm.io.interop import mesh_of_file, source_name
 
 @dataclass(frozen=True, kw_only=True)
 class Filling:
-    """What was added to a file.
+    """Summary of the holes filled in a file.
 
     Parameters
     ----------
     faces, added
-        Triangles that were there, and further ones.
+        Number of triangles before filling, and number added.
     closed
-        Holes.
+        Number of holes that were closed.
     outer, long
-        Edges of each boundary that was kept: of an open component, and of more edges than are closed.
+        Edge counts of the boundaries left open: those of open components, and those longer than `max_edges`.
     left_out
-        What the source holds and the output does not, in words.
+        Content of the source that the output lacks, in words.
     """
 
     faces: int
@@ -45,14 +45,15 @@ def fill_holes_file(
     outer: Outer = "keep",
     force: bool = False,
 ) -> Filling:
-    """Fill the holes of a mesh file, as `fill_holes` does; what is there stays, and the patches get values like it.
+    """Fill the holes of a mesh file as `fill_holes` does; existing content stays, and patches get matching values.
 
-    PLY, OBJ and glTF keep all that they hold; in other formats what is kept is what another format could take over.
+    PLY, OBJ and glTF files keep all their content. Files of other formats keep what a conversion to another format
+    keeps.
 
     Raises
     ------
     ReadError, MeshError, ParameterError, OutputError
-        Nothing is written then.
+        In these cases, nothing is written.
     """
     check_output(output, force=force)
     check_extension(source, output)

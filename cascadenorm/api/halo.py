@@ -1,6 +1,7 @@
-"""Patches of a larger mesh: denoised with a halo around them, their interiors are those of the whole.
+"""Denoise patches of a larger mesh with a halo around them.
 
-A method sees a few numbers of the whole, which `Whole` gathers, and otherwise what lies within its receptive field.
+With a wide enough halo, the interior of a patch gets the same result as in the whole mesh. A method depends only on a
+few values of the whole mesh, which `Whole` holds, and on the mesh within its receptive field.
 """
 
 from collections.abc import Mapping
@@ -28,27 +29,27 @@ from cascadenorm.regions.shells import shells
 from cascadenorm.registry import Method, find
 
 LOCAL_CONTROLS = ("strength", "mask", "fixed", "only", "boundary", "max_displacement", "threads", "progress", "halo")
-"""Controls that see no more of the mesh than the method does."""
+"""Controls that depend on no more of the mesh than the method does."""
 
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """What a patch needs to know of the mesh that it is a part of.
+    """Properties of the whole mesh that its patches need.
 
     Parameters
     ----------
     frame
-        Of the whole.
+        Frame of the whole mesh.
     mean_edge_length
-        In the frame.
+        Mean edge length in the frame.
     groups
-        Number of groups in which the vertex update takes the vertices.
+        Number of groups in which the vertex update processes the vertices.
     group
-        (n,) that of each vertex, -1 without a face.
+        (n,) group of each vertex; -1 for unreferenced vertices.
     around
         (n,) number of faces around each vertex.
     flipped
-        (m,) faces that are seen from their other side, so that all are consistently oriented.
+        (m,) bool, faces to be flipped so that all are consistently oriented.
     """
 
     frame: Frame
@@ -60,12 +61,12 @@ class Whole:
 
     @classmethod
     def of(cls, vertices: ArrayLike, faces: ArrayLike) -> "Whole":
-        """Gather it from a mesh of n vertices, (n, 3), and m faces, (m, 3).
+        """Gather these properties from a mesh of n vertices, (n, 3), and m faces, (m, 3).
 
         Raises
         ------
         MeshError
-            No valid mesh; faces that repeat a vertex; regions that share walls, which see one another.
+            The mesh is invalid, a face repeats a vertex, or regions share walls and thus depend on each other.
         """
         mesh = Mesh(vertices, faces)
         if without_lines(mesh) is not mesh:
@@ -75,7 +76,7 @@ class Whole:
             )
         frame = frame_of(mesh)
         seen = frame.of(mesh)
-        order = ordered_for_cache(seen)  # the groups are those of the order in which the whole is denoised
+        order = ordered_for_cache(seen)  # groups follow the order in which the whole is denoised
         framed = oriented(order.mesh)
         upright = framed if order.mesh is seen else oriented(seen)
         flipped = (upright.faces != mesh.faces).any(axis=1)
@@ -88,24 +89,24 @@ class Whole:
         return cls(frame, framed.mean_edge_length, len(colors.counts), group, around, flipped)
 
     def receptive_field(self, method: str, **parameters: Any) -> int:
-        """Return within how many edges of a vertex the mesh decides on its place.
+        """Return the number of edges around a vertex within which the mesh determines its position.
 
         Raises
         ------
         ParameterError
-            All of the mesh does.
+            The position depends on the whole mesh.
         """
         return _rings(find(method), parameters, self.groups)
 
     def patch(self, faces: ArrayLike, inside: ArrayLike, rings: int) -> "Patch":
-        """Return vertices of this mesh with a halo of so many rings around them.
+        """Return a patch of this mesh with a halo of `rings` edges around it.
 
         Parameters
         ----------
         faces
-            (m, 3) those of the whole.
+            (m, 3) faces of the whole mesh.
         inside
-            (n,) bool or indices, the vertices of the patch.
+            (n,) bool, or indices of the vertices of the patch.
         """
         every = np.asarray(faces)
         chosen = np.zeros(len(self.group), bool)
@@ -124,14 +125,14 @@ class Whole:
 
 @dataclass(frozen=True, eq=False)
 class Halo:
-    """The vertices of a patch that are there for the others' sake and stay as they are.
+    """The vertices of a patch that only provide context and do not move.
 
     Parameters
     ----------
     vertices
         (k,) bool.
     whole
-        What the patch needs to know of the whole, its rows those of the patch.
+        Properties of the whole mesh, with the rows of this patch.
     """
 
     vertices: NDArray[np.bool_]
@@ -145,11 +146,11 @@ class Patch:
     Parameters
     ----------
     vertices
-        (k,) ascending, those of the whole.
+        (k,) vertex indices in the whole mesh, ascending.
     faces
-        (j, 3) by numbers in `vertices`.
+        (j, 3) indices into `vertices`.
     halo
-        To be given to `denoise`.
+        Halo to pass to `denoise`.
     """
 
     vertices: NDArray[np.int64]
@@ -158,7 +159,7 @@ class Patch:
 
     @property
     def inside(self) -> NDArray[np.int64]:
-        """The vertices of the whole that are not in the halo."""
+        """Vertices of the whole mesh that are in the patch but not in its halo."""
         return self.vertices[~self.halo.vertices]
 
 
@@ -168,7 +169,7 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
     Raises
     ------
     ParameterError
-        A method or a control that sees all of the mesh, a halo that is too narrow or of another mesh.
+        A method or control depends on the whole mesh, or the halo is too narrow or belongs to another mesh.
     """
     halo = controls["halo"]
     if not isinstance(halo, Halo):
@@ -196,7 +197,7 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
 
 
 def _check_local(controls: Controls) -> None:
-    """Refuse controls that see all of the mesh; raises ParameterError."""
+    """Raise ParameterError for controls that depend on the whole mesh."""
     for name, setting in CONTROLS.items():
         given: Any = controls[name]  # type: ignore[literal-required]
         if name not in LOCAL_CONTROLS and given is not None and given != setting.default:
@@ -213,7 +214,7 @@ def _check_local(controls: Controls) -> None:
 
 
 def as_part(mesh: Mesh, whole: Whole) -> Mesh:
-    """Return a patch as the method sees it: in the frame of the whole, and oriented as it is."""
+    """Return a patch in the frame and the orientation of the whole mesh."""
     faces = mesh.faces.copy()
     faces[whole.flipped] = faces[whole.flipped, ::-1]
     framed = whole.frame.of(Mesh(mesh.vertices, faces))

@@ -1,4 +1,4 @@
-"""Mesh files without their small components."""
+"""Remove small components from mesh files."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,16 +13,16 @@ from cascadenorm.mesh.polygons import Polygons
 
 
 class Dropped(NamedTuple):
-    """A file without its small components.
+    """A mesh file after its small components were removed.
 
     Parameters
     ----------
     file
-        The file. It is the given one where nothing was dropped, else a PLY or OBJ file in memory.
+        The given file if nothing was dropped, else a PLY or OBJ file in memory.
     components, faces
-        Numbers of components and of polygons that were dropped.
+        Numbers of dropped components and polygons.
     left_out
-        What the file in memory lacks besides, in words.
+        Other content that the file in memory lacks, in words.
     """
 
     file: io.MeshFile
@@ -32,16 +32,16 @@ class Dropped(NamedTuple):
 
 
 def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> Dropped:
-    """Drop the components of a file that have fewer faces than a limit, with their vertices.
+    """Drop the components of a file that have fewer faces than a limit, together with their vertices.
 
     Parameters
     ----------
     file
-        As it was read, or isolating its bad vertices and faces, which stay.
+        File as read, or with its bad vertices and faces isolated, which are kept.
     limit
-        A number of faces, or a share of those of the largest component, as `component_limit` reads it.
+        Number of faces, or share of the largest component, in the form that `component_limit` accepts.
     name
-        What messages call the file.
+        Name of the file in messages.
     """
     small, first = small_components(mesh_of_file(file, name), limit)
     if not len(first):
@@ -52,13 +52,13 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     small, first = small_components(mesh_of_file(own, name), limit)
     content = own.content()
 
-    # Polygons of small components; those that the mesh leaves out are in none, and stay
+    # Polygons of small components; polygons that the mesh leaves out belong to no component and are kept
     bad = np.zeros(len(own.polygons), bool)
     bad[own.triangle_polygons[~own.left_out][small]] = True
     outside = own.polygons.out_of_range(len(own.positions))
     kept = ~np.delete(bad, np.unique(own.polygons.owners[outside]))
 
-    # Vertices that only those polygons use
+    # Vertices that only dropped polygons use
     counts, owners = content.polygons.counts, content.polygons.owners
     corners = content.polygons.corners
     unused = np.zeros(len(content.positions), bool)

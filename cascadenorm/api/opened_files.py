@@ -1,4 +1,4 @@
-"""Mesh files that are denoised: read, written with other vertices, and what was done to them."""
+"""Read mesh files, write them with new vertices, and summarize the change."""
 
 import os
 from dataclasses import dataclass
@@ -39,38 +39,38 @@ from cascadenorm.registry import Method
 
 @dataclass(frozen=True, kw_only=True)
 class DenoisingSummary:
-    """What was done to a file.
+    """Summary of how a file was denoised.
 
     Parameters
     ----------
     source, output
-        Names of the files, or of the streams.
+        Names of the files or streams.
     method, parameters
-        What was applied, and the parameters that were given.
+        Method that was applied, and its parameters as given.
     strength
-        As given.
+        Strength as given.
     controls
-        The other controls that decide on the result, as given; arrays by their shape alone.
+        Other controls that affect the result, as given; arrays are described by their shape.
     vertices, faces
         Counts; vertices that the file splits at seams count once.
     isolated_vertices, isolated_faces
-        Vertices that are not finite, and further faces, that were left as they are.
+        Numbers of vertices that are not finite and of other bad faces, which were left unchanged.
     nearly_coincident
-        Boundary vertices within 0.001 median edge lengths of another one, but not joined with it.
+        Number of boundary vertices within 0.001 median edge lengths of another vertex but not joined with it.
     moved
-        Vertices with another position.
+        Number of vertices whose position changed.
     mean_displacement, largest_displacement
         Over all vertices, in mean edge lengths.
     seconds
-        Of the method, without reading, writing, and compiling kernels in a first run.
+        Time of the method, excluding reading, writing and the compilation of kernels in a first run.
     error
-        The kind of error that was found; None where the method is not `auto`, or nothing was to be taken away.
+        Kind of error that was found; None for methods other than `auto`, or if there was nothing to remove.
     treated_as
-        What `auto` treated the mesh as; None for other methods.
+        Kind of surface that `auto` chose for the mesh; None for other methods.
     left_out
-        What the source holds and the format of the output cannot, in words.
+        Content of the source that the output format cannot hold, in words.
     dropped_components, dropped_faces
-        Of the small components that were left out because that was asked for.
+        Numbers of small components, and of their faces, that were dropped on request.
     """
 
     source: str
@@ -96,7 +96,7 @@ class DenoisingSummary:
 
 
 class Denoised(NamedTuple):
-    """What was done to a file, with the file as it was read and as it was written."""
+    """Summary of how a file was denoised, with the file before and after."""
 
     summary: DenoisingSummary
     before: io.MeshFile
@@ -104,18 +104,18 @@ class Denoised(NamedTuple):
 
 
 class Opened(NamedTuple):
-    """A file that was read, and where it will be written.
+    """A file that was read, and the target it will be written to.
 
     Parameters
     ----------
     format
-        Of the output.
+        Format of the output.
     mesh
-        n vertices.
+        Mesh with n vertices.
     controls
-        Over the mesh, where they were given by names in the file.
+        Controls over the mesh; names that refer to the file are resolved.
     dropped
-        What was left out of the file before; None where that was not asked for.
+        Result of dropping small components; None if that was not requested.
     """
 
     source: str | PathLike[str] | BinaryIO
@@ -137,14 +137,14 @@ def opened_file(
     force: bool,
     weld: float | str | None = None,
 ) -> Opened:
-    """Read a file to be denoised; everything that can be refused before reading is refused before.
+    """Read a file to be denoised, after all checks that do not need its content.
 
-    Boundary vertices within the distance `weld` are joined.
+    Boundary vertices within the distance `weld` of each other are joined.
     """
     _check_single(source)
     apart, in_edges = parsed_length("weld", weld) if weld is not None else (0.0, False)
     if drop_components is not None:
-        component_limit(drop_components)  # raises for what is none
+        component_limit(drop_components)  # raises ParameterError for an invalid limit
     output = _checked_output(source, output, format, force=force)
     file = io.read(source)
     if controls["on_bad"] == "isolate":
@@ -162,8 +162,8 @@ def opened_file(
 
 
 def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, controls: Controls) -> io.MeshFile:
-    """Return a file with other vertices of its mesh, (n, 3), within the limit of the controls."""
-    small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow where coordinates are huge
+    """Return the file with new vertices of its mesh, (n, 3), within the displacement limit of the controls."""
+    small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow for huge coordinates
     with np.errstate(over="ignore"):
         framed = framed_length("max_displacement", controls["max_displacement"], small, exponent)
         limit = float(np.ldexp(framed, exponent))
@@ -171,7 +171,7 @@ def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, con
 
 
 def _welded(file: io.MeshFile, distance: float, in_edges: bool) -> io.MeshFile:
-    """Return a file whose boundary vertices are joined where they are near; raises ParameterError for half an edge."""
+    """Return a file with nearby boundary vertices joined; raises ParameterError for half an edge length or more."""
     edge = mesh_of_file(file, "").mean_edge_length
     if in_edges:
         distance *= edge
@@ -192,14 +192,14 @@ def written_file(
     seconds: float,
     force: bool,
 ) -> Denoised:
-    """Write a file with other vertices of its mesh, (n, 3), and return what was done; controls as they were given."""
+    """Write a file with new vertices of its mesh, (n, 3), and return the summary; `controls` are as given."""
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
     small, exponent = in_frame(without_lines(mesh))
     try:
-        moved = moved_file(file, vertices, mesh, controls)  # formats with whole numbers round within the limit
+        moved = moved_file(file, vertices, mesh, controls)  # formats with integer coordinates round within the limit
         left_out = io.write(moved, output, format=opened.format, force=force)
-    except ReadError as error:  # a fault of the source that only other formats need to know
+    except ReadError as error:  # a fault of the source that only some output formats detect
         raise error.within(source_name(source)) from error.__cause__
 
     moves = np.ldexp(vertices - mesh.vertices, -exponent)
@@ -232,14 +232,14 @@ def written_file(
 def error_found(
     method: Method, small: Mesh, exponent: int, moves: Vectors, parameters: dict[str, Any], strength: float
 ) -> dict[str, Any]:
-    """Tell the kind of error from what `auto` removed, and what it treated the mesh as.
+    """Classify the error that `auto` removed, and return it with the kind of surface that `auto` chose.
 
     Parameters
     ----------
     small, exponent
-        The mesh in its frame.
+        Mesh in its frame.
     moves
-        (n, 3) displacements of the vertices there, of which a strength below 1 applied only a share.
+        (n, 3) displacements of the vertices in the frame. A strength below 1 applies only a share of the removed error.
     """
     if method.name != "auto" or not strength:
         return {"error": None, "treated_as": None}
@@ -252,7 +252,7 @@ def error_found(
 
 
 def _check_single(source: str | PathLike[str] | BinaryIO) -> None:
-    """Raise ReadError where a source is not one file of this machine; a batch takes all of these."""
+    """Raise ReadError if a source is not a single local file; batch processing accepts the other kinds."""
     if not isinstance(source, str | PathLike):
         return
     name = fspath(source)
@@ -273,7 +273,7 @@ def _checked_output(
     *,
     force: bool,
 ) -> str | PathLike[str] | BinaryIO:
-    """Return where to write; raises OutputError where that is impossible or not allowed."""
+    """Return the target to write to; raises OutputError if it cannot be written or may not be replaced."""
     if output is None:
         if not isinstance(source, str | PathLike):
             raise TypeError("a stream has no place for its output: give one")

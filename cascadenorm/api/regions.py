@@ -1,4 +1,4 @@
-"""Several meshes denoised together, whose walls coincide as those of the regions of a segmentation do."""
+"""Denoise several meshes whose walls coincide, such as segmented regions."""
 
 from collections.abc import Sequence
 from os import PathLike
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 
 
 class SeamlessMesh(NamedTuple):
-    """A mesh as it was given, its copies of vertices at seams joined.
+    """A mesh as given, together with a version in which copies of vertices at seams are joined.
 
     Parameters
     ----------
     given
-        What the caller holds.
+        The object that the caller passed.
     vertices
-        Its (k, 3) vertices.
+        (k, 3) vertices of `given`.
     welds
-        (k,) the vertex of `mesh` that each is.
+        (k,) index of each vertex in `mesh`.
     mesh
-        n vertices.
+        Joined mesh with n vertices.
     """
 
     given: Any
@@ -49,7 +49,7 @@ class SeamlessMesh(NamedTuple):
 
     @classmethod
     def of(cls, given: Any, *, isolate: bool = False) -> "SeamlessMesh":
-        """Take a mesh of any kind but a path; with `isolate`, without its bad faces."""
+        """Convert a mesh of any kind except a path; `isolate` leaves out its bad faces."""
         if isinstance(given, MeshFile):
             given = given.isolating() if isolate else given
             mesh = as_mesh(given)
@@ -67,13 +67,13 @@ class SeamlessMesh(NamedTuple):
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """The type of the result."""
+        """Floating type of the result."""
         if isinstance(self.given, MeshFile):
             return self.given.positions.dtype
         return self.vertices.dtype if self.vertices.dtype.kind == "f" else np.dtype(np.float64)
 
     def moved(self, vertices: NDArray[Any], controls: Controls) -> Any:
-        """Return what the caller holds with other vertices of `mesh`; those that are not finite stay as they are."""
+        """Return a copy of `given` with new vertices of `mesh`; vertices that are not finite stay unchanged."""
         if isinstance(self.given, MeshFile):
             return moved_file(self.given, vertices, self.mesh, controls)
         if isinstance(self.given, Mesh):
@@ -88,23 +88,23 @@ class SeamlessMesh(NamedTuple):
 def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **parameters: Any) -> list[Any]:
     """Denoise meshes whose walls coincide, such as the regions of a segmentation; shared walls stay shared.
 
-    Vertices of different meshes that coincide within rounding count as one, and move to one place, to the last bit.
-    Meshes that share no vertex with others are denoised as `denoise` does.
+    Vertices of different meshes that coincide within rounding count as one vertex and move to exactly the same
+    position. Meshes that share no vertex with another one are denoised as by `denoise`.
 
     Parameters
     ----------
     meshes
-        Each of any kind that `denoise` takes but a path: for files there is `denoise_region_files`.
+        Meshes of any kind that `denoise` accepts except paths. For files, use `denoise_region_files`.
     method
-        One of `methods()`.
+        Name of a method listed by `methods()`.
     parameters
-        Of the method.
+        Parameters of the method.
 
-    Controls with a value for each vertex, each face or each edge are refused here; `denoise_region_files` takes names.
+    Controls with one value per vertex, face or edge are rejected here; `denoise_region_files` accepts names.
 
     Returns
     -------
-    For each mesh what `denoise` returns for it: for arrays the new vertices, for all else a copy
+    For each mesh, what `denoise` returns for it: new vertices for arrays, a copy for all other types
 
     Raises
     ------
@@ -132,26 +132,26 @@ def denoise_region_files(
     parameters: dict[str, Any] | None = None,
     **controls: "Unpack[Controls]",
 ) -> list[DenoisingSummary]:
-    """Denoise mesh files whose walls coincide, as `denoise_regions` does; each keeps all but positions and normals.
+    """Denoise mesh files whose walls coincide; each file keeps everything except positions and normals.
 
     Parameters
     ----------
     sources
-        Paths, or a single one.
+        Path, or several of them.
     folder
-        Where each file is written under its own name; None: `<stem>_denoised<suffix>` beside the source.
+        Folder for the outputs, which keep their file names. None writes `<stem>_denoised<suffix>` beside each source.
     method
-        One of `methods()`.
+        Name of a method listed by `methods()`.
     force
         Replace existing files.
     parameters
-        Of the method.
+        Parameters of the method.
 
-    Controls are given by names, which refer to each file.
+    Names in controls refer to each file separately.
 
     Returns
     -------
-    What was done to each file; seconds are those of all together
+    A summary for each file; `seconds` is the time of all files together
 
     Raises
     ------
@@ -177,7 +177,7 @@ def denoise_region_files(
 
 
 class Region(NamedTuple):
-    """A mesh, the controls over its vertices and faces, and the type of the result."""
+    """A mesh, the controls over its vertices and faces, and the floating type of its result."""
 
     mesh: Mesh
     controls: Controls
@@ -185,7 +185,7 @@ class Region(NamedTuple):
 
 
 def _together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[NDArray[Any]]:
-    """Return the new vertices of each region, in its type; groups of meshes that share vertices move together."""
+    """Return the new vertices of each region in its type; regions that share vertices are denoised together."""
     if not regions:
         raise MeshError("no meshes are given", hint="give at least one")
     out: list[NDArray[Any]] = [np.empty(0)] * len(regions)
@@ -200,18 +200,18 @@ def _together(method: Method, regions: Sequence[Region], parameters: dict[str, A
 
 
 def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[NDArray[Any]]:
-    """Return the new vertices of regions of one group; `first` is the first vertex that each coincides with."""
+    """Return the new vertices of one group of regions; `first` maps each vertex to the first one it coincides with."""
     if len(regions) == 1:
         only = regions[0]
         return [controlled(method, only.mesh, parameters, only.controls, dtype=only.dtype)]
 
-    # One mesh, in the coarsest of the types, so that each can hold what comes out
+    # Join the regions into one mesh of the coarsest type, so that every region can hold the result
     whole = joined_meshes([region.mesh for region in regions], first)
     over = welded(_concatenated(regions), whole.vertices.astype(np.int32))
     coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
     moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest)
 
-    # To each mesh its vertices; those that did not move keep their own bits
+    # Distribute the vertices to the regions; unmoved vertices keep their own bits
     still = (moved == whole.mesh.vertices.astype(coarsest)).all(axis=1)
     ends = np.cumsum([len(region.mesh.vertices) for region in regions])[:-1]
     return [
@@ -221,7 +221,7 @@ def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: d
 
 
 def _concatenated(regions: Sequence[Region]) -> Controls:
-    """Return the controls of all meshes as those of one, its vertices and faces one mesh after the other."""
+    """Return the controls of all regions as controls of the concatenated mesh."""
     one = regions[0].controls.copy()
     if one["mask"] is not None:
         one["mask"] = np.concatenate([np.asarray(region.controls["mask"]) for region in regions])
@@ -237,7 +237,7 @@ def _concatenated(regions: Sequence[Region]) -> Controls:
 
 
 def _chosen(given: Any, count: int) -> Bools:
-    """Return (count,) bool for what is given so, or by indices."""
+    """Return (count,) bool for a selection given as bool or as indices."""
     chosen = np.zeros(count, bool)
     chosen[np.asarray(given)] = True
     return chosen

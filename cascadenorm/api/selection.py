@@ -1,4 +1,7 @@
-"""Controls given by names in a mesh file: vertices by attributes, indices and other files, faces by their labels."""
+"""Resolve controls that refer to names in a mesh file.
+
+Vertices are selected by attributes, indices and other files, and faces by their labels.
+"""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -15,28 +18,28 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
 
 FILES = (".npy", ".txt")
-RANGE = re.compile(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?")  # 5 or 7-20
-MOST_NAMES = 20  # in a message
+RANGE = re.compile(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?")  # matches "5" or "7-20"
+MOST_NAMES = 20  # listed in a message
 
 
 def selected(controls: Controls, file: MeshFile) -> Controls:
-    """Return the controls with what they name as arrays over the mesh of a file.
+    """Return the controls with names replaced by arrays over the mesh of a file.
 
-    Names and indices in text, and those in other files, refer to the vertices of the mesh file, from 0. Where the file
-    splits a vertex, the smallest weight of its copies counts, and it is fixed if one of them is.
+    Names and indices, in text or in other files, refer to the vertices of the mesh file, from 0. If the file splits a
+    vertex, the smallest weight of its copies applies, and the vertex is fixed if one of its copies is.
 
     Parameters
     ----------
     controls
-        Mask, fixed, only and creases as `Controls` declares them for files; arrays have an entry for each vertex of the
-        file or of its mesh, and `only` for each triangle of the file, those besides its mesh included.
+        Mask, fixed, only and creases as `Controls` declares them for files. Arrays have one entry per vertex of the
+        file or of its mesh; `only` has one per triangle of the file, including triangles that its mesh leaves out.
     file
-        Its attributes carry the names of PLY properties.
+        Mesh file; its attributes are named like PLY properties.
 
     Raises
     ------
     ParameterError
-        A name that the file does not have, a file that cannot be read, an index out of range.
+        A name is not in the file, a file cannot be read, or an index is out of range.
     """
     mask, fixed, creases = (_as_text(controls[name]) for name in ("mask", "fixed", "creases"))
     found = controls.copy()
@@ -57,15 +60,15 @@ def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
     Parameters
     ----------
     controls
-        As arrays; of the copies of a vertex the smallest weight counts, and it is fixed if one of them is.
+        Controls as arrays. The smallest weight of the copies applies, and a vertex is fixed if one of its copies is.
     welds
-        (k,) the welded vertex of each.
+        (k,) index of the welded vertex for each split vertex.
     """
 
     def renumbered(indices: ArrayLike) -> NDArray[Any]:
         given = np.asarray(indices)
         within = given.dtype.kind in "iu" and ((given >= 0) & (given < len(welds))).all()
-        return welds[given] if within else given  # refused where the controls are applied
+        return welds[given] if within else given  # invalid indices are rejected where the controls are applied
 
     found = controls.copy()
     if controls["mask"] is not None:
@@ -79,19 +82,19 @@ def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
 
 
 def faces_labelled(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
-    """Return (m,) which triangles of the mesh of a file carry one of the labels.
+    """Return (m,) bool, the triangles of the mesh of a file that carry one of the labels.
 
     Parameters
     ----------
     names
         Each a name, such as that of a material, or kind=name, such as material=steel or, for numbers, segment=3.
     file
-        For its kinds of labels, see `MeshFile.face_labels`.
+        Mesh file; `MeshFile.face_labels` lists its kinds of labels.
 
     Raises
     ------
     ParameterError
-        No face carries a label of that name.
+        No face carries a label with that name.
     """
     labels = file.face_labels()
     chosen = np.zeros(len(file.polygons), bool)
@@ -121,12 +124,12 @@ def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
 
 def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
     """Return fixed vertices as indices or bool over the mesh of the file."""
-    # An array, of indices in the mesh or of bool
+    # An array of bool, or of indices into the mesh
     if not isinstance(fixed, str):
         given = np.asarray(fixed)
         return _joined(given, file.welds, np.maximum) if given.dtype == bool else given
 
-    # An attribute or a file
+    # An attribute or another file
     count, attributes = len(file.positions), _attributes(file)
     if fixed in attributes:
         return _joined(np.asarray(attributes[fixed] != 0), file.welds, np.maximum)
@@ -151,7 +154,7 @@ def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
 
 
 def _only(only: Any, file: MeshFile) -> NDArray[np.bool_]:
-    """Return the faces of the mesh that are named, or selected among all triangles of the file."""
+    """Return (m,) bool, the faces of the mesh selected by labels or among all triangles of the file."""
     names = [only] if isinstance(only, str) else only
     if isinstance(names, Sequence) and names and all(isinstance(name, str) for name in names):
         return faces_labelled(names, file)
@@ -172,7 +175,7 @@ def _creases(creases: str, file: MeshFile) -> float | NDArray[Any]:
 
 
 def _of_vertices(name: str, text: str, file: MeshFile) -> NDArray[Any]:
-    """Return a value for each vertex of the file, from its attribute or from another file."""
+    """Return one value per vertex of the file, from an attribute or another file."""
     attributes = _attributes(file)
     if text in attributes:
         return attributes[text]
@@ -191,7 +194,7 @@ def _attributes(file: MeshFile) -> dict[str, NDArray[Any]]:
 
 
 def _joined(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_largest: np.ufunc) -> NDArray[Any]:
-    """Reduce values at the vertices of the file to those of its mesh; other arrays are checked where applied."""
+    """Reduce values at the vertices of a file to those of its mesh; other arrays are checked where they are used."""
     if values.shape != welds.shape or values.dtype.kind not in "biuf":
         return values
     joined = np.empty(welds.max(initial=-1) + 1, values.dtype)
@@ -211,7 +214,7 @@ def _vertex_indices(name: str, indices: NDArray[Any], count: int) -> NDArray[np.
 
 
 def _table(name: str, path: str, columns: int) -> NDArray[Any]:
-    """Read the numbers of a file into rows of so many columns."""
+    """Read the numbers of a file into rows of `columns` values."""
     try:
         if path.endswith(".npy"):
             table = np.asarray(np.load(path, allow_pickle=False))

@@ -1,4 +1,4 @@
-"""Shape DNA of meshes of any kind, and how far two shapes are from each other by it."""
+"""Compute the Shape DNA of meshes and compare two shapes by it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,16 +14,16 @@ EIGENVALUE_COUNT = 50
 
 @dataclass(frozen=True, kw_only=True)
 class Spectrum:
-    """The lowest eigenvalues of the Laplacian of one mesh or two.
+    """The lowest eigenvalues of the Laplacian of one or two meshes.
 
     Parameters
     ----------
     scale
-        As in `shape_dna`.
+        Scaling of the eigenvalues, as in `shape_dna`.
     values
-        (k,) ascending, in 1 / length², or without a unit if they are multiplied by the area.
+        (k,) ascending, in 1 / length², or dimensionless if multiplied by the area.
     other
-        (k,) of the second mesh; None if there is none.
+        (k,) eigenvalues of the second mesh; None if there is none.
     """
 
     scale: Scale
@@ -32,28 +32,28 @@ class Spectrum:
 
     @property
     def distance(self) -> float | None:
-        """Euclidean distance of the two spectra, 0 for isometric shapes; None for one mesh."""
+        """Euclidean distance between the two spectra, 0 for isometric shapes; None for a single mesh."""
         return None if self.other is None else float(np.linalg.norm(self.values - self.other))
 
 
 def spectrum(mesh: Any, other: Any = None, *, count: int = EIGENVALUE_COUNT, scale: Scale = "area") -> Spectrum:
-    """Return the shape DNA of a mesh, and of a second one to compare it with (Reuter, Wolter, Peinecke 2006).
+    """Return the Shape DNA of a mesh and, for comparison, of a second one (Reuter, Wolter, Peinecke 2006).
 
     Parameters
     ----------
     mesh, other
-        Path of a file, stream, or mesh of any library.
+        File paths, streams, or meshes of any library.
     count
-        How many eigenvalues, at most the number of vertices that a face references.
+        Number of eigenvalues, at most the number of vertices that a face references.
     scale
-        "area" multiplies eigenvalues by the area, so that size does not matter; "keep" leaves them as they are.
+        "area" multiplies the eigenvalues by the area, which removes the effect of size; "keep" leaves them unchanged.
 
     Raises
     ------
     MeshError
-        No valid mesh; its subclass ReadError where a file cannot be read.
+        A mesh is invalid. Its subclass ReadError is raised if a file cannot be read.
     ParameterError
-        Count is out of range.
+        `count` is out of range.
     """
     first = _values(mesh, count, scale)
     return Spectrum(scale=scale, values=first, other=None if other is None else _values(other, count, scale))

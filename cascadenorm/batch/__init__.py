@@ -1,1 +1,1 @@
-"""Denoising many files in parallel processes, within a memory limit, with resumption."""
+"""Denoise many files in parallel processes, with a memory limit and resumption."""

@@ -1,4 +1,7 @@
-"""Many files denoised in worker processes, so that no failure stops the others; interrupted batches resume."""
+"""Denoise many files in worker processes and resume interrupted batches.
+
+A file that fails does not stop the others.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 COST = 20_000
-"""Fixed cost of a file in the progress, as the bytes that take the same time."""
+"""Fixed cost of a file in the progress, expressed as an equivalent number of bytes."""
 
 
 class Failure(NamedTuple):
@@ -48,16 +51,16 @@ class Failure(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """What became of the files of a batch.
+    """Outcome of the files of a batch.
 
     Parameters
     ----------
     lines
-        Of the manifest, for each file that was denoised now or failed, as they ended.
+        Manifest lines of the files that were denoised or failed in this run, in the order in which they ended.
     kept
-        Names of the files that were done already.
+        Names of the files that were already done.
     failures
-        Errors of those that failed.
+        Errors of the files that failed.
     """
 
     lines: list[Line]
@@ -89,56 +92,57 @@ def denoise_files(
     Parameters
     ----------
     sources
-        Files, folders or patterns such as "scans/**/*.ply", one or several; or URLs of such.
+        One or several files, folders or patterns such as "scans/**/*.ply", or URLs of these.
     output
-        Folder of the results, which lie in it as the sources lie in the folder that they have in common, or its URL in
-        an object store.
+        Folder for the results, or its URL in an object store. Results keep the folder structure that the sources have
+        below their common folder.
     method, parameters
         As in `denoise_file`.
     format
-        Of the results, such as "stl"; None keeps that of each source.
+        Format of the results, such as "stl". None keeps the format of each source.
     force
-        Replace files in the output folder that no batch has written.
+        Replace files in the output folder that were not written by a batch.
     workers
-        Processes at most; None is one for each thread.
+        Maximum number of processes. None starts one per thread.
     memory
-        Of all processes together, as bytes or as text like "4GB"; None is most of what is free. Files are denoised side
-        by side as far as their estimated needs fit.
+        Memory limit for all processes together, as bytes or as text like "4GB". None uses most of the free memory.
+        Files are processed in parallel as long as their estimated needs fit.
     retries
-        Further attempts, alone, for a file whose process ended early or was stopped, for which memory did not suffice,
-        or that changed while it was read.
+        Further attempts for a file whose process died or was stopped, that ran out of memory, or that changed while it
+        was read. The file then runs alone.
     timeout
-        Seconds after which the process that works on a file is stopped; None is no limit.
+        Seconds after which the process that works on a file is stopped. None sets no limit.
     watch
-        Go on and look for further files until interrupted; a file is taken once it has not changed for so many seconds.
+        Keep looking for further files until interrupted. A file is processed once it has not changed for this many
+        seconds.
     scheduler
-        Address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster on this
-        machine; None starts processes. Workers of a cluster have limits of their own: `memory` and `threads` are for
-        this machine.
+        Address of the scheduler of a Dask cluster whose workers can access the same files; "local" starts a cluster on
+        this machine; None starts processes. Workers of a cluster have their own limits: `memory` and `threads` apply to
+        this machine only.
     manifest
-        File that records what became of each file: what is done, by the digests of file, settings and result, is not
-        done again. None is `manifest.jsonl` in the folder of the results; where that is a URL, name one.
+        File that records the outcome of each file. Files whose digests of input, settings and result match a record
+        are not processed again. None uses `manifest.jsonl` in the output folder; if that is a URL, a name is required.
     on_failure
-        Called with each failure as it happens; with `watch` also where the sources cannot be listed, which does not end
-        it, and with files whose results would replace those of others.
+        Called with each failure as it happens. With `watch`, also called if the sources cannot be listed, which does
+        not end the watch, and for files whose results would replace those of others.
 
-    `threads` counts those of all processes.
+    `threads` is the total for all processes.
 
     Returns
     -------
-    What became of each file
+    The outcome of each file
 
     Raises
     ------
     ReadError
-        There is no file.
+        No file was found.
     ParameterError
-        An unknown method, parameter or control, a value out of range.
+        A method, parameter or control is unknown, or a value is out of range.
     OutputError
-        The folder cannot be written, the disk is full, another batch is writing there, or two files have the same
+        The folder cannot be written, the disk is full, another batch is writing to it, or two files have the same
         output path.
     WorkerError
-        The scheduler or the workers of a cluster are gone, or cannot do the work.
+        The scheduler or the workers of a cluster are unreachable or cannot do the work.
     """
     for name, value, least in (("retries", retries, 0), ("workers", workers, 1), ("watch", watch, 0)):
         if value is not None and not value >= least:
@@ -175,7 +179,7 @@ def denoise_files(
 
 
 def _manifest_path(folder: str | Path, given: str | PathLike[str] | None) -> Path:
-    """Return where the manifest lies, on this machine."""
+    """Return the path of the manifest, a local file."""
     if given is not None:
         return Path(given)
     if isinstance(folder, Path):
@@ -188,7 +192,7 @@ def _manifest_path(folder: str | Path, given: str | PathLike[str] | None) -> Pat
 
 
 def _this_machine(workers: int | None, threads: int | None, memory: str | int | None, scheduler: str | None) -> Place:
-    """Return what processes of this machine share."""
+    """Return the resources that the processes of this machine share."""
     given = {"threads": threads, "memory": memory}
     for name in given if scheduler not in (None, "local") else ():
         if given[name] is not None:
@@ -200,7 +204,7 @@ def _this_machine(workers: int | None, threads: int | None, memory: str | int | 
 
 @dataclass(frozen=True)
 class _Begun:
-    """What is being done with a file, where, on how many threads, and until when it may take."""
+    """A file in progress, with its place, number of threads and deadline."""
 
     task: Task
     place: Place
@@ -209,12 +213,12 @@ class _Begun:
 
 
 def _remove_unfinished(jobs: list[Job]) -> None:
-    with suppress(OSError):  # a share that is gone; the next batch removes them
+    with suppress(OSError):  # a network share may be gone; the next batch removes them
         remove_unfinished([Path(job.output) for job in jobs if not is_url(job.output)])
 
 
 class _Run:
-    """A batch while it runs: the processes, and what each is working on."""
+    """The state of a running batch."""
 
     def __init__(
         self,
@@ -236,7 +240,7 @@ class _Run:
         self.done = Batch([], [], [])
 
     def all(self, jobs: list[Job], watched: Watched | None = None) -> None:
-        """Denoise the files, and those that settle later; no process or partial file is left, even after an error."""
+        """Denoise all files, including those that settle later; clean up processes and partial files even on error."""
         try:
             _remove_unfinished(jobs)
             self._add(jobs)
@@ -252,7 +256,7 @@ class _Run:
             _remove_unfinished(list(self._busy))
 
     def tell(self, failure: Failure) -> None:
-        """Tell the caller of a failure as it happens."""
+        """Report a failure to the caller as it happens."""
         if self._on_failure is not None:
             self._on_failure(failure)
 
@@ -262,7 +266,7 @@ class _Run:
         self._found += sum(job.size + COST for job in jobs)
 
     def _begin_all(self) -> None:
-        """Begin as many files as processes, cores and memory allow."""
+        """Start as many files as processes, cores and memory allow."""
         while (following := self._schedule.next(self._processes.places)) is not None:
             place, job, threads = following
             self._attempts[job] += 1
@@ -273,7 +277,7 @@ class _Run:
                 self._begin(place, task, threads)
 
     def _start(self, place: Place, task: Task, threads: int, digest: str | None = None) -> None:
-        """Begin to denoise a file; the digest is that of a check."""
+        """Start denoising a file; the digest comes from its check."""
         self._manifest.add(self._line("started", task, Outcome(status="new", input_digest=digest)))
         self._begin(place, task._replace(checked=True, digest=digest), threads)
 
@@ -283,21 +287,21 @@ class _Run:
         self._processes.begin(place, task, threads)
 
     def _patience(self, seconds: float | None) -> float | None:
-        """How long to wait for outcomes: for so many seconds, or until the first file takes too long."""
+        """Return how long to wait for outcomes: the given seconds, or less if a file reaches its timeout earlier."""
         if self._timeout is None or not self._busy:
             return seconds
         left = max(0.0, min(begun.end for begun in self._busy.values()) - time.monotonic())
         return left if seconds is None else min(seconds, left)
 
     def _stop_late(self) -> None:
-        """Stop the processes that have taken too long."""
+        """Stop the processes that exceeded the timeout."""
         now = time.monotonic()
         for job in [job for job, begun in self._busy.items() if begun.end <= now]:
             self._processes.stop(job)
             self._end(job, WorkerError(f"it took longer than {self._timeout:g} seconds, and was stopped"))
 
     def _end(self, job: Job, outcome: Outcome | WorkerError) -> None:
-        """Handle the outcome of a process; a checked file goes on to be denoised in the same place."""
+        """Handle the outcome of a process; after a check, denoise the file in the same place."""
         begun = self._busy.pop(job)
         task = begun.task
         if isinstance(outcome, WorkerError):
@@ -313,7 +317,7 @@ class _Run:
         self._record(task, outcome)
 
     def _record(self, task: Task, outcome: Outcome) -> None:
-        """Record the outcome of a file in the manifest and the result."""
+        """Record the outcome of a file in the manifest and in the result."""
         if outcome.status == "kept":
             self.done.kept.append(task.job.source)
         else:
@@ -334,7 +338,7 @@ class _Run:
             self._listener(self._ended / self._found)
 
     def _name(self, job: Job) -> str:
-        """The name of a result in the manifest, from the folder of the manifest."""
+        """Return the name of a result in the manifest, relative to the output folder."""
         if isinstance(self._folder, str):
             return job.output.removeprefix(f"{self._folder}/")
         return Path(job.output).relative_to(self._folder).as_posix()

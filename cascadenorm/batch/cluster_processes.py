@@ -1,8 +1,7 @@
-"""Worker processes of a Dask cluster, which do the work on files as processes of this machine do.
+"""Process files on the workers of a Dask cluster.
 
-Each worker works on one file at a time, with all its threads. Dask only carries the work there: which file is next,
-and what is tried again, the batch decides. So a file is never begun again behind its back, as Dask does with the tasks
-of a worker that is lost.
+Each worker processes one file at a time with all its threads. Dask only transfers the work; the batch decides which
+file is next and what is retried. This prevents Dask from silently restarting the tasks of a lost worker.
 """
 
 from __future__ import annotations
@@ -41,14 +40,14 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 MEMORY = 0.8
-"""Fraction of a worker's memory that files may need: above it Dask pauses the worker, and at 95 % ends it."""
+"""Fraction of a worker's memory that files may need. Dask pauses a worker above it and terminates it at 95 %."""
 
 TOKEN = secrets.token_hex(8)
-"""What tells this process from one that was started later at the same address."""
+"""Identifies this process, as opposed to a later one at the same address."""
 
 
 class About(NamedTuple):
-    """What a worker says of itself."""
+    """Description that a worker gives of itself."""
 
     process: str
     version: str
@@ -59,14 +58,14 @@ class About(NamedTuple):
 
 @dataclass(eq=False)
 class Member(Place):
-    """A worker of the cluster as a place with one process."""
+    """A worker of the cluster, as a place with one process."""
 
     address: str = ""
     process: str = ""
 
 
 def about() -> About:
-    """Describe the worker that calls this."""
+    """Describe the worker that runs this function."""
     from distributed import get_worker
 
     worker = get_worker()
@@ -75,35 +74,35 @@ def about() -> About:
 
 
 def do(process: str, work: Work, task: Task, threads: int) -> Outcome:
-    """Do the work, in the process that it was meant for alone."""
+    """Do the work, unless the worker process was restarted."""
     from distributed import get_worker
 
     if process != TOKEN:
         raise WorkerError("the worker was restarted before it had done the work")
     with limit_threads(threads), threadpool_limits(threads):
-        return work(task._replace(scratch=get_worker().local_directory))  # Dask empties it after a worker's death
+        return work(task._replace(scratch=get_worker().local_directory))  # Dask empties it if a worker dies
 
 
 class ClusterProcesses:
-    """The workers of a cluster, for as long as they are there; further ones may come.
+    """The available workers of a cluster; workers may join and leave.
 
     Parameters
     ----------
     work
-        What they do.
+        Function that processes a task.
     scheduler
         Address, or "local".
     here
-        What a cluster on this machine shares out among its workers.
+        Resources that a cluster on this machine divides among its workers.
     count
-        Workers at most; None is all.
+        Maximum number of workers. None uses all.
     folder
-        Where workers must run, because names of files are relative; None where that does not matter.
+        Folder in which workers must run because file names are relative. None accepts any folder.
 
     Raises
     ------
     MissingDependencyError, ParameterError
-        As `connected` says.
+        As in `connected`.
     """
 
     def __init__(self, work: Work, scheduler: str, here: Place, *, count: int | None, folder: str | None) -> None:
@@ -123,30 +122,30 @@ class ClusterProcesses:
 
     @property
     def places(self) -> Sequence[Place]:
-        """Workers that are there and can be used."""
+        """Workers that are available now."""
         return list(self._members.values())[: self._count]
 
     def begin(self, place: Place, task: Task, threads: int) -> None:
-        """Begin the work on a file."""
+        """Start processing a file."""
         assert isinstance(place, Member)
         future = self._submit(place.address, do, place.process, self._work, task, threads)
         self._busy[task.job] = place, future
         future.add_done_callback(lambda _: self._ready.put((task.job, future)))
 
     def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
-        """Wait for outcomes, at most until the next look at which workers are there.
+        """Wait for outcomes, at most until the next check of the available workers.
 
         Raises
         ------
         WorkerError
-            The scheduler or all workers are gone.
+            The scheduler or all workers are unreachable.
         """
         found: list[tuple[Job, Outcome | WorkerError]] = []
         wait = POLL if seconds is None else min(seconds, POLL)
         try:
             while True:
                 job, future = self._ready.get(timeout=0.0 if found else wait)
-                if job in self._busy and self._busy[job][1] is future:  # else an earlier attempt that was given up
+                if job in self._busy and self._busy[job][1] is future:  # else an earlier attempt that was abandoned
                     found.append((job, self._outcome(*self._busy.pop(job))))
         except Empty:
             pass
@@ -156,7 +155,7 @@ class ClusterProcesses:
         return found
 
     def stop(self, job: Job) -> None:
-        """Have the process that works on a file ended by the nanny of the worker; without one it is used no more."""
+        """Let the nanny of a worker restart the process of a file; without a nanny, the worker is not reused."""
         member, future = self._busy.pop(job)
         future.release()
         self._members.pop(member.address, None)
@@ -164,33 +163,33 @@ class ClusterProcesses:
         Thread(target=self._restart, args=(member.address,), daemon=True).start()
 
     def close(self) -> None:
-        """Leave the cluster, which drops what it has not begun; one of its own on this machine ends."""
+        """Disconnect from the cluster, which drops tasks not yet started; a local cluster is shut down."""
         self._busy = {}
         self._stack.close()
 
     def _submit(self, address: str, function: Any, *values: Any) -> Future[Any]:
         try:
             return self._client.submit(function, *values, workers=[address], allow_other_workers=False, pure=False)
-        except Exception as error:  # of the connection
+        except Exception as error:  # connection errors
             raise self._without_scheduler(error) from None
 
     def _without_scheduler(self, error: Exception) -> WorkerError:
         return without_scheduler(self._scheduler, error, "run the same again: what is done is kept")
 
     def _outcome(self, member: Member, future: Future[Outcome]) -> Outcome | WorkerError:
-        """The outcome of finished work, which lies on the worker."""
+        """Return the outcome of finished work, which is stored on the worker."""
         try:
             found: Outcome = future.result(timeout=ANSWER)
-        except Exception as error:  # whatever Dask raises where a worker or its answer is lost
-            self._members.pop(member.address, None)  # another process may have its address now
+        except Exception as error:  # any error that Dask raises if a worker or its answer is lost
+            self._members.pop(member.address, None)  # another process may now use its address
             return WorkerError(f"the worker {member.address} did not do the work: {dask_message(error)}")
         return found
 
     def _look(self) -> list[tuple[Job, Outcome | WorkerError]]:
-        """See which workers have come and gone; return what those who are gone were working on."""
+        """Update the list of workers; return the files that lost workers were processing."""
         try:
             here = set(self._client.nthreads())
-        except Exception as error:  # of the connection
+        except Exception as error:  # connection errors
             raise self._without_scheduler(error) from None
         for address in here - {*self._asked, *self._members, *self._refused}:
             self._asked[address] = self._submit(address, about)
@@ -206,11 +205,11 @@ class ClusterProcesses:
         return [(job, self._lost(job)) for job in lost]
 
     def _meet(self, address: str, future: Future[About]) -> None:
-        """Use a worker that has described itself, unless it cannot do the work."""
+        """Accept a worker that has described itself, unless it cannot do the work."""
         try:
             about = future.result(timeout=ANSWER)
         except Exception as error:
-            if future.status == "error":  # else it has gone meanwhile
+            if future.status == "error":  # else the worker has left meanwhile
                 self._refused[address] = dask_message(error)
             return
         if about.version != __version__:
@@ -226,7 +225,7 @@ class ClusterProcesses:
         return WorkerError(f"the worker {member.address} that did the work is gone: memory may be short there")
 
     def _check_in_use(self) -> None:
-        """Raise WorkerError where no worker can be used, or none comes for long."""
+        """Raise WorkerError if no worker can be used, or none joins within the time limit."""
         now = time.monotonic()
         if self._members or self._busy:
             self._in_use = now
@@ -239,5 +238,5 @@ class ClusterProcesses:
     def _restart(self, address: str) -> None:
         try:
             self._client.restart_workers([address], timeout=ANSWER, raise_for_error=False)
-        except Exception:  # there is no nanny, or the worker is gone already
+        except Exception:  # there is no nanny, or the worker has already left
             return

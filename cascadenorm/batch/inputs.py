@@ -1,4 +1,4 @@
-"""The input files of a batch, and the paths of their results."""
+"""List the input files of a batch and the paths of their results."""
 
 import os
 from collections.abc import Container, Iterable, Iterator, Sequence
@@ -14,10 +14,10 @@ from cascadenorm.io import is_mesh_name
 from cascadenorm.io.urls import is_url
 
 RESULT_NAME = "_denoised"
-"""What `denoise` adds to the name of a file."""
+"""Suffix that `denoise` adds to the stem of a file name."""
 
 Sources = str | PathLike[str] | Sequence[str | PathLike[str]]
-"""Files, folders, or patterns such as "scans/**/*.ply"; one or several."""
+"""One or several files, folders or patterns such as "scans/**/*.ply"."""
 
 
 class Job(NamedTuple):
@@ -28,9 +28,10 @@ class Job(NamedTuple):
     source, output
         Paths or URLs.
     size
-        Of the source, in bytes.
+        Size of the source in bytes.
     changed
-        When the source was changed, in nanoseconds; at a URL a text that changes with it; None where it is not there.
+        Modification time of the source in nanoseconds; for a URL, a text that changes with its content; None if the
+        source does not exist.
     """
 
     source: str
@@ -40,7 +41,7 @@ class Job(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """A file that is there: which it is, its name as given, below the common folder, size and change."""
+    """An existing file: its identity, its name as given, its path below the common folder, size and modification."""
 
     identity: str
     source: str
@@ -50,26 +51,26 @@ class _Found(NamedTuple):
 
 
 def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -> list[Job]:
-    """List the files that are there now, with the places of their results, largest first.
+    """List the files that exist now, with the paths of their results, largest first.
 
-    Below the folder of results the files lie as below the folder that all sources have in common, the part before
-    the first wildcard of a pattern. Files in the folder of results are no input, nor are results that `denoise` has
-    written beside their sources.
+    Results keep the folder structure of the sources below their common folder, which for a pattern is the part before
+    the first wildcard. Files in the output folder are not read, nor are results that `denoise` wrote beside their
+    sources.
 
     Parameters
     ----------
     sources
-        Those that name one file are taken as they are; patterns and folders give files that can be meshes by their
-        extension.
+        Names of single files are used as they are. Folders and patterns select files with the extension of a mesh
+        format.
     folder
-        Of the results, a path or a URL.
+        Output folder, as a path or URL.
     format
-        Of the results; None keeps that of each source.
+        Format of the results. None keeps the format of each source.
 
     Raises
     ------
     ReadError
-        Some sources are URLs and others are not, or a server does not answer.
+        Only some of the sources are URLs, or a server does not answer.
     """
     places = listed(sources)
     remote = list(map(is_url, places))
@@ -86,19 +87,19 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
 
 
 def _local(places: Sequence[str], results: Path) -> Iterator[_Found]:
-    """Files of this machine."""
+    """Find local files."""
     base = _common([_fixed_part(place) for place in places])
     folders: dict[Path, Path] = {}
     for path in (path for place in places for path in _files(place)):
         if path.parent not in folders:
-            folders[path.parent] = Path(os.path.realpath(path.parent))  # once a folder: each look at a share takes time
+            folders[path.parent] = Path(os.path.realpath(path.parent))  # once per folder: network shares are slow
         real = Path(os.path.realpath(path)) if os.path.islink(path) else folders[path.parent] / path.name
         if results not in real.parents:
             yield _Found(str(real), str(path), os.path.relpath(path.absolute(), base), *_state(path))
 
 
 def _remote(places: Sequence[str], results: str) -> Iterator[_Found]:
-    """Files at URLs."""
+    """Find files at URLs."""
     parts = [fixed_part(place).split("/") for place in places]
     shared = [names[0] for names in takewhile(lambda names: len(set(names)) == 1, zip(*parts, strict=False))]
     base = "/".join(shared)
@@ -116,12 +117,12 @@ def _remote(places: Sequence[str], results: str) -> Iterator[_Found]:
 
 
 def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> None:
-    """Refuse a batch without files, or with two whose results have one place.
+    """Reject a batch without files, or with two files that have the same output path.
 
     Raises
     ------
     ReadError
-        There is no file.
+        No file was found.
     OutputError
         Two files have the same output path.
     """
@@ -138,7 +139,7 @@ def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> 
 
 
 def same_output(one: Job, other: Job) -> OutputError:
-    """Return the error of two files with the same output path."""
+    """Return the error for two files with the same output path."""
     return OutputError(
         f"{one.source} and {other.source} would both be written to {one.output}",
         hint="rename one, or denoise them in separate batches",
@@ -151,7 +152,7 @@ def listed(sources: Sources) -> list[str]:
 
 
 def _state(path: Path) -> tuple[int, int | None]:
-    """Size and time of change; None where there is no file, which the work itself will say."""
+    """Return size and modification time; the time of a missing file is None, and processing it raises the error."""
     try:
         found = path.stat()
     except (OSError, ValueError):
@@ -174,13 +175,13 @@ def _files(place: str) -> Iterable[Path]:
 
 
 def _is_result(name: str, names: Container[str]) -> bool:
-    """Test whether a file is what `denoise` wrote beside one of the others: scan_denoised.ply beside scan.ply."""
+    """Test whether `denoise` wrote a file beside one of the others, such as scan_denoised.ply beside scan.ply."""
     stem, suffix = os.path.splitext(name)
     return stem.endswith(RESULT_NAME) and f"{stem.removesuffix(RESULT_NAME)}{suffix}" in names
 
 
 def _unlisted(error: OSError) -> None:
-    """Raise ReadError for a folder that cannot be listed, unless it has gone meanwhile."""
+    """Raise ReadError for a folder that cannot be listed, unless it was removed meanwhile."""
     if not isinstance(error, FileNotFoundError):
         raise ReadError(
             f"{error.filename} cannot be listed: {error.strerror or error}",
@@ -189,7 +190,7 @@ def _unlisted(error: OSError) -> None:
 
 
 def _may_be_file(path: Path) -> bool:
-    """Test for a file; one that a network share cannot tell of now counts, and the work on it says what is wrong."""
+    """Test for a file; if a network share does not answer, assume one, so that processing it reports the error."""
     try:
         return path.is_file()
     except OSError:
@@ -197,8 +198,8 @@ def _may_be_file(path: Path) -> bool:
 
 
 def _fixed_part(place: str) -> Path:
-    """Return the folder below which a source can have files."""
-    path = Path(os.path.abspath(place))  # without "..", which would lead results out of their folder
+    """Return the folder that contains all files of a source."""
+    path = Path(os.path.abspath(place))  # without "..", which would place results outside the output folder
     if os.path.isdir(place):
         return path
     if os.path.exists(place) or not has_magic(place):

@@ -1,6 +1,7 @@
-"""The manifest of a batch: an append-only file with a line of JSON for each change of a file's status.
+"""The manifest of a batch, an append-only file of JSON lines.
 
-A file is `started`, then `done` or `failed`; its last line counts. What was started and never ended was interrupted.
+Each change of a file's status adds a line. A file is `started`, then `done` or `failed`, and its last line counts. A
+file that was started but never ended was interrupted.
 """
 
 import json
@@ -23,12 +24,12 @@ Line = dict[str, Any]
 
 
 class Manifest:
-    """The manifest in a folder, open for new lines; lines that cannot be parsed, such as a truncated one, do not count.
+    """The manifest in a folder, open for new lines; lines that cannot be parsed, such as truncated ones, are ignored.
 
     Attributes
     ----------
     last
-        The last line of each output, by its name.
+        Last line of each output, by output name.
     """
 
     def __init__(self, folder: Path, name: str = MANIFEST_NAME) -> None:
@@ -53,13 +54,13 @@ class Manifest:
                 self.last[line["output"]] = line
 
     def add(self, line: Line) -> None:
-        """Add a line, in one write."""
+        """Append a line in a single write."""
         with self._explained():
             self._file.write(json_text(line).encode() + b"\n")
         self.last[line["output"]] = line
 
     def close(self) -> None:
-        """Let other batches write into the folder."""
+        """Close the file and release its lock, so that other batches can write to the folder."""
         self._file.close()
 
     def _lock(self) -> None:
@@ -71,7 +72,7 @@ class Manifest:
             raise OutputError(
                 f"another batch is writing to {self.path.parent}", hint="wait for it, or choose another folder"
             ) from None
-        except OSError:  # a file system without locks
+        except OSError:  # the file system does not support locks
             return
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""Where the work on files is done: the interface that a batch sees, and processes of this machine."""
+"""The interface of the processes of a batch, and local processes."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -13,38 +13,38 @@ from cascadenorm.execution.worker_processes import Worker, do_jobs, first_ready
 
 Work = Callable[[Task], Outcome]
 FileWorker = Worker[tuple[Task, int], Outcome]
-"""It is sent tasks with their numbers of threads."""
+"""A worker process that receives tasks with their numbers of threads."""
 
 
 class Processes(Protocol):
-    """Processes that do the work on files, each on one file at a time."""
+    """Processes that work on files, each on one file at a time."""
 
     @property
     def places(self) -> Sequence[Place]:
-        """Where work can be begun; a cluster may gain and lose places."""
+        """Places where work can start; a cluster may gain and lose places."""
 
     def begin(self, place: Place, task: Task, threads: int) -> None:
-        """Begin the work on a file, in a process of the place that works on no other."""
+        """Start processing a file in an idle process of the place."""
 
     def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
-        """Wait for outcomes, or for so many seconds; a WorkerError where the process has ended before its work."""
+        """Wait for outcomes, at most this many seconds; a process that died early yields a WorkerError."""
 
     def stop(self, job: Job) -> None:
-        """End the process that works on a file, with its work."""
+        """Stop the process that works on a file."""
 
     def close(self) -> None:
-        """End all."""
+        """Stop all processes."""
 
 
 class LocalProcesses:
-    """Processes of this machine.
+    """Worker processes on this machine.
 
     Parameters
     ----------
     work
-        What they do.
+        Function that processes a task.
     place
-        Cores and memory that they share.
+        Cores and memory that the processes share.
     """
 
     def __init__(self, work: Work, place: Place) -> None:
@@ -54,12 +54,12 @@ class LocalProcesses:
         self._busy: dict[Job, FileWorker] = {}
 
     def begin(self, place: Place, task: Task, threads: int) -> None:
-        """Begin the work on a file; the process that was idle last has it warmest in memory."""
+        """Start processing a file, preferably in the most recently used process, whose caches are warm."""
         self._busy[task.job] = self._idle.pop() if self._idle else Worker(self._serve)
         self._busy[task.job].send((task, threads))
 
     def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
-        """Wait for outcomes, or for so many seconds."""
+        """Wait for outcomes, at most this many seconds."""
         if not self._busy:
             time.sleep(seconds or 0.0)
             return []
@@ -77,10 +77,10 @@ class LocalProcesses:
         return found
 
     def stop(self, job: Job) -> None:
-        """End the process that works on a file."""
+        """Stop the process that works on a file."""
         Worker.stop([self._busy.pop(job)])
 
     def close(self) -> None:
-        """End all processes."""
+        """Stop all processes."""
         Worker.stop([*self._idle, *self._busy.values()])
         self._idle, self._busy = [], {}

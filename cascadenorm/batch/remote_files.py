@@ -1,4 +1,4 @@
-"""Files at URLs such as s3://bucket/scan.ply: found, copied to this machine, written whole; by fsspec."""
+"""List, download and upload files at URLs such as s3://bucket/scan.ply, using fsspec."""
 
 import re
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 from cascadenorm.errors import CascadenormError, MissingDependencyError, OutputError, ReadError
 
 STORES = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss")
-"""Object stores, in which an object has its name when all of it has arrived, and not before."""
+"""Object stores, where an object becomes visible only after it was uploaded completely."""
 
 WEB = ("http", "https")
 
@@ -18,10 +18,10 @@ BROUGHT = ("fsspec", "s3fs", "aiobotocore", "aiohttp", "requests")
 """Packages that the extra `cluster` installs."""
 
 SILENCE = 60.0
-"""Seconds for which a web server may send nothing; the whole of a file may take any time."""
+"""Seconds a web server may stay silent; the total duration of a download is not limited."""
 
 WILDCARD = re.compile(r"[*\[]")
-"""What makes a URL a pattern; a question mark begins a query."""
+"""Characters that make a URL a pattern; a question mark is not among them because it starts a query."""
 
 
 class RemoteFile(NamedTuple):
@@ -30,9 +30,9 @@ class RemoteFile(NamedTuple):
     Parameters
     ----------
     size
-        In bytes, 0 where the server does not tell.
+        Size in bytes; 0 if the server does not report it.
     version
-        A text that changes with the content; None where there is no file.
+        Text that changes with the content; None if the file does not exist.
     """
 
     url: str
@@ -41,21 +41,21 @@ class RemoteFile(NamedTuple):
 
 
 class ChangedError(ReadError):
-    """A file that was written to while it was read."""
+    """Raised if a file was modified while it was read."""
 
 
 def without_query(url: str) -> str:
-    """Return a URL without what follows its path: on the web ? and # end it, elsewhere they are letters of a name."""
+    """Return a URL without its query and fragment; only web URLs have these, elsewhere ? and # are part of a name."""
     return re.split("[?#]", url, maxsplit=1)[0] if urlsplit(url).scheme.lower() in WEB else url
 
 
 def file_name(url: str) -> str:
-    """Return the name of a file without its folder and without a query."""
+    """Return the name of a file, without its folder and query."""
     return without_query(url).partition("://")[2].partition("/")[2].rpartition("/")[2]
 
 
 def fixed_part(url: str) -> str:
-    """Return the folder below which a URL can have files: before the first wildcard, or of the file that it names."""
+    """Return the folder that contains the files of a URL: up to the first wildcard, or the parent of a single file."""
     found = WILDCARD.search(url)
     if found:
         return url[: found.start()].rpartition("/")[0]
@@ -64,16 +64,16 @@ def fixed_part(url: str) -> str:
 
 
 def files_at(url: str) -> list[RemoteFile]:
-    """List the files that a URL stands for: one file, those of a folder, or those that match a pattern.
+    """List the files of a URL, which may name a file, a folder or a pattern.
 
-    A URL without wildcards whose last part has an extension names a file, whether it is there or not.
+    A URL without wildcards whose last part has an extension names a file, whether it exists or not.
 
     Raises
     ------
     ReadError
-        The server does not answer, or does not let us in.
+        The server does not answer or denies access.
     MissingDependencyError
-        Fsspec, or what it needs for this kind of URL, is not installed.
+        Fsspec, or a package it needs for this kind of URL, is not installed.
     """
     if not WILDCARD.search(url) and "." in file_name(url):
         return [_file(url)]
@@ -86,21 +86,21 @@ def files_at(url: str) -> list[RemoteFile]:
 
 
 def exists(url: str) -> bool:
-    """Test whether a file is there; ReadError where the server does not say."""
+    """Test whether a file exists; raises ReadError if the server does not tell."""
     with _explained(url, ReadError, "read"):
         system, path = _opened(url)
         return bool(system.exists(path))
 
 
 def fetched(url: str, folder: Path) -> Path:
-    """Copy a file into a folder of this machine, and return its path.
+    """Download a file into a local folder and return its path.
 
     Raises
     ------
     ReadError
-        That fails.
+        The download failed.
     ChangedError
-        The file was replaced meanwhile; the copy may have parts of both, as large files come in pieces.
+        The file was replaced during the download; because large files arrive in parts, the copy may mix both versions.
     """
     target = folder / file_name(url)
     folder.mkdir(parents=True, exist_ok=True)
@@ -114,21 +114,21 @@ def fetched(url: str, folder: Path) -> Path:
 
 
 def _version(system: Any, path: str) -> str:
-    """A text that changes with the content of a file; empty where the server does not say."""
+    """Return a text that changes with the content of a file; empty if the server does not provide one."""
     system.invalidate_cache()
     try:
         return _described(path, system.info(path)).version or ""
-    except Exception:  # the copy itself says what is wrong
+    except Exception:  # the download itself reports the error
         return ""
 
 
 def put(folder: Path, url: str) -> None:
-    """Write the files of a folder beside a URL, that with its name last: it is there whole, or not at all.
+    """Upload the files of a folder to the folder of a URL, the named one last, so that it never appears incomplete.
 
     Raises
     ------
     OutputError
-        That fails.
+        The upload failed.
     """
     check_writable(url)
     with _explained(url, OutputError, "written"):
@@ -138,7 +138,7 @@ def put(folder: Path, url: str) -> None:
 
 
 def check_writable(url: str) -> None:
-    """Raise OutputError where files at a URL cannot be written whole or not at all."""
+    """Raise OutputError if files cannot be written to a URL atomically."""
     if file_name(url).lower().endswith(".gltf"):
         raise OutputError(f"{url} would have its buffers in other files, which go to folders only", hint="use .glb")
     if urlsplit(url).scheme.lower() not in STORES:
@@ -148,7 +148,7 @@ def check_writable(url: str) -> None:
 
 
 def _file(url: str) -> RemoteFile:
-    """One file; size 0 where it is not there, which whoever reads it will say."""
+    """Describe one file; a missing one gets size 0, and reading it reports the error."""
     with _explained(url, ReadError, "read"):
         system, path = _opened(url)
         try:
@@ -163,7 +163,7 @@ def _described(url: str, entry: dict[str, Any]) -> RemoteFile:
 
 
 def _opened(url: str) -> tuple[Any, str]:
-    """Return the file system of a URL, and the path in it; what was listed before is forgotten."""
+    """Return the file system of a URL and the path within it, with an empty listing cache."""
     try:
         from fsspec.core import url_to_fs
 
@@ -177,7 +177,7 @@ def _opened(url: str) -> tuple[Any, str]:
 
 
 def _options(url: str) -> dict[str, Any]:
-    """Options of the file system of a URL; aiohttp would end every download after five minutes."""
+    """Return the options of the file system of a URL; the default of aiohttp limits every download to five minutes."""
     if urlsplit(url).scheme.lower() not in WEB:
         return {}
     import aiohttp
@@ -187,12 +187,12 @@ def _options(url: str) -> dict[str, Any]:
 
 @contextmanager
 def _explained(url: str, kind: type[ReadError] | type[OutputError], what: str) -> Iterator[None]:
-    """Turn errors of file systems and servers into our own; what servers do may pass, as errors of a disk may."""
+    """Convert errors of file systems and servers; like disk errors, they count as temporary."""
     try:
         yield
     except CascadenormError:
         raise
-    except Exception as error:  # each kind of URL has errors of its own
+    except Exception as error:  # each kind of URL has its own errors
         cause = error if isinstance(error, OSError) else OSError(str(error))
         text = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise kind(f"{url} cannot be {what}: {text}") from cause

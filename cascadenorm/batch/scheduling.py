@@ -1,4 +1,7 @@
-"""Which file is next, where, and on how many threads: as many at once as cores and memory allow, largest first."""
+"""Decide which file a batch processes next, where, and with how many threads.
+
+The largest files start first, and as many run in parallel as cores and memory allow.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -8,32 +11,32 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.execution.memory import FACE, PROCESS
 
 FACE_IN_FILE = {".stl": 50, ".obj": 35, ".off": 30}
-"""Bytes of a file for each face at least; in other formats `LEAST_BYTES_A_FACE`."""
+"""Minimum number of bytes per face in a file, by extension; `LEAST_BYTES_A_FACE` applies to other formats."""
 LEAST_BYTES_A_FACE = 18
 
 ALIKE = 0.9
-"""Places with this fraction of the memory of the largest count as large as it."""
+"""Places with at least this fraction of the memory of the largest place count as equally large."""
 
 
 def needed(job: Job) -> int:
-    """Estimate the bytes that the work on a file needs, from its size."""
+    """Estimate the bytes of memory needed to process a file, from its size."""
     return PROCESS + job.size * FACE // FACE_IN_FILE.get(Path(job.source).suffix.lower(), LEAST_BYTES_A_FACE)
 
 
 @dataclass(eq=False)
 class Place:
-    """What processes share: this machine, or one worker of a cluster.
+    """Resources that processes share: this machine, or one worker of a cluster.
 
     Parameters
     ----------
     cores
-        Threads of all processes together.
+        Total number of threads.
     memory
-        Bytes of all processes together.
+        Total memory in bytes.
     processes
-        At most.
+        Maximum number of processes.
     running
-        The files that are being worked on, with their estimates.
+        Files in progress, with their memory estimates in bytes.
     """
 
     cores: int
@@ -43,10 +46,10 @@ class Place:
 
 
 class Schedule:
-    """The files that wait, and those that are being worked on.
+    """The files that wait and the files in progress.
 
-    A file runs beside others while their estimates fit into the memory of the place; one that does not fit anywhere
-    runs alone in the largest. So does a file that is tried again, since memory may have been short.
+    Files run in parallel as long as their estimates fit into the memory of the place. A file that fits nowhere runs
+    alone in the largest place. A retried file also runs alone, because memory may have been short.
     """
 
     def __init__(self) -> None:
@@ -56,21 +59,21 @@ class Schedule:
 
     @property
     def left(self) -> int:
-        """Files that wait or run."""
+        """Number of files that wait or run."""
         return len(self._waiting) + len(self._alone) + len(self._running)
 
     def add(self, jobs: list[Job]) -> None:
-        """Add files."""
+        """Add files to the queue."""
         self._waiting = sorted([*self._waiting, *jobs], key=lambda job: (-job.size, job.source))
 
     def again(self, job: Job) -> None:
-        """Add a file that is to run alone, when no other waits."""
+        """Add a file to be retried alone after all others have started."""
         self._alone.append(job)
 
     def next(self, places: Sequence[Place]) -> tuple[Place, Job, int] | None:
-        """Begin the largest file that fits somewhere now; return its place, it, and its number of threads.
+        """Start the largest file that fits now; return its place, the file, and its number of threads.
 
-        None where no file waits, or none fits.
+        Return None if no file waits or none fits.
         """
         largest = max((place.memory for place in places), default=0)
         for place in sorted(places, key=lambda place: -place.memory):
@@ -86,11 +89,11 @@ class Schedule:
         return None
 
     def end(self, job: Job) -> None:
-        """Say that the work on a file has ended."""
+        """Record that a file has ended."""
         del self._running.pop(job).running[job]
 
     def _begin(self, place: Place, job: Job, need: int) -> tuple[Place, Job, int]:
-        """A file has its share of the cores: by number, or by memory where that is more."""
+        """Start a file with its share of the cores, by number of processes or by memory, whichever is more."""
         by_number = place.cores // min(place.processes, self.left + 1)
         self._running[job] = place
         place.running[job] = need

@@ -1,4 +1,4 @@
-"""What is done to every file of a batch, checked, with a digest of it."""
+"""Check the settings of a batch and compute their digest."""
 
 import hashlib
 import json
@@ -20,18 +20,18 @@ from cascadenorm.registry import find
 from cascadenorm.version import __version__
 
 NO_RESULT = ("threads", "progress")
-"""Controls that change no byte of a result; they concern the batch as a whole."""
+"""Controls that do not affect a result; they apply to the whole batch."""
 
 
 def settings_of(
     method: str, parameters: Mapping[str, Any], controls: Mapping[str, Any], format: str | None, *, force: bool
 ) -> tuple[Settings, int | None, Listener | None]:
-    """Check the settings; return them, the number of threads, and who is told of the progress.
+    """Check the settings; return them with the number of threads and the progress listener.
 
     Raises
     ------
     ParameterError
-        An unknown name, a value out of range, weights that cannot be read.
+        A name is unknown, a value is out of range, or weights cannot be read.
     """
     every = checked(controls)
     values = find(method).checked(parameters)
@@ -52,7 +52,7 @@ def _weights(method: str, model: Any) -> str:
             parameter="model",
         )
     file = weights_file(method, None if model is None else Path(model))
-    read_model(file)  # what is wrong with it is wrong with every file
+    read_model(file)  # fail early: an invalid weights file would fail for every file
     return file_digest(file)
 
 
@@ -61,6 +61,6 @@ def _as_text(value: Any) -> str:
 
 
 def _content(value: Any) -> str:
-    """Return the digest of a file that a control is given by, such as a mask; empty for another value."""
+    """Return the digest of the file that a control names, such as a mask; empty for other values."""
     named = isinstance(value, str | PathLike) and Path(value).is_file()
     return file_digest(Path(value)) if named else ""

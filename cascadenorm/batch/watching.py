@@ -1,4 +1,4 @@
-"""Watched sources: a file is taken once it has stopped changing."""
+"""Watch sources for new files and process each once it has stopped changing."""
 
 import time
 from collections.abc import Callable, Container, Sequence
@@ -7,38 +7,38 @@ from cascadenorm.batch.inputs import Job, same_output
 from cascadenorm.errors import ReadError
 
 SCAN = 0.5
-"""Least number of seconds between two scans of the sources."""
+"""Minimum number of seconds between two scans of the sources."""
 
 SCANNING = 20
-"""The next scan waits this many times as long as the shorter of the last two took, so that scans take about 5 % of the
-time; what one of them did once, such as to load a library, does not count."""
+"""Factor between the duration of a scan and the wait for the next one, so that scans use about 5 % of the time. The
+shorter of the last two durations counts, which excludes one-time costs such as loading a library."""
 
 
 class Watched:
     """Files that settle while they are watched.
 
-    A scan that fails, as of a network share or a server that is gone for a moment, does not end the watch.
+    A failed scan, for example of a temporarily unavailable network share or server, does not end the watch.
 
     Parameters
     ----------
     find
-        Lists the files that are there, and those that were named and are not.
+        Function that lists existing files, and named files that are missing.
     seconds
-        How long a file must have stayed the same.
+        Time for which a file must stay unchanged.
     complain
-        Called with what is wrong with a scan, once until a scan is in order again; and with each file whose result
-        would replace that of another.
+        Called with the error of a failed scan, once until a scan succeeds again, and with each file whose result would
+        replace that of another.
     """
 
     def __init__(self, find: Callable[[], list[Job]], seconds: float, complain: Callable[[Exception], object]) -> None:
         self._find, self._settled, self._complain = find, Settled(seconds), complain
         self._next = self._took = 0.0
         self._in_order = True
-        self._owners: dict[str, Job] = {}  # of the outputs
+        self._owners: dict[str, Job] = {}  # by output
         self._refused: set[str] = set()
 
     def take(self, busy: Container[str]) -> list[Job]:
-        """Return the files that have settled since the last scan, if the next is due, but those that are worked on."""
+        """Return the newly settled files, except those in progress; nothing if no scan is due."""
         begin = time.monotonic()
         if begin < self._next:
             return []
@@ -53,7 +53,7 @@ class Watched:
         return [job for job in settled if self._owns_output(job)]
 
     def _scan(self) -> tuple[list[Job], Exception | None]:
-        """Return the files that are there, and what is wrong."""
+        """Return the existing files, and the error of the scan if it failed."""
         try:
             found = self._find()
         except (ReadError, OSError) as error:
@@ -63,7 +63,7 @@ class Watched:
         return [job for job in found if job.changed is not None], wrong
 
     def _owns_output(self, job: Job) -> bool:
-        """Test whether the result of a file replaces none of another; complain once where it would."""
+        """Test that the result of a file replaces no other result; complain once if it would."""
         owner = self._owners.setdefault(job.output, job)
         if owner.source == job.source:
             return True
@@ -74,14 +74,14 @@ class Watched:
 
 
 class Settled:
-    """Files whose size and time of change have stayed the same for a while.
+    """Files whose size and modification time have stayed the same for a while.
 
     Parameters
     ----------
     seconds
-        How long they must have.
+        Time for which they must stay the same.
     clock
-        Seconds since an arbitrary time.
+        Function that returns seconds since an arbitrary time.
     """
 
     def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
@@ -90,7 +90,7 @@ class Settled:
         self._taken: set[Job] = set()
 
     def take(self, jobs: Sequence[Job]) -> list[Job]:
-        """Return those of the files that are there now that have settled since; each once until it changes again."""
+        """Return the existing files that have settled, each only once until it changes again."""
         now = self._clock()
         self._seen = {
             job.source: (job, self._seen[job.source][1] if self._seen.get(job.source, (None,))[0] == job else now)

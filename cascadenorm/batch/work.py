@@ -1,4 +1,4 @@
-"""The work of a process on one file: check whether it is done already, denoise it."""
+"""Check one file of a batch and denoise it if necessary."""
 
 import errno
 import hashlib
@@ -26,14 +26,14 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 @dataclass(frozen=True)
 class Settings:
-    """What is done to every file.
+    """Settings that apply to every file of a batch.
 
     Parameters
     ----------
     method, parameters, controls, force
         As in `denoise_file`.
     key
-        Digest of all that a result depends on, but the file.
+        Digest of everything that a result depends on, except the file.
     """
 
     method: str
@@ -44,18 +44,18 @@ class Settings:
 
 
 class Task(NamedTuple):
-    """A file to be checked, or to be denoised.
+    """A file to be checked or denoised.
 
     Parameters
     ----------
     line
-        Its last line in the manifest before.
+        Last line of the file in the manifest.
     checked
-        Whether it has been checked, or there is nothing to check; then it is to be denoised.
+        Whether the check is done or unnecessary, so that the file is denoised next.
     digest
-        Of the file, where the check has read it.
+        Digest of the file, if the check has computed it.
     scratch
-        Folder for temporary files; None is that of the system.
+        Folder for temporary files. None uses that of the system.
     """
 
     job: Job
@@ -67,22 +67,22 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a file.
+    """Outcome of processing a file.
 
     Parameters
     ----------
     status
-        "new" after a check, "kept" where it is done already; "done" or "failed".
+        "new" or "kept" after a check, where "kept" means already done; "done" or "failed" after denoising.
     input_digest, output_digest
-        Where they are known.
+        Digests of the source and the result, if known.
     summary
-        What was done.
+        Summary of the denoising.
     error
-        What it failed with.
+        Error of a failed file.
     then
-        What to do after a failure; "stop" where the disk is full.
+        What the batch does after a failure; "stop" if the disk is full.
     seconds
-        All together, reading and writing included.
+        Total time, including reading and writing.
     """
 
     status: Literal["new", "kept", "done", "failed"]
@@ -95,11 +95,11 @@ class Outcome:
 
 
 def work(settings: Settings, task: Task) -> Outcome:
-    """Check a file, or denoise it; what goes wrong is an outcome."""
+    """Check or denoise a file; errors are returned as outcomes."""
     start = time.perf_counter()
     try:
         return _denoised(settings, task, start) if task.checked else _checked(settings, task)
-    except Exception as error:  # one bad file stops no other
+    except Exception as error:  # one bad file must not stop the others
         return Outcome(
             status="failed",
             input_digest=task.digest or _digest_after_failure(task.job.source),
@@ -110,19 +110,19 @@ def work(settings: Settings, task: Task) -> Outcome:
 
 
 def _digest_after_failure(source: str) -> str | None:
-    """The digest of a file that no check has read; None where it cannot be read, and at a URL."""
-    with suppress(Exception):  # what is wrong with the file has been said
+    """Return the digest of a file that was not checked; None if it cannot be read or is at a URL."""
+    with suppress(Exception):  # the error of the file has already been reported
         return None if is_url(source) else file_and_buffers_digest(Path(source))
     return None
 
 
 def file_and_buffers_digest(path: Path) -> str:
-    """Return the digest of a mesh file, and of the buffers that a glTF file keeps in other files.
+    """Return the digest of a mesh file and of the external buffers of a glTF file.
 
     Raises
     ------
     ReadError
-        One of them cannot be read.
+        One of the files cannot be read.
     """
     try:
         if path.suffix.lower() != ".gltf":
@@ -134,10 +134,10 @@ def file_and_buffers_digest(path: Path) -> str:
 
 
 def _checked(settings: Settings, task: Task) -> Outcome:
-    """Tell whether the last line says that the same was done, and the result is still there."""
+    """Test whether the manifest records the same work for this file and the result still exists."""
     job, line = task.job, task.line
     same = line is not None and line["status"] == "done" and line["settings"] == settings.key
-    digest = _digest(job.source, task) if same or not is_url(job.source) else None  # a copy is made once, if at all
+    digest = _digest(job.source, task) if same or not is_url(job.source) else None  # no needless download
     _check_target(settings, task)  # before the `started` line, which marks an existing file as ours
     if line is None or not same or line["input_sha256"] != digest:
         return Outcome(status="new", input_digest=digest)
@@ -181,7 +181,7 @@ def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
 
 @contextmanager
 def _here(task: Task) -> Iterator[tuple[Path, Path]]:
-    """Paths of a file and its result on this machine; for the block, where they are copies."""
+    """Provide local paths of a file and its result; copies of remote files exist only within the context."""
     source, output = task.job.source, task.job.output
     if not is_url(source) and not is_url(output):
         yield Path(source), Path(output)
@@ -198,7 +198,7 @@ def _fetched(url: str, folder: Path) -> Path:
 
 
 def _digest(name: str, task: Task) -> str:
-    """The digest of a mesh file, at a URL of a copy."""
+    """Return the digest of a mesh file, after downloading it if it is at a URL."""
     if is_url(name):
         with TemporaryDirectory(prefix="cascadenorm-", dir=task.scratch) as scratch:
             return file_and_buffers_digest(_fetched(name, Path(scratch)))
@@ -210,7 +210,7 @@ def _exists(name: str) -> bool:
 
 
 def _check_target(settings: Settings, task: Task) -> None:
-    """Raise OutputError where something is there that no batch has written."""
+    """Raise OutputError if the output exists and was not written by a batch."""
     output = task.job.output
     if is_url(output):
         if exists(output) and not settings.force and not _is_ours(task):
@@ -220,9 +220,9 @@ def _check_target(settings: Settings, task: Task) -> None:
 
 
 def _is_ours(task: Task) -> bool:
-    """Whether a file that is there is a result of the batch, which a further one may replace.
+    """Test whether an existing file is a result of the batch, which may be replaced.
 
-    A process that was stopped may have written it at the last moment.
+    This includes results that a stopped process may have written at the last moment.
     """
     line, output = task.line, task.job.output
     if line is None or not _exists(output):
@@ -232,7 +232,7 @@ def _is_ours(task: Task) -> bool:
 
 
 def _after(error: Exception, job: Job) -> Literal["go on", "again", "stop"]:
-    """Tell what to do after a failure; a file that was there when it was listed may come back with its share."""
+    """Decide what to do after a failure; a file that existed when it was listed may reappear with its network share."""
     cause = error.__cause__ or error
     if isinstance(cause, OSError) and cause.errno in FULL:
         return "stop"

@@ -1,4 +1,4 @@
-"""The command line: commands, their options, tables and JSON, and the demonstration."""
+"""The command line interface."""
 
 import sys
 from collections.abc import Sequence
@@ -9,8 +9,8 @@ __all__ = ["main", "run"]
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run the command line and exit; what it needs is loaded here, so that Ctrl-C then ends in a line as well."""
-    vars(sys.modules["__main__"]).pop("__file__", None)  # worker processes need not run the script that started this
+    """Run the command line and exit; lazy imports let Ctrl-C end the program with a message while they load."""
+    vars(sys.modules["__main__"]).pop("__file__", None)  # keeps worker processes from running the main script
     try:
         program = import_module("cascadenorm.cli.program")
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""The program without its commands: what it is called, and its version."""
+"""The root command of the command line, with its version option."""
 
 from typing import Annotated
 
@@ -14,7 +14,7 @@ app = typer.Typer(
 
 @app.callback(invoke_without_command=True)
 def options(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
-    """Denoise triangle meshes by cascaded normal regression, or by one of the classical methods."""
+    """Denoise triangle meshes by cascaded normal regression or by a classical method."""
     if version:
         from cascadenorm.version import __version__
 

@@ -1,4 +1,4 @@
-"""The demonstration: three noisy meshes that come with the package, denoised, measured and drawn."""
+"""Denoise, measure and draw the three noisy meshes that ship with the package."""
 
 import time
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from cascadenorm.mesh import Mesh, angles_between
 from cascadenorm.render import Bar, Camera, HeatMap, Panel, montage, pixels, png, render
 
 EXAMPLES: dict[str, ArrayLike | None] = {"part": (0.45, 0.4, 0.8), "head": (0.15, 0.15, 1), "scan": None}
-"""Name of each example and the direction that it is seen from."""
+"""Name of each example, and the direction from the mesh to the viewer."""
 
 METHODS = ("bilateral-normal", "cascade", "auto")
 FOLDER = Path("cascadenorm-demo")
@@ -27,11 +27,11 @@ BEFORE_AFTER, ERRORS = "before-after.png", "errors.png"
 
 _DATA = Path(__file__).parent.parent / "demo_data"
 _PANEL = (400, 400)
-_LIMITS = (0.0, 20.0)  # degrees, between which the colours of errors lie
+_LIMITS = (0.0, 20.0)  # degrees; range of the error colours
 
 
 class Outcome(NamedTuple):
-    """A method on an example: its mesh, the angle that each face is off in degrees, and how long it took."""
+    """Result of a method on an example: mesh, angle error of each face in degrees, and run time in seconds."""
 
     method: str
     mesh: Mesh
@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
 
 
 class Example(NamedTuple):
-    """One of the meshes, the noisy one and what each method made of it."""
+    """An example mesh with its noisy version and the results of all methods."""
 
     name: str
     clean: Mesh
@@ -55,28 +55,28 @@ def demo(
     force: bool = False,
     progress: Progress = silent,
 ) -> list[Example]:
-    """Denoise the examples and leave the meshes in a folder.
+    """Denoise the examples and write the meshes to a folder.
 
     Parameters
     ----------
     folder
-        Made if it is not there.
+        Output folder; created if missing.
     methods
-        Names, with their default parameters.
+        Names of methods, which run with their default parameters.
     force
-        Replace the files of an earlier demonstration; others are left alone in any case.
+        Replace files of an earlier demonstration. Other files are never touched.
     progress
-        Called with (task, parts done, parts in all, what comes next).
+        Called with (task, parts done, total parts, next step).
 
     Returns
     -------
-    The examples in their order, each measured against its clean mesh
+    The examples in order, each measured against its clean mesh
 
     Raises
     ------
     OutputError
-        The folder is a file or cannot be written to, or it holds files of an earlier demonstration and force is not
-        given; nothing is written then.
+        The folder is a file or cannot be written, or it contains files of an earlier demonstration and `force` is
+        False. In these cases, nothing is written.
     """
     folder = Path(folder)
     task, total = "demonstration", len(EXAMPLES) + 1
@@ -99,12 +99,12 @@ def demo(
 
 
 def draw(examples: Sequence[Example], folder: Path) -> None:
-    """Leave the pictures in the folder of the meshes, with a row for each example.
+    """Write the pictures to the folder of the meshes, with one row per example.
 
     Raises
     ------
     OutputError
-        The folder cannot be written to.
+        The folder cannot be written.
     """
     before_after = montage([_before_after(example) for example in examples])
     errors = montage([_errors(example) for example in examples], bar=Bar("Angle to the truth (°)", _LIMITS))
@@ -113,7 +113,7 @@ def draw(examples: Sequence[Example], folder: Path) -> None:
 
 
 def table(examples: Sequence[Example]) -> Table:
-    """Normal errors and seconds, a line for each example."""
+    """Return a table of normal errors and run times, with one row per example."""
     lines = Table(caption="mean angle between the normals of the faces and the true ones")
     lines.add_column("mesh")
     for title in ("faces", "noisy", *(outcome.method for outcome in examples[0].denoised)):
@@ -125,7 +125,7 @@ def table(examples: Sequence[Example]) -> Table:
 
 
 def _warm_up(methods: Sequence[str]) -> None:
-    """Denoise a small piece of an example, so that the times do not depend on what was compiled before."""
+    """Denoise a small part of an example, so that the measured times exclude the compilation of kernels."""
     mesh = as_mesh(_DATA / "part" / "noisy.ply")
     piece = Mesh(mesh.vertices, mesh.faces[:200])
     for method in methods:
@@ -144,12 +144,12 @@ def _example(name: str, methods: Sequence[str]) -> Example:
 
 
 def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
-    """(m,) angle between the normals of a face in both meshes, in degrees."""
+    """Return (m,) angles in degrees between corresponding face normals of two meshes."""
     return np.asarray(np.degrees(angles_between(mesh.face_normals, clean.face_normals)))
 
 
 def _files(folder: Path, methods: Sequence[str]) -> list[Path]:
-    """Return what a demonstration writes."""
+    """Return the paths of all files that a demonstration writes."""
     meshes = [folder / name / f"{kind}.ply" for name in EXAMPLES for kind in ("clean", "noisy", *methods)]
     return [*meshes, folder / BEFORE_AFTER, folder / ERRORS]
 

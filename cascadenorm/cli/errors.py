@@ -1,4 +1,4 @@
-"""Errors on the command line: one line on stderr, and an exit code by class."""
+"""Print errors on one line of stderr and map them to exit codes."""
 
 import errno
 import sys
@@ -17,7 +17,7 @@ from cascadenorm.errors import (
 )
 
 DONE, FAILED, USAGE, UNREADABLE, INVALID, OUTPUT, PARTLY, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
-"""Exit codes, as docs/json.md lists them."""
+"""Exit codes, as listed in docs/json.md."""
 
 EXIT_CODES: dict[type[Exception], int] = {
     ParameterError: USAGE,
@@ -29,23 +29,23 @@ EXIT_CODES: dict[type[Exception], int] = {
     WorkerError: FAILED,
     MissingDependencyError: FAILED,
 }
-"""Exit code of each class of error; the first that fits decides."""
+"""Exit code of each error class; the first matching class applies."""
 
 LARGE_STRENGTH = 3.0
-"""Strength above which a command warns."""
+"""Strength above which a command prints a warning."""
 
 NO_SPACE = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
 
 def exit_code(error: Exception) -> int:
-    """Return the exit code that an error ends the command with."""
+    """Return the exit code for an error."""
     if isinstance(error, OSError) and error.errno in NO_SPACE:
         return OUTPUT
     return next((code for kind, code in EXIT_CODES.items() if isinstance(error, kind)), FAILED)
 
 
 def worded(error: Exception) -> str:
-    """Return the message of an error, with options in the place of keyword arguments."""
+    """Return the message of an error, with keyword arguments replaced by command line options."""
     if isinstance(error, CascadenormError):
         return error.message(spelled)
     if isinstance(error, OSError) and error.errno in NO_SPACE:
@@ -57,17 +57,17 @@ def worded(error: Exception) -> str:
 
 
 def located(name: str, error: Exception) -> str:
-    """Return the message of an error after the name of the file that it is about, once."""
+    """Return the message of an error, prefixed with the file name unless it already starts with it."""
     message = worded(error)
     return message if message.startswith((name, repr(name))) else f"{name}: {message}"
 
 
 def warn_of_strength(strength: float) -> None:
-    """Say that a strength is unusually large."""
+    """Warn about an unusually large strength."""
     if strength > LARGE_STRENGTH:
         complain(f"--strength {strength:g} removes shape as well as noise: 1 is usual, and more than 10 acts as 10")
 
 
 def complain(message: str) -> None:
-    """Print one line on stderr."""
+    """Print a message as one line on stderr."""
     print(f"cascadenorm: {' '.join(message.split())}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""JSON objects of the commands; docs/json.md is their schema."""
+"""JSON output of the commands, as specified in docs/json.md."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
@@ -20,43 +20,43 @@ if TYPE_CHECKING:
     from cascadenorm.evaluation.harness import Evaluation
 
 VERSION = 1
-"""Of the schema; it changes when a key is renamed, removed or gets another meaning, not when one is added."""
+"""Version of the schema; it changes if a key is renamed, removed or redefined, but not if one is added."""
 
 
 def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
-    """Print the object of a command, to stdout or another file."""
+    """Print the JSON object of a command to stdout or another file."""
     print(json_text({"version": VERSION, "command": command, **content}, indent=2), file=file)
 
 
 def denoised_json(done: DenoisingSummary) -> dict[str, Any]:
-    """Return what was done to a file."""
+    """Return the summary of a denoised file."""
     return asdict(done)
 
 
 def faults_json(before: Mesh, after: Mesh) -> dict[str, Any]:
-    """Return how many faces cross others, and how many vertices are spikes, before and after."""
+    """Return the numbers of intersecting faces and of spikes before and after denoising."""
     first, last = surface_faults(before), surface_faults(after)
     return {name: {"before": getattr(first, name), "after": getattr(last, name)} for name in FAULTS}
 
 
 def batch_json(done: Batch) -> dict[str, Any]:
-    """Return what became of the files of a batch."""
+    """Return the outcome of the files of a batch."""
     failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
     return {"files": done.lines, "kept": done.kept, "failures": failures}
 
 
 def inspected_json(found: Inspection) -> dict[str, Any]:
-    """Return an inspection."""
+    """Return the result of an inspection."""
     return asdict(found)
 
 
 def compared_json(mesh: str, reference: str, measures: Measures) -> dict[str, Any]:
-    """Return the measures of a mesh against a reference, with their names."""
+    """Return the measures of a mesh against a reference, with both names."""
     return {"mesh": mesh, "reference": reference, "measures": asdict(measures)}
 
 
 def spectrum_json(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
-    """Return the eigenvalues of one mesh or two, and the distance of their spectra."""
+    """Return the eigenvalues of one or two meshes, and the distance of their spectra."""
     return {
         "mesh": mesh,
         "other": other,
@@ -68,7 +68,7 @@ def spectrum_json(mesh: str, other: str | None, found: Spectrum) -> dict[str, An
 
 
 def evaluated_json(done: "Evaluation") -> dict[str, Any]:
-    """Return the rows of an evaluation, their means, and what failed."""
+    """Return the rows of an evaluation, their means, and the failures."""
     return {
         "results": [result.row() for result in done.results],
         "means": [result.row() for result in done.means],

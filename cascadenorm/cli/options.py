@@ -1,4 +1,4 @@
-"""Options of the command line; those of the controls are made from their declaration."""
+"""Options of the command line; options for controls are generated from their declarations."""
 
 import inspect
 from collections.abc import Callable, Sequence
@@ -28,13 +28,13 @@ Scheduler = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object; docs/json.md documents it.")]
 
 OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
-"""Controls that the command line has an option for."""
+"""Controls that have a command line option."""
 
 Command = Callable[..., None]
 
 
 def spelled(name: str, value: object = None) -> str:
-    """Return what the command line calls a setting, for messages; parameters of methods keep their names."""
+    """Return the command line option of a setting, for messages; parameters of methods keep their names."""
     if name in OPTIONS:
         option = OPTIONS[name].option
         return option if value is None or OPTIONS[name].about.flag else f"{option} {value}"
@@ -43,7 +43,7 @@ def spelled(name: str, value: object = None) -> str:
 
 
 def control_options(*names: str) -> Callable[[Command], Command]:
-    """Give a command with keyword arguments `**controls` an option for each of the controls, or for those named."""
+    """Add options for all controls, or for the named ones, to a command with keyword arguments `**controls`."""
     settings = [OPTIONS[name] for name in names or OPTIONS]
 
     def with_options(command: Command) -> Command:
@@ -60,7 +60,7 @@ def control_options(*names: str) -> Callable[[Command], Command]:
 
 
 def _option(setting: ControlSetting) -> inspect.Parameter:
-    """Return the argument of a command that typer makes the option of a control from."""
+    """Return the command argument from which typer generates the option of a control."""
     about = setting.about
     option = typer.Option(
         setting.option,
@@ -82,20 +82,20 @@ def _option(setting: ControlSetting) -> inspect.Parameter:
 
 
 def _value(setting: ControlSetting, given: Any) -> Any:
-    """Return the value of a control that an option stands for."""
+    """Return the value of a control from the value of its option."""
     if setting.about.flag:
         return setting.choices[0] if given else None
-    return given or None if isinstance(given, list) else given  # some versions of typer give an empty list
+    return given or None if isinstance(given, list) else given  # some versions of typer pass an empty list
 
 
 def parameter_values(settings: Sequence[str] | None, model: Path | None = None) -> dict[str, Any]:
-    """Read NAME=VALUE pairs, to which the weights are added; the method checks names and values."""
+    """Read NAME=VALUE pairs and add the weights file; the method checks names and values."""
     values: dict[str, Any] = {name.replace("-", "_"): v for name, v in named_values("--set", settings).items()}
     return values if model is None else {**values, "model": model}
 
 
 VALUES = {"--result": "DIR", "--command": "'PROG {in} {out}'"}
-"""What follows the name in options of two parts."""
+"""Placeholder for the value in options of the form NAME=VALUE."""
 
 
 def named_values(option: str, given: Sequence[str] | None) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Options of `render` as text."""
+"""Parse the text options of the command `render`."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -10,14 +10,14 @@ from cascadenorm.render.camera import AROUND, Up, direction_of_angles, named_dir
 
 
 def upward(up: str) -> Up:
-    """Read the axis that is upward in a picture."""
+    """Parse the axis that points up in the picture."""
     if up not in ("x", "y", "z"):
         raise typer.BadParameter(f"--up {up}: it must be x, y or z")
     return cast(Up, up)
 
 
 def view_direction(view: str | None, *, up: Up) -> tuple[float, ...] | None:
-    """Read where the viewer is: a name, two angles in degrees or a direction."""
+    """Parse the direction to the viewer: a name, two angles in degrees, or a vector."""
     if view is None:
         return None
     if view in AROUND:
@@ -34,7 +34,7 @@ def view_direction(view: str | None, *, up: Up) -> tuple[float, ...] | None:
 
 
 def numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | None:
-    """Read finite numbers with commas between them."""
+    """Parse finite numbers separated by commas."""
     if text is None:
         return None
     found = _numbers(text)
@@ -44,12 +44,12 @@ def numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | No
 
 
 def crops(texts: Sequence[str] | None) -> list[tuple[float, float, float]]:
-    """Read the parts that are enlarged."""
+    """Parse the parts of the picture to enlarge."""
     return [cast(tuple[float, float, float], numbers("--crop", text, 3)) for text in texts or ()]
 
 
 def _numbers(text: str) -> tuple[float, ...]:
-    """Read numbers; nothing where one is none."""
+    """Parse numbers separated by commas; return an empty tuple if one of them is invalid."""
     try:
         found = tuple(map(float, text.split(",")))
     except ValueError:

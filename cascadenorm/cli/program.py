@@ -1,4 +1,4 @@
-"""The program: it runs a command, and ends every error in one line on stderr and an exit code."""
+"""Run a command and convert errors to messages and exit codes."""
 
 import os
 import signal
@@ -16,31 +16,31 @@ from cascadenorm.cli.commands import app
 from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, complain, exit_code, worded
 from cascadenorm.compute.compile_time import tell_of_compiling
 
-USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # click's own, or that of the copy in typer
+USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # from click, or from the copy of it in typer
 
 
 AGAIN = 0.05
-"""Seconds after which an interruption is repeated that came in code that cannot raise it."""
+"""Seconds after which Ctrl-C is raised again if it arrived in code that cannot raise it."""
 
 _interruptions: list[int] = []
-"""Signals of Ctrl-C that this process has had."""
+"""Ctrl-C signals that this process has received."""
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit."""
     signal.signal(signal.SIGTERM, _terminated)
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # skipped if the signal is ignored
         signal.signal(signal.SIGINT, _interrupted)
         sys.unraisablehook = _not_raised
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:  # the caller has closed it
+        if getattr(sys, name) is None:  # closed by the caller
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - until the end
-    for stream in (sys.stdout, sys.stderr):  # file names need not be in any encoding
+    for stream in (sys.stdout, sys.stderr):  # file names may contain characters outside the encoding
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     tell_of_compiling(complain)
     code = run(sys.argv[1:] if arguments is None else arguments)
-    if _interruptions:  # another one ends what still goes on, without a traceback
+    if _interruptions:  # let a second Ctrl-C end remaining work without a traceback
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.exit(code)
 
@@ -50,26 +50,26 @@ def run(arguments: Sequence[str]) -> int:
     try:
         code = app(list(arguments), prog_name="cascadenorm", standalone_mode=False)
         sys.stdout.flush()
-        if code == INTERRUPTED:  # what newer versions of typer make of a KeyboardInterrupt
+        if code == INTERRUPTED:  # newer versions of typer convert KeyboardInterrupt to this
             raise KeyboardInterrupt
-        if not arguments:  # help is shown; older versions of click end as if it had been asked for
+        if not arguments:  # help was shown; older versions of click report success here
             return USAGE
         return code if isinstance(code, int) else DONE
     except (KeyboardInterrupt, typer.Abort):
         return _said_interrupted()
-    except BrokenPipeError:  # the reader of our output has gone
+    except BrokenPipeError:  # the reader of stdout has exited
         _discard_stdout()
         return FAILED
     except USAGE_ERROR as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
-        if message:  # none: the help was asked for, and has been printed
+        if message:  # empty if help was requested and printed
             context = getattr(error, "ctx", None)
             if context and context.info_name == "denoise" and "unexpected extra argument" in message:
                 message += "; to denoise several files use `cascadenorm batch`"
             complain(f"{message} (see `{context.command_path if context else 'cascadenorm'} --help`)")
         return USAGE
     except Exception as error:
-        if _interruptions:  # within an import, libraries may turn it into an error of their own
+        if _interruptions:  # libraries may convert an interruption during an import to another error
             return _said_interrupted()
         if os.environ.get("CASCADENORM_TRACEBACK"):
             raise
@@ -85,13 +85,13 @@ def _said_interrupted() -> int:
 
 
 def _interrupted(number: int, frame: FrameType | None) -> None:
-    """Note Ctrl-C, and raise KeyboardInterrupt."""
+    """Record Ctrl-C and raise KeyboardInterrupt."""
     _interruptions.append(number)
     signal.default_int_handler(number, frame)
 
 
 def _not_raised(unraisable: "sys.UnraisableHookArgs") -> None:
-    """Interrupt again soon where Ctrl-C came in a callback of a library, which cannot raise."""
+    """Repeat the interruption shortly after Ctrl-C arrived in a library callback, which cannot raise it."""
     if issubclass(unraisable.exc_type, KeyboardInterrupt):
         again = Timer(AGAIN, interrupt_main)
         again.daemon = True
@@ -101,12 +101,12 @@ def _not_raised(unraisable: "sys.UnraisableHookArgs") -> None:
 
 
 def _terminated(number: int, _: object) -> NoReturn:
-    """End as on an error, so that temporary files are removed."""
+    """Exit as after an error, so that temporary files are removed."""
     raise SystemExit(128 + number)
 
 
 def _discard_stdout() -> None:
-    """Discard what cannot be written to stdout, so that Python does not try again when it exits."""
+    """Discard pending output to stdout, so that Python does not try to write it again at exit."""
     try:
         sys.stdout.flush()
     except OSError:

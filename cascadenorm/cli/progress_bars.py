@@ -1,4 +1,4 @@
-"""Progress on a terminal, on stderr."""
+"""Progress bars on stderr."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from cascadenorm.execution.progress import Listener, Progress
 
 @contextmanager
 def progress_bar(text: str, *, time_left: bool = False) -> Iterator[Listener]:
-    """Show the fraction that is done, on a terminal, and how long the rest will take if that is asked for."""
+    """Show the completed fraction on a terminal, optionally with the estimated time left."""
     with _bars(*((TimeRemainingColumn(),) if time_left else ())) as bar:
         task = bar.add_task(text, total=1.0)
         yield lambda fraction: bar.update(task, completed=fraction)
@@ -20,12 +20,12 @@ def progress_bar(text: str, *, time_left: bool = False) -> Iterator[Listener]:
 
 @contextmanager
 def progress_tasks(*, log: bool = False) -> Iterator[Progress]:
-    """Show tasks as they begin and end, several at once, as bars on a terminal.
+    """Show a bar on the terminal for each running task; several tasks may run at once.
 
     Parameters
     ----------
     log
-        Print a line for each task that is finished, on a terminal or not.
+        Also print a line for each finished task, even without a terminal.
     """
     with _bars() as bar:
         started: dict[str, TaskID] = {}
@@ -48,7 +48,7 @@ def _bars(*further: ProgressColumn) -> Iterator[Bars]:
     console = Console(stderr=True, markup=False)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), *further)
     bars = Bars(*columns, console=console, transient=True, disable=not console.is_terminal)
-    if bars.disable:  # rich 14 ends the line of a bar that it has not drawn
+    if bars.disable:  # rich 14 prints a newline even for a disabled bar
         yield bars
     else:
         with bars:

@@ -1,4 +1,4 @@
-"""Results as text and tables."""
+"""Print results as text and tables."""
 
 import math
 import sys
@@ -24,18 +24,18 @@ from cascadenorm.inspection import FINDINGS, Inspection
 from cascadenorm.learned.training.training_log import Pass
 from cascadenorm.registry import Method, Setting
 
-if TYPE_CHECKING:  # an evaluation can make data, which takes a third of the start of other commands to import
+if TYPE_CHECKING:  # imported for type checking only, because the import is slow
     from cascadenorm.evaluation.harness import Evaluation
 
 BARS = "▁▂▃▄▅▆▇█"
 COARSE_RESOLUTION = 0.01
 """Resolution of the number type, in mean edge lengths, above which it is reported."""
 PLAIN_WIDTH = 120
-"""Width of a table that does not go to a terminal, in characters."""
+"""Width of a table in characters if the output is not a terminal."""
 
 
 def print_denoised(done: DenoisingSummary, *, file: TextIO) -> None:
-    """Print what was done to a file."""
+    """Print the summary of a denoised file."""
     print(f"{done.source} -> {done.output}", file=file)
     print(
         f"{done.method}: {counted(done.faces, 'face')} in {done.seconds:.2f} s; "
@@ -64,7 +64,7 @@ def print_denoised(done: DenoisingSummary, *, file: TextIO) -> None:
 
 
 def print_batch(done: Batch, output: str) -> None:
-    """Print how many files were denoised, kept and not denoised, and where the results are."""
+    """Print how many files were denoised, skipped or failed, and where the results are."""
     denoised = len(done.lines) - len(done.failures)
     seconds = sum(line["seconds"] for line in done.lines)
     method = sum(line["summary"]["seconds"] for line in done.lines if line["summary"])
@@ -78,7 +78,7 @@ def print_batch(done: Batch, output: str) -> None:
 
 
 def print_filling(target: Path, done: Filling, max_edges: int | None) -> None:
-    """Print how many holes of a file were closed, and which were kept, and why."""
+    """Print how many holes of a file were closed, and which boundaries stayed open and why."""
     print(f"{target}: {counted(done.closed, 'hole')} closed by {counted(done.added, 'face')}, added to {done.faces}")
     for edges in done.outer:
         print(f"kept open: the outer boundary of an open component, {edges} edges (--outer fill closes it)")
@@ -92,13 +92,13 @@ def _option(name: str, value: object) -> str:
 
 
 def print_left_out(losses: Sequence[str]) -> None:
-    """Print what an output could not keep."""
+    """Print the content that an output could not keep."""
     for loss in losses:
         complain(f"left out: {loss}")
 
 
 def print_inspection(found: Inspection) -> None:
-    """Print what a mesh is, and a line for each finding."""
+    """Print the properties of a mesh, and one line per finding."""
     loops = f"{counted(found.boundary_loops, 'boundary loop')} of {counted(found.boundary_edges, 'edge')} in all"
     kind = "closed" if found.closed else f"open: {loops}"
     genus = f", genus {found.genus}" if found.genus is not None else ""
@@ -164,7 +164,7 @@ def print_measures(measures: Measures) -> None:
 
 
 def print_spectrum(found: Spectrum) -> None:
-    """Print the eigenvalues of one mesh or two side by side, and the distance of their spectra."""
+    """Print the eigenvalues of one mesh, or of two side by side with the distance of their spectra."""
     table = Table()
     table.add_column("", justify="right")
     table.add_column("eigenvalue" if found.scale == "keep" else "eigenvalue × area", justify="right")
@@ -180,7 +180,7 @@ def print_spectrum(found: Spectrum) -> None:
 
 
 def print_public_sets() -> None:
-    """List the public sets, and where to get them."""
+    """List the public sets and where to get them."""
     from cascadenorm.evaluation.public_sets import PUBLIC_SETS
 
     for name, one in PUBLIC_SETS.items():
@@ -188,7 +188,7 @@ def print_public_sets() -> None:
 
 
 def print_evaluation(done: "Evaluation") -> None:
-    """Print a line for each pair and method, and the mean of each method."""
+    """Print one line per pair and method, and the mean of each method."""
     from cascadenorm.evaluation.tables import NARROW, PARTIAL, by_method, of_means, spread_table
 
     table = Table()
@@ -214,7 +214,7 @@ def print_evaluation(done: "Evaluation") -> None:
 
 
 def print_curves(passes: Sequence[Pass]) -> None:
-    """Print a line for each network: its passes, the best validation, and the course of the error."""
+    """Print one line per network: its epochs, the best validation result, and the course of the error."""
     table = Table()
     for title in ("stage", "cluster", "passes", "best", "loss", "validation", "error", "error, pass by pass"):
         table.add_column(title, justify="left" if title.startswith("error, ") else "right")
@@ -228,14 +228,14 @@ def print_curves(passes: Sequence[Pass]) -> None:
 
 
 def sparkline(values: Sequence[float], width: int = 40) -> str:
-    """Return values as bars of text, at most so many, from the smallest to the largest."""
+    """Return a text bar chart of at most `width` values, scaled from the smallest to the largest."""
     shown = [values[i * len(values) // min(width, len(values))] for i in range(min(width, len(values)))]
     low, high = min(shown), max(shown)
     return "".join(BARS[round((len(BARS) - 1) * (value - low) / (high - low or 1))] for value in shown)
 
 
 def print_methods(methods: Mapping[str, Method]) -> None:
-    """Print each method with its parameters and its source."""
+    """Print each method with its parameters and source."""
     table = Table()
     for title in ("method", "what it does", "parameters", "source"):
         table.add_column(title)
@@ -246,7 +246,7 @@ def print_methods(methods: Mapping[str, Method]) -> None:
 
 
 def print_method(method: Method) -> None:
-    """Print what one method does and where it ends, and its parameters."""
+    """Print the summary, formula, limits and parameters of a method."""
     print(f"{method.name}: {method.summary}\nSource: {method.source}")
     for title in ("Formula", "Limits"):
         if text := method.section(title):
@@ -262,11 +262,11 @@ def print_method(method: Method) -> None:
 
 
 def allowed_values(setting: Setting) -> str:
-    """Return the values that a parameter takes, in words."""
+    """Return the values that a parameter accepts, in words."""
     return ", ".join(map(str, setting.choices)) or setting.about.allowed
 
 
 def print_table(table: Table) -> None:
-    """Print a table, as wide as the terminal or as PLAIN_WIDTH."""
+    """Print a table with the width of the terminal, or with PLAIN_WIDTH characters."""
     console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, markup=False, emoji=False)
     console.print(table)

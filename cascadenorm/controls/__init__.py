@@ -1,4 +1,7 @@
-"""What surrounds every method: strength, masks, boundary, creases, detail, limits, volume."""
+"""Controls that apply to every method.
+
+They set the strength, masks, boundary, creases, detail, displacement limits and volume.
+"""
 
 from cascadenorm.controls.settings import CONTROLS, Controls, ControlSetting, checked
 from cascadenorm.errors import DenoiseError

@@ -1,7 +1,7 @@
-"""Boundary loops of open meshes, smoothed as curves along the surface while their corners stay.
+"""Smooth the boundary loops of open meshes while preserving corners.
 
-The direction of each boundary edge is filtered bilaterally along the loop, and boundary vertices move until their edges
-have the filtered directions: for a curve what bilateral filtering of normals and the vertex update are for a surface.
+The direction of each boundary edge is filtered bilaterally along the loop. Boundary vertices then move until their
+edges match the filtered directions. This corresponds to bilateral normal filtering and the vertex update on a surface.
 """
 
 from typing import NamedTuple
@@ -11,28 +11,28 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add, unit
 
-BOUNDARY_SPREAD = 1.5  # of the range weight, in median angles from edge to edge of the guidance along the boundary
-ZIGZAG_SPREAD = 0.1  # least spread, in mean angles from edge to edge of the boundary itself
-STRAIGHT = 1e-9  # a smaller spread comes from rounding alone
+BOUNDARY_SPREAD = 1.5  # of the range weight, in median angles between consecutive guidance edges
+ZIGZAG_SPREAD = 0.1  # minimum spread, in mean angles between consecutive boundary edges
+STRAIGHT = 1e-9  # a smaller spread is due to rounding alone
 DIRECTION_PASSES = 10
 VERTEX_PASSES = 20
 TINY = np.finfo(np.float64).tiny
-SMOOTHING_STEP = 0.25  # half of the largest stable one
+SMOOTHING_STEP = 0.25  # half of the largest stable step
 PUSHES = 100
-KEPT_AREA = 0.05  # of the area of a face, which it keeps at least
+KEPT_AREA = 0.05  # minimum share of its area that each face keeps
 
 
 class BoundaryEdges(NamedTuple):
-    """The b edges with a single face, each from tail to head as its face runs.
+    """The b boundary edges of a mesh, directed from tail to head like the face of each.
 
     Parameters
     ----------
     edges
-        (b, 2) vertices: tail, head.
+        (b, 2) vertex indices: tail, head.
     neighbors
-        (b, 2) the boundary edge that follows at either end; -1 where there is none, or more than one.
+        (b, 2) adjacent boundary edge at either end; -1 if there is none or more than one.
     signs
-        (b, 2) -1 where that edge runs against this one, else 1.
+        (b, 2) -1 if the adjacent edge has the opposite direction, else 1.
     """
 
     edges: NDArray[np.int32]
@@ -51,17 +51,17 @@ class BoundaryEdges(NamedTuple):
 
     @classmethod
     def of(cls, edges: NDArray[np.int32]) -> "BoundaryEdges":
-        """Find what follows what among edges, (b, 2) vertices, in any directions."""
+        """Find the adjacency of edges, (b, 2) vertex indices, with arbitrary directions."""
         return cls(edges, *_neighbors(edges))
 
 
 def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> BoundaryEdges:
-    """Return the boundary edges of a mesh; the degenerate edge of a face with a repeated vertex is none.
+    """Return the boundary edges of a mesh, without the degenerate edges of faces that repeat a vertex.
 
     Parameters
     ----------
     faces
-        The faces over copies of the vertices, if the edges are to be those of a mesh that was cut.
+        Faces that index copies of the vertices, if the edges are to refer to a mesh that was cut.
     """
     single = mesh.topology.edge_faces.counts[mesh.topology.face_edges] == 1
     proper = mesh.faces != np.roll(mesh.faces, -1, axis=1)
@@ -72,7 +72,7 @@ def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> Bounda
 
 def _neighbors(edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the neighbors and signs of `BoundaryEdges`."""
-    # Number the tail of edge e as end 2 e and its head as 2 e + 1; pair the ends at a vertex where exactly two meet
+    # Number the tail of edge e as end 2 e and its head as 2 e + 1; pair the ends where exactly two meet at a vertex
     ends = edges.ravel()
     order = np.argsort(ends, kind="stable")
     in_pairs = np.bincount(ends)[ends[order]] == 2
@@ -80,32 +80,32 @@ def _neighbors(edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.
     partner = np.full(len(ends), -2)
     partner[pairs] = pairs[:, ::-1]
 
-    # Two tails or two heads meet where the edges run against each other
+    # The edges run in opposite directions if two tails or two heads meet
     partners = partner.reshape(-1, 2)
     return partners // 2, np.where(partners % 2 == np.arange(2), -1.0, 1.0)
 
 
 def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) -> Vectors:
-    """Smooth the boundary along the surface; off the surface its vertices move as a method has moved them.
+    """Smooth the boundary along the surface; perpendicular to it, boundary vertices move as the method moved them.
 
-    Face normals determine the position of a boundary vertex off the surface, but not along it. There the displacement
-    is that of the boundary as a curve (see `smoothed_curve`), which keeps circles and corners.
+    Face normals determine the position of a boundary vertex perpendicular to the surface but not along it. Along the
+    surface, the displacement is that of `smoothed_curve`, which preserves circles and corners.
 
     Parameters
     ----------
     mesh
-        n vertices before the method.
+        Mesh with n vertices before the method.
     boundary
-        Its boundary edges.
+        Boundary edges of the mesh.
     vertices
-        (n, 3) after the method.
+        (n, 3) vertices after the method.
 
     Returns
     -------
-    (n, 3); where loops end or meet, a vertex moves off the surface alone; other vertices are where the method moved
-    them. No face is flipped against its direction after the method
+    (n, 3) vertices. Vertices where loops end or meet move only perpendicular to the surface, and interior vertices stay
+    where the method moved them. No face is flipped relative to its orientation after the method
     """
-    # Displacement of the method along the vertex normals, of the curve across them
+    # Displacement of the method along the vertex normals, and of the curve in the tangent planes
     on = boundary.vertices
     normals = mesh.moved(vertices).vertex_normals[on]
     by_method = vertices[on] - mesh.vertices[on]
@@ -118,20 +118,20 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
 
 
 def _unflipped(mesh: Mesh, vertices: Vectors, movable: NDArray[np.int32]) -> Vectors:
-    """Return the vertices with no face flipped against the mesh.
+    """Return the vertices without flipping faces relative to the mesh.
 
-    A face of three boundary vertices flips where the smoothed boundary turns inward. Its corners, and those of its
-    neighbors, are pushed apart in their tangent planes until each face keeps some of its area. Faces that remain
-    flipped go back to their places in the mesh.
+    A face with three boundary vertices flips if the smoothed boundary turns inward. The vertices of such faces and of
+    their neighbors are pushed apart in their tangent planes until each face keeps some of its area. The vertices of
+    faces that remain flipped return to their positions in the mesh.
 
     Parameters
     ----------
     mesh
-        n vertices, m faces.
+        Mesh with n vertices and m faces.
     vertices
         (n, 3) changed in place.
     movable
-        The vertices that may be pushed.
+        Indices of the vertices that may be pushed.
     """
     areas = np.linalg.norm(mesh.area_vectors, axis=1)
     faces = np.flatnonzero(np.isin(mesh.faces, movable).any(axis=1) & (areas > 0))
@@ -146,21 +146,21 @@ def _unflipped(mesh: Mesh, vertices: Vectors, movable: NDArray[np.int32]) -> Vec
         if not short.any():
             break
 
-        # Slope of the area in the position of each corner, within the tangent plane
+        # Gradient of the area with respect to each vertex of the face, within the tangent plane
         apart = np.stack([c - b, a - c, b - a], axis=1)[short]
         slopes = np.cross(directions[short, None], apart) / 2 * free[corners[short], None]
         across = normals[corners[short]]
         slopes -= np.einsum("ijk,ijk->ij", slopes, across)[:, :, None] * across
         squared = (slopes**2).sum(axis=(1, 2))
         steps = np.divide(missing[short], squared, out=np.zeros_like(squared), where=squared > 0)
-        steps = np.minimum(steps, np.sqrt(areas[short] / np.maximum(squared, TINY)))  # no push beyond the face
+        steps = np.minimum(steps, np.sqrt(areas[short] / np.maximum(squared, TINY)))  # at most the face size
         pushes = scatter_add(corners[short].ravel(), (steps[:, None, None] * slopes).reshape(-1, 3), len(vertices))
         vertices += pushes / np.maximum(np.bincount(corners[short].ravel(), minlength=len(vertices)), 1)[:, None]
     return _restored(mesh, vertices)
 
 
 def _restored(mesh: Mesh, vertices: Vectors) -> Vectors:
-    """Return the vertices with those of faces that are flipped against the mesh back at their places in it."""
+    """Return the vertices, with those of flipped faces moved back to their positions in the mesh."""
     while True:
         flipped = np.einsum("ij,ij->i", mesh.area_vectors, mesh.moved(vertices).area_vectors) < 0
         if not flipped.any():
@@ -176,18 +176,18 @@ def smoothed_curve(
     passes: int = DIRECTION_PASSES,
     vertex_passes: int = VERTEX_PASSES,
 ) -> Vectors:
-    """Return the vertices with boundary edges in filtered directions; ends of open chains stay.
+    """Return the vertices after fitting boundary edges to filtered directions; ends of open chains stay.
 
-    Gradient descent on Σ |e - <e, d> d|² over the boundary edges e with directions d.
+    The fit minimizes Σ |e - <e, d> d|² over the boundary edges e with directions d by gradient descent.
 
     Parameters
     ----------
     spread
-        Of the range weight, in median angles from edge to edge of the guidance.
+        Spread of the range weight, in median angles between consecutive guidance edges.
     passes
-        Of the filter of the directions.
+        Passes of the direction filter.
     vertex_passes
-        Steps of the descent.
+        Steps of the gradient descent.
     """
     directions = _filtered_directions(vertices, boundary, spread, passes)
     tail, head = boundary.edges.T
@@ -202,10 +202,10 @@ def smoothed_curve(
 
 
 def _filtered_directions(vertices: Vectors, boundary: BoundaryEdges, spread: float, passes: int) -> Vectors:
-    """Return (b, 3) the unit direction of each boundary edge, filtered along its loop by a joint bilateral filter.
+    """Return (b, 3) unit directions of the boundary edges after a joint bilateral filter along each loop.
 
-    The range weight compares guidance directions, which are binomial means over five edges: in them a zigzag from edge
-    to edge cancels, and a corner does not.
+    The range weight compares guidance directions, which are binomial means over five edges. These means cancel a zigzag
+    from edge to edge but preserve corners.
     """
     edges = vertices[boundary.edges[:, 1]] - vertices[boundary.edges[:, 0]]
     lengths = np.linalg.norm(edges, axis=1)
@@ -214,7 +214,7 @@ def _filtered_directions(vertices: Vectors, boundary: BoundaryEdges, spread: flo
     if not has_neighbor.any():
         return directions
 
-    # Noise dominates the median angle of the guidance; a regular zigzag leaves none there, only in the edges themselves
+    # Noise dominates the median angle of the guidance; a regular zigzag is visible only in the edges themselves
     guidance = _guidance(directions, lengths, boundary)
     spread *= np.median(_chords(guidance, boundary)[has_neighbor])
     spread = max(spread, ZIGZAG_SPREAD * _chords(directions, boundary)[has_neighbor].mean())
@@ -231,7 +231,7 @@ def _filtered_directions(vertices: Vectors, boundary: BoundaryEdges, spread: flo
 
 
 def _guidance(directions: Vectors, lengths: Floats, boundary: BoundaryEdges) -> Vectors:
-    """Return (b, 3) unit means of the directions with weights 1, 4, 6, 4, 1 along the loop, times the lengths."""
+    """Return (b, 3) unit means of the directions, weighted by length and by 1, 4, 6, 4, 1 along the loop."""
     along = lengths[:, None] * directions
     has_neighbor = (boundary.neighbors >= 0)[:, :, None]
     for _ in range(2):
@@ -241,6 +241,6 @@ def _guidance(directions: Vectors, lengths: Floats, boundary: BoundaryEdges) -> 
 
 
 def _chords(directions: Vectors, boundary: BoundaryEdges) -> NDArray[np.float64]:
-    """(b, 2) chord between the direction of each edge and those of its neighbors."""
+    """Return (b, 2) chords between the direction of each edge and those of its neighbors."""
     chords = directions[:, None] - boundary.signs[:, :, None] * directions[boundary.neighbors]
     return np.asarray(np.linalg.norm(chords, axis=2))

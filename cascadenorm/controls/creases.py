@@ -1,4 +1,7 @@
-"""Creases: edges across which a method must not average. The mesh is cut along them, and its sides are joined again."""
+"""Cut meshes along creases and rejoin the sides.
+
+Creases are edges across which a method must not average.
+"""
 
 import numbers
 from typing import Any, NamedTuple
@@ -9,52 +12,52 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Ints32, Mesh, Vectors, first_places, scatter_add
 
-HOLD = 0.02  # weight h of the mean of the copies, against 1 - cos of the angle between two sides
+HOLD = 0.02  # weight h of the mean of the copies, relative to 1 - cos of the angle between two sides
 
 
 class CreaseSides(NamedTuple):
-    """A mesh cut along its creases, with a copy of a vertex for each side that meets there.
+    """A mesh cut along its creases, with one copy of a vertex for each side that meets there.
 
     Parameters
     ----------
     mesh
-        k vertices, of which the first n are those of the mesh that was cut; its faces in their order.
+        Cut mesh with k vertices, the first n of which are those of the original mesh; faces keep their order.
     owners
-        (k,) the vertex that each of them is a copy of; 0 … n - 1 come first.
+        (k,) original vertex of each copy, starting with 0 … n - 1.
     """
 
     mesh: Mesh
     owners: NDArray[np.int64]
 
     def of(self, mesh: Mesh) -> Mesh:
-        """Return the uncut mesh with other positions, cut in the same way."""
+        """Cut the original mesh with new positions in the same way."""
         return self.mesh.moved(mesh.vertices[self.owners])
 
     def joined(self, mesh: Mesh, vertices: Vectors) -> Vectors:
         """Join the copies of each vertex where the tangent planes of their sides intersect.
 
-        A copy c at x_c with normal n_c determines the tangent plane of its side. The joined vertex x minimises
-        Σ <n_c, x - x_c>² + h |x - mean of x_c|², so that where the planes leave it free it is near the mean.
+        A copy c at x_c with normal n_c determines the tangent plane of its side. The joined vertex x minimizes
+        Σ <n_c, x - x_c>² + h |x - mean of x_c|². The second term keeps x near the mean where the planes leave it free.
 
         Parameters
         ----------
         mesh
-            n vertices before they moved.
+            Original mesh with n vertices before they moved.
         vertices
-            (k, 3) where each copy went.
+            (k, 3) new position of each copy.
 
         Returns
         -------
-        (n, 3); copies that moved by the same displacement keep it
+        (n, 3) vertices; if all copies moved by the same displacement, the joined vertex keeps it
         """
-        # Copies of the vertices that have several, each with the row of its vertex among these
+        # Copies of the vertices that have several, and for each copy the row of its vertex in `places`
         count = len(mesh.vertices)
         split = np.zeros(count, bool)
         split[self.owners[count:]] = True
         chosen = np.flatnonzero(split[self.owners])
         places, row = np.unique(self.owners[chosen], return_inverse=True)
 
-        # Displacements, their mean, and how far each plane is from the mean along its normal
+        # Displacements, their mean, and the distance of each plane from the mean along its normal
         moves = vertices[chosen] - mesh.vertices[self.owners[chosen]]
         mean = scatter_add(row, moves, len(places)) / np.bincount(row)[:, None]
         normals = self.mesh.moved(vertices).vertex_normals[chosen]
@@ -69,22 +72,22 @@ class CreaseSides(NamedTuple):
 
 
 def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None = None) -> NDArray[np.bool_]:
-    """Return (e,) which edges of the mesh are creases.
+    """Return (e,) bool, whether each edge of the mesh is a crease.
 
     Parameters
     ----------
     mesh
-        e edges; faces may have any orientation, and those without area have no angle.
+        Mesh with e edges; faces may have any orientation, and edges of faces without area have no angle.
     creases
-        An angle in degrees, and creases are the edges whose two face normals differ by more than that; or (k, 2) vertex
+        Angle in degrees, which selects the edges whose two face normals differ by more than that, or (k, 2) vertex
         indices of edges.
     places
-        (n,) the vertex of the mesh that each of these indices means; None: the same.
+        (n,) mesh vertex of each vertex index in `creases`. None means that they are equal.
 
     Raises
     ------
     ParameterError
-        An angle out of 0 … 180, or pairs that are no edges.
+        An angle is outside 0 … 180, or a pair is not an edge.
     """
     if isinstance(creases, numbers.Real) and not isinstance(creases, bool):
         if not 0 <= creases <= 180:
@@ -95,10 +98,10 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None =
 
 
 def _angles(mesh: Mesh) -> NDArray[np.float64]:
-    """(e,) angle between the normals of the two faces of each edge, 0 where there are not two."""
+    """Return (e,) angles between the normals of the two faces of each edge; 0 for edges without exactly two faces."""
     topology = mesh.topology
     first, second = mesh.face_normals[topology.face_pairs.T]
-    inconsistent = topology.balance[topology.interior_edges] != 0  # both faces traverse the edge in one direction
+    inconsistent = topology.balance[topology.interior_edges] != 0  # both faces traverse the edge in the same direction
     second = np.where(inconsistent[:, None], -second, second)
     angles = np.zeros(len(topology.edges))
     chords = np.linalg.norm(first - second, axis=1)
@@ -108,14 +111,14 @@ def _angles(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _given(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDArray[np.bool_]:
-    """Return which edges join the given pairs of vertices."""
+    """Return (e,) bool, whether each edge joins one of the given pairs of vertices."""
     if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise ParameterError(
             f"has shape {pairs.shape} and type {pairs.dtype}; it must be an angle in degrees, or (k, 2) vertex indices "
             "of edges",
             parameter="creases",
         )
-    # Edges are sorted by their vertices, so a pair is found by one number
+    # Edges are sorted by their vertices, so a single key finds each pair
     count, edges = len(mesh.vertices), mesh.topology.edges.astype(np.int64)
     within = (pairs >= 0) & (pairs < count)
     ends = np.where(within, pairs, -1).astype(np.int64)
@@ -139,16 +142,16 @@ def _given(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDArray[np
 
 
 def cut_along(mesh: Mesh, creases: NDArray[np.bool_]) -> CreaseSides:
-    """Cut a mesh along creases; faces at a vertex share a copy of it where other edges connect them.
+    """Cut a mesh along creases; faces at a vertex share a copy if other edges connect them.
 
     Parameters
     ----------
     mesh
-        n vertices; vertices that no crease touches stay whole.
+        Mesh with n vertices; vertices that no crease touches stay whole.
     creases
-        (e,) for each edge; where they end within the surface, nothing is cut.
+        (e,) bool for each edge; where creases end within the surface, nothing is cut.
     """
-    # Half-edges at vertices that a crease touches, and the fan of connected faces that each is in
+    # Half-edges at vertices that a crease touches, and the fan of connected faces that contains each
     count, faces = len(mesh.vertices), mesh.faces
     touched = np.zeros(count, bool)
     touched[mesh.topology.edges[creases]] = True
@@ -156,13 +159,13 @@ def cut_along(mesh: Mesh, creases: NDArray[np.bool_]) -> CreaseSides:
     vertices = faces.ravel()[corners]
     fans = mesh.topology.fans(~creases)
 
-    # A copy for each pair of vertex and fan; the first one of a vertex keeps its index
+    # One copy for each pair of vertex and fan; the first copy of a vertex keeps its index
     copies, copy = np.unique(vertices.astype(np.int64) * faces.size + fans[corners], return_inverse=True)
     owners = copies // faces.size
     further = np.concatenate([[False], owners[1:] == owners[:-1]])[: len(owners)]
     indices = np.where(further, count - 1 + np.cumsum(further), owners)
 
-    # The faces over the copies
+    # Faces that index the copies
     cut_faces = faces.ravel().astype(np.int64)
     cut_faces[corners] = indices[copy]
     owners = np.concatenate([np.arange(count), owners[further]])

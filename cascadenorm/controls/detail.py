@@ -1,4 +1,4 @@
-"""The width of the smallest feature to keep, and of the largest to remove."""
+"""Keep fine detail up to a width, or remove coarser detail."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -18,31 +18,31 @@ from cascadenorm.geometry.sparse_solvers import solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import REGION, Method
 
-TREAT_AS = "treat_as"  # the parameter of `auto`
+TREAT_AS = "treat_as"  # name of the parameter of `auto`
 WIDEST_DETAIL = 10.0
-"""In diagonals of the mesh; a larger width to keep takes away the mean displacement of a component, and no more."""
+"""Largest detail width, in mesh diagonals; keeping wider detail removes only the mean displacement of components."""
 
 
 def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
-    """Return a high-pass filter of displacements, which takes away what is as wide as the features to keep.
+    """Return a high-pass filter of displacements, which removes parts as wide as the features to keep.
 
-    A feature is half a wave, of wave number q = π/width. The displacement x passes twice through the remainder of one
-    implicit step of diffusion, x - (1 - tΔ)⁻¹ x, so that a wave with -Δx = q²x is scaled by (tq²/(1 + tq²))²; with
-    t = (1 + √2)(width/π)² this is a half at q = π/width. A wave twice as wide keeps 14 % of its displacement, one four
-    times as wide 2 %; half as wide 82 %, a quarter as wide 95 %.
+    A feature is half a wave with wave number q = π/width. The filter applies the residual of one implicit diffusion
+    step, x - (1 - tΔ)⁻¹ x, twice to the displacement x. A wave with -Δx = q²x is scaled by (tq²/(1 + tq²))²;
+    with t = (1 + √2)(width/π)², this factor is 1/2 at q = π/width. Relative to this width, a wave twice as wide keeps
+    14 % of its displacement, four times as wide 2 %, half as wide 82 %, and a quarter as wide 95 %.
 
     Parameters
     ----------
     width
-        In the unit of the mesh; 0 takes away everything, infinity the mean displacement of each component alone.
+        Width in mesh units. 0 removes everything; infinity removes only the mean displacement of each component.
     mesh
-        n vertices, over which the displacement is smoothed; the boundary is free.
+        Mesh with n vertices on which the displacement is smoothed; the boundary is free.
 
     Returns
     -------
     A linear function of (n, 3) displacements; vertices without a face do not move
     """
-    # M + tL, the matrix of an implicit step, over the vertices that have a face
+    # M + tL, the matrix of an implicit step, restricted to vertices with a face
     laplacian = cotangent_laplacian(mesh)
     inside = np.flatnonzero(laplacian.mass > 0)
     time = (1 + math.sqrt(2)) * (min(width, WIDEST_DETAIL * mesh.diagonal) / math.pi) ** 2
@@ -59,20 +59,20 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
 
 
 def applied(method: Method, parameters: Mapping[str, Any], width: float | None, mesh: Mesh) -> Vectors:
-    """Apply a method to a mesh or, where its errors are wide, to coarse copies of it.
+    """Apply a method to a mesh or, if its errors are wide, to coarse copies of it.
 
     Parameters
     ----------
     method, parameters
-        The method, and all of its parameters but the mesh.
+        Method, and all of its parameters except the mesh.
     width
-        Of the errors, in the unit of the mesh. None: a learned method looks for the steps of enlarged volumes.
+        Width of the errors in mesh units. If None, learned methods detect the steps of enlarged volumes.
     mesh
         Mesh with n vertices.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) new vertices
     """
 
     def on_copy(copy: CoarseCopy) -> Vectors:
@@ -87,26 +87,27 @@ def applied(method: Method, parameters: Mapping[str, Any], width: float | None, 
 
 
 def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) -> Vectors:
-    """Apply a method to a copy, of which the clusters move all of whose vertices may move."""
+    """Apply a method to a coarse copy; a cluster moves only if all of its vertices may move."""
     if REGION in parameters:
         held = np.zeros(len(copy.mesh.vertices), bool)
         held[copy.labels[~parameters[REGION] & (copy.labels >= 0)]] = True
         parameters = {**parameters, REGION: ~held}
     coarser = len(copy.mesh.vertices) < len(copy.labels)
-    if coarser and TREAT_AS in method.settings and parameters.get(TREAT_AS) is None:  # its triangles do not tell
+    # The triangles of a coarse copy do not show the kind of surface
+    if coarser and TREAT_AS in method.settings and parameters.get(TREAT_AS) is None:
         parameters = {**parameters, TREAT_AS: "measured-surface"}
     return np.asarray(method.function(copy.mesh, **parameters))
 
 
 class Removal(NamedTuple):
-    """Detail to remove from what a method left.
+    """Detail to remove from the result of a method.
 
     Parameters
     ----------
     width
-        Of the widest feature that goes, in the unit of the mesh.
+        Width of the widest feature to remove, in mesh units.
     share
-        Of the way, from 0 to 1.
+        Fraction of the removal to apply, from 0 to 1.
     """
 
     width: float
@@ -119,9 +120,9 @@ class Removed(NamedTuple):
     Parameters
     ----------
     width
-        Of the errors that the method shall remove, in the unit of the mesh; None leaves that to the method.
+        Width of the errors that the method removes, in mesh units. None lets the method decide.
     afterwards
-        What to remove from what the method left, in this order.
+        Removals from the result of the method, in this order.
     """
 
     width: float | None
@@ -129,21 +130,21 @@ class Removed(NamedTuple):
 
 
 def without_finer(removal: Removal, mesh: Mesh, vertices: Vectors) -> Vectors:
-    """Remove features up to a width from what a method left, by rolling guidance of the normals.
+    """Remove features up to a width from the result of a method, by rolling guidance of the normals.
 
     Parameters
     ----------
     removal
-        What to remove.
+        Detail to remove.
     mesh
-        The input, with n vertices.
+        Input mesh with n vertices.
     vertices
-        (n, 3) where a method wants them.
+        (n, 3) vertices after the method.
 
     Returns
     -------
-    (n, 3), at most half a width from `vertices`, which is the height of a half sphere; vertices that the method left
-    where they are stay, and no face is flipped against the input but its foldovers.
+    (n, 3) vertices, within half a width of `vertices`, the height of a hemisphere. Vertices that the method did not
+    move stay, and no face is flipped against the input, except to undo foldovers in the input.
     """
     left = mesh.moved(vertices)
     if removal.width == 0 or not left.mean_edge_length > 0:

@@ -1,4 +1,4 @@
-"""How far vertices go: lengths in the frame, the limit on displacement, and rounding that respects it."""
+"""Apply and limit vertex displacements, including rounding to the result type."""
 
 from typing import Any
 
@@ -11,14 +11,14 @@ from cascadenorm.mesh import Mesh, Vectors, all_in_rows, first_places
 
 
 def framed_length(name: str, length: Length | None, framed: Mesh, exponent: int) -> float:
-    """Return a length in the unit of the frame, 2**exponent of the mesh's own; None is infinite."""
+    """Convert a length to units of the frame, which are 2**exponent mesh units; None is infinite."""
     number, in_edges = parsed_length(name, length)
     with np.errstate(over="ignore"):  # a length far beyond the size of the mesh may become infinite
         return number * framed.mean_edge_length if in_edges else float(np.ldexp(number, -exponent))
 
 
 def shortened(displacement: Vectors, limit: float) -> Vectors:
-    """Return the displacement with longer vectors shortened to the limit."""
+    """Return the displacement with vectors longer than the limit shortened to it."""
     if limit == np.inf:
         return displacement
     length = np.linalg.norm(displacement, axis=1, keepdims=True)
@@ -29,23 +29,23 @@ def shortened(displacement: Vectors, limit: float) -> Vectors:
 
 
 def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Add a displacement of the frame to the vertices of the mesh, in the type of the result.
+    """Add a displacement in units of the frame to the vertices, in the type of the result.
 
     Parameters
     ----------
     mesh
-        n vertices in their own coordinates; those with displacement 0 keep their bits.
+        Mesh with n vertices in their original coordinates; vertices with displacement 0 keep their exact bits.
     displacement
         (n, 3) in units of 2**exponent.
     limit
-        In the same unit; no vertex moves farther in the type of the result either.
+        Largest displacement in the same unit; it also holds after rounding to the type of the result.
 
     Raises
     ------
     DenoiseError
-        A vertex would leave the range of the type.
+        A vertex would exceed the range of the type.
     """
-    limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that it also holds when measured in that type
+    limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that the limit also holds when measured in that type
     with np.errstate(over="ignore"):
         step = np.ldexp(shortened(displacement, limit), exponent)
         moved = mesh.vertices + step
@@ -58,7 +58,7 @@ def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float,
             hint="scale the mesh down first",
         )
     before = mesh.vertices.astype(dtype, copy=False)
-    while limit < np.inf:  # rounding may have passed the limit: come back by single steps of the number type
+    while limit < np.inf:  # rounding may exceed the limit: step back by single units in the last place
         taken = np.ldexp(after.astype(np.float64) - before.astype(np.float64), -exponent)
         long = np.linalg.norm(taken, axis=1) > limit
         if not long.any():

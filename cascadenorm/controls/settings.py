@@ -1,7 +1,7 @@
-"""Every control, declared once.
+"""The declaration of all controls.
 
-From the declaration come the checks, the signatures and docstrings of `denoise` and `denoise_file`, the options of the
-command line and the tables in docs/controls.md. A new control is a new key of `Controls` and the step that applies it.
+The checks, the signatures and docstrings of `denoise` and `denoise_file`, the command line options and the tables in
+docs/controls.md are generated from it. A new control needs a new key of `Controls` and the step that applies it.
 """
 
 import inspect
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 else:
 
     class ArrayLike:
-        """What `numpy.asarray` takes; the command line reads this module without numpy."""
+        """Stand-in for the numpy type, so that the command line can import this module without numpy."""
 
 
 Boundary = Literal["free", "smooth", "fixed"]
 OnBad = Literal["error", "isolate"]
 Length = float | str
-"""A length in the unit of the mesh, or as text in mean edge lengths: "0.5 edges"."""
+"""A length in mesh units, or in mean edge lengths as text like "0.5 edges"."""
 Path = str | PathLike[str]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -37,24 +37,24 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 @dataclass(frozen=True, kw_only=True)
 class Control(Parameter):
-    """The annotation of a control: a `Parameter` with a default, and how front ends take it.
+    """The annotation of a control: a `Parameter` with a default value and details for user interfaces.
 
     Parameters
     ----------
     default
-        The value that changes nothing.
+        Value that has no effect.
     arrays
-        What it takes in Python, where that is more than a number or a choice.
+        Values it accepts in Python, if these are not just numbers or choices.
     words
-        What it takes for a mesh file, in Python and on the command line.
+        Values it accepts for a mesh file, in Python and on the command line.
     example
-        A value for the documentation.
+        Example value for the documentation.
     metavar
-        What the help of the command line calls the value; empty for numbers and choices.
+        Placeholder for the value in the command line help; empty for numbers and choices.
     flag
-        An option without a value that stands for the only choice, as --keep-volume does for volume="keep".
+        Name of an option without a value that selects the only choice, such as --keep-volume for volume="keep".
     hidden
-        The command line has no option for it.
+        Whether the control has no command line option.
     """
 
     default: Any = None
@@ -67,7 +67,7 @@ class Control(Parameter):
 
 
 class Controls(TypedDict, total=False):
-    """Keyword arguments of `denoise` that apply to every method: how much, where, and within which limits."""
+    """Keyword arguments of `denoise` that apply to every method."""
 
     strength: Annotated[
         float,
@@ -219,11 +219,11 @@ class ControlSetting(Setting):
 
     @property
     def option(self) -> str:
-        """The option of the command line, such as --keep-detail."""
+        """Name of the command line option, such as --keep-detail."""
         return self.about.flag or f"--{self.name.replace('_', '-')}"
 
     def help(self, takes: str) -> str:
-        """Return what the control does and what it takes, as sentences."""
+        """Return sentences that describe the control and the values it accepts."""
         return f"{self.about.help} {takes[0].upper()}{takes[1:]}." if takes else self.about.help
 
 
@@ -234,18 +234,18 @@ def _declared() -> dict[str, ControlSetting]:
 
 
 CONTROLS = _declared()
-"""Each control by name, in the order in which they are documented."""
+"""All controls by name, in the order of the documentation."""
 
 
 def checked(given: Mapping[str, Any]) -> Controls:
-    """Return all controls, those that are not given at their defaults.
+    """Return all controls, with defaults for those not given.
 
-    What depends on the mesh – masks, indices, edges – is checked where it is applied.
+    Values that depend on the mesh, such as masks, indices and edges, are checked where they are applied.
 
     Raises
     ------
     ParameterError
-        A control that does not exist, a value of the wrong type or out of range.
+        A control does not exist, or a value has the wrong type or is out of range.
     """
     if unknown := [name for name in given if name not in CONTROLS]:
         meant = get_close_matches(unknown[0], CONTROLS, n=1)
@@ -265,12 +265,12 @@ def checked(given: Mapping[str, Any]) -> Controls:
 
 
 def parsed_length(name: str, length: Length | None) -> tuple[float, bool]:
-    """Return a length, and whether its unit is the mean edge length; None is infinite.
+    """Parse a length and whether its unit is the mean edge length; None is infinite.
 
     Raises
     ------
     ParameterError
-        No length, or a negative one.
+        The value is not a length or is negative.
     """
     if length is None:
         return math.inf, False
@@ -285,9 +285,10 @@ def parsed_length(name: str, length: Length | None) -> tuple[float, bool]:
 
 
 def takes_controls(function: Function) -> Function:
-    """Give a function with keyword arguments `**controls` the signature and the docstring that name each control.
+    """Replace `**controls` in the signature and docstring of a function by the individual controls.
 
-    Arguments `**parameters` stay the last ones; the docstring has a section Returns, before which controls are listed.
+    `**parameters` stays last in the signature. The docstring needs a section Returns, before which the controls are
+    listed.
     """
     own = list(inspect.signature(function).parameters.values())
     last = [p for p in own if p.kind is inspect.Parameter.VAR_KEYWORD and p.name == "parameters"]

@@ -1,6 +1,7 @@
-"""Vertices on the flat sides of a volume mesh, which slide within a side, or along the edge where two sides meet.
+"""Let vertices on the flat sides of a volume mesh slide along them.
 
-A side is found as a plane that all vertices lie on one side of, such as a face of the outer box.
+Vertices slide within a side, or along the edge where two sides meet. A side, such as a face of the outer box, is a
+plane with all vertices on one side of it.
 """
 
 from typing import NamedTuple
@@ -12,34 +13,34 @@ from numpy.typing import NDArray
 from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, unit
 
-ON_PLANE = 1e-6  # distance of a vertex from a plane that it lies on, at most, in diagonals of the bounding box
-COVERED = 0.5  # share of the outline along its normal that the vertices on a plane span, at least
-PARALLEL = 1e-8  # of the smallest eigenvalue of Σ n nᵀ: normals that differ by less than 0.01° count as one
-LEAST_FACET = 1e-4  # of the area of the convex hull; smaller facets are no sides
+ON_PLANE = 1e-6  # largest distance of a vertex from its plane, in diagonals of the bounding box
+COVERED = 0.5  # smallest share of the outline along its normal that the vertices on a plane span
+PARALLEL = 1e-8  # limit for eigenvalues of Σ n nᵀ: normals that differ by less than 0.01° count as parallel
+LEAST_FACET = 1e-4  # of the area of the convex hull; smaller facets are not sides
 
 
 class Sliding(NamedTuple):
-    """The vertices that slide, and the directions that they are left.
+    """The vertices that slide, and their remaining degrees of freedom.
 
     Parameters
     ----------
     vertices
-        (k,) ascending.
+        (k,) vertex indices, ascending.
     projections
-        (k, 3, 3) onto these directions: a plane, a line, or nothing.
+        (k, 3, 3) projections onto the free directions: a plane, a line, or nothing.
     """
 
     vertices: Ints
     projections: Floats
 
     def constrained(self, displacement: Vectors) -> Vectors:
-        """Return a displacement, (n, 3), without the part that leaves the planes."""
+        """Return the displacement, (n, 3), without the part that leaves the planes."""
         kept = displacement.copy()
         kept[self.vertices] = np.einsum("kij,kj->ki", self.projections, displacement[self.vertices])
         return kept
 
     def slid(self, mesh: Mesh, vertices: Vectors) -> Vectors:
-        """Return where vertices go that slide; of their displacements, what would flip a face is taken back."""
+        """Return the vertices after sliding, without displacements that would flip a face."""
         slid = mesh.vertices + self.constrained(vertices - mesh.vertices)
         slides = np.zeros(len(slid), bool)
         slides[self.vertices] = True
@@ -48,34 +49,34 @@ class Sliding(NamedTuple):
 
 
 def sliding(mesh: Mesh) -> Sliding:
-    """Find the vertices on the flat sides of a mesh: those within 1e-6 of its size from a plane of `outer_planes`."""
+    """Find the vertices on the flat sides of a mesh, within 1e-6 of its diagonal from a plane of `outer_planes`."""
     normals, offsets = outer_planes(mesh)
     used = np.unique(mesh.faces).astype(np.int64)
     on = np.abs(mesh.vertices[used] @ normals.T - offsets) <= ON_PLANE * _diagonal(mesh.vertices[used])
     on, vertices = on[on.any(axis=1)], used[on.any(axis=1)]
 
-    # The directions in which Σ n nᵀ vanishes
+    # The free directions are the null space of Σ n nᵀ
     values, axes = np.linalg.eigh(np.einsum("kp,pi,pj->kij", on.astype(float), normals, normals))
     free = values <= PARALLEL
     return Sliding(vertices, np.einsum("kia,ka,kja->kij", axes, free.astype(float), axes))
 
 
 def outer_planes(mesh: Mesh) -> tuple[Vectors, NDArray[np.float64]]:
-    """Return the planes <n, x> = d of the flat sides of a mesh, (p, 3) unit normals n and (p,) offsets d.
+    """Return the planes <n, x> = d of the flat sides of a mesh, as (p, 3) unit normals n and (p,) offsets d.
 
-    They are the planes of the facets of the convex hull that cover at least half of the outline of the hull along
-    their normal: all sides of a box, and the cut through a ball, but not the flat spots of a ball of voxels.
+    They are the planes of those facets of the convex hull that cover at least half of the outline of the hull along
+    their normal. All sides of a box and the cut through a ball qualify, but not the flat spots of a voxelized ball.
     """
     points = mesh.vertices[np.unique(mesh.faces)]
     try:
         hull = scipy.spatial.ConvexHull(points)
-    except (scipy.spatial.QhullError, ValueError):  # all vertices in one plane
+    except (scipy.spatial.QhullError, ValueError):  # all vertices are coplanar
         return np.zeros((0, 3)), np.zeros(0)
     normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
     corners = points[hull.simplices]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
 
-    # Join neighboring triangles of the hull in one plane: the corners of each lie on the plane of the other
+    # Merge neighboring coplanar triangles of the hull: the vertices of each lie on the plane of the other
     count = len(normals)
     first, second = np.repeat(np.arange(count), 3), hull.neighbors.ravel()
     away = np.abs(np.einsum("eci,ei->ec", corners[first], normals[second]) - offsets[second, None]).max(axis=1)
@@ -86,7 +87,7 @@ def outer_planes(mesh: Mesh) -> tuple[Vectors, NDArray[np.float64]]:
     normal = unit(np.stack([np.bincount(facet, areas * axis) for axis in normals.T], axis=1))
     offset = np.bincount(facet, areas * offsets) / np.maximum(size, np.finfo(float).tiny)
 
-    # Half of what the hull shows along a direction is its outline
+    # The outline along a direction is half of the projected area of the hull
     large = size > LEAST_FACET * areas.sum()
     outline = np.abs(normal[large] @ normals.T) @ areas / 2
     sides = size[large] >= COVERED * outline

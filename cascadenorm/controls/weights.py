@@ -1,4 +1,4 @@
-"""Where a method applies: the weight of the displacement at each vertex, from mask, fixed vertices and regions."""
+"""Compute the weight of the displacement at each vertex from the controls."""
 
 from typing import Any
 
@@ -12,26 +12,26 @@ from cascadenorm.mesh import Mesh, first_places
 
 
 def holds_some(controls: Controls) -> bool:
-    """Whether the controls may fix some of the vertices that a face uses."""
+    """Test whether the controls may fix some of the vertices that a face references."""
     return controls["boundary"] == "fixed" or any(
         given is not None for given in (controls["mask"], controls["fixed"], controls["only"])
     )
 
 
 def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return (n,) factors of the strength: the mask, but 0 for fixed vertices, other regions, and unused vertices.
+    """Return (n,) factors of the strength: the mask, with 0 for fixed, unselected and unreferenced vertices.
 
     Parameters
     ----------
     mesh
-        n vertices.
+        Mesh with n vertices.
     faces
-        Those that `only` counts, which may be more than those of the mesh.
+        Faces that `only` refers to, which may be more than those of the mesh.
 
     Raises
     ------
     ParameterError
-        Mask, fixed or only of the wrong shape or type, or out of range.
+        Mask, fixed or only has the wrong shape or type, or is out of range.
     """
     count = len(mesh.vertices)
     weights = np.zeros(count)
@@ -48,12 +48,12 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
 
 
 def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:
-    """Return (count,) which faces are selected by indices or by (count,) bool.
+    """Return (count,) bool for faces selected by indices or by (count,) bool.
 
     Raises
     ------
     ParameterError
-        Neither of both, or an index out of range.
+        The selection is neither of these, or an index is out of range.
     """
     selected = np.zeros(count, bool)
     selected[_indices("only", np.asarray(only), count, "face", "faces")] = True
@@ -77,7 +77,7 @@ def _mask(mask: NDArray[Any], count: int) -> NDArray[Any]:
 
 
 def _indices(name: str, given: NDArray[Any], count: int, one: str, several: str) -> NDArray[Any]:
-    """Return vertices or faces that are given by indices or by (count,) bool, as an index of numpy."""
+    """Check vertices or faces given by indices or by (count,) bool, and return them as a numpy index."""
     if given.dtype == bool and given.shape == (count,):
         return given
     if given.ndim != 1 or (given.dtype.kind not in "iu" and given.size > 0):

@@ -1,1 +1,1 @@
-"""Methods measured: the harness that runs them on pairs of noisy and clean meshes, records, and tables."""
+"""Evaluate methods on pairs of noisy and clean meshes."""

@@ -1,4 +1,4 @@
-"""Methods on pairs of a noisy and a clean mesh, measured."""
+"""Run methods on pairs of noisy and clean meshes and measure the results."""
 
 import math
 from collections import Counter
@@ -30,14 +30,14 @@ DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
 
 
 class Evaluation(NamedTuple):
-    """What was measured, pair by pair, and what failed.
+    """Measurements of all pairs and methods, and the failures.
 
     Parameters
     ----------
     pairs
-        The files of each pair.
+        Files of each pair.
     records
-        Where the meshes are kept, if anywhere.
+        Records in which the meshes are kept; None if they are not kept.
     """
 
     results: list[RunResult]
@@ -47,23 +47,23 @@ class Evaluation(NamedTuple):
 
     @property
     def methods(self) -> list[str]:
-        """Names of the rows in their order, the noisy mesh first."""
+        """Names of the rows in order, starting with the noisy mesh."""
         return list(dict.fromkeys(result.method for result in self.results))
 
     @property
     def seeds(self) -> dict[str, int]:
-        """The seed of the noise of each pair that has one, by its name."""
+        """Noise seed by pair name, for pairs that have one."""
         return {pair.name: pair.seed for pair in self.pairs if pair.seed is not None}
 
     @property
     def partial(self) -> set[str]:
-        """Names of the rows that lack a pair, so that their means are over fewer pairs than those of others."""
+        """Names of rows that lack results for some pairs and are therefore averaged over fewer pairs."""
         counts = Counter(result.method for result in self.results)
         return {name for name in counts if counts[name] < max(counts.values())}
 
     @property
     def means(self) -> list[RunResult]:
-        """The mean of each method over the pairs that have a value."""
+        """Mean of each method over the pairs that have a value."""
         return [_mean(name, [result for result in self.results if result.method == name]) for name in self.methods]
 
 
@@ -84,58 +84,58 @@ def evaluate(
     scheduler: str | None = None,
     progress: Progress = silent,
 ) -> Evaluation:
-    """Denoise the noisy mesh of each pair by each method and measure it against the clean one.
+    """Denoise the noisy mesh of each pair by each method and measure the result against the clean mesh.
 
     Parameters
     ----------
     folders
-        One or several, each a pair, `noisy.*` and `clean.*`, or a folder of pairs; or pairs, as `public_pairs` returns
-        them.
+        One or several folders. Each holds a pair, `noisy.*` and `clean.*`, or several pairs. Pairs as returned by
+        `public_pairs` are also accepted.
     methods
-        One name or several; the noisy mesh itself always comes first.
+        One or several names of methods. The noisy mesh always comes first.
     results
-        Of other programs: the name of each and its folder, which holds a mesh `<pair>.*` for each pair.
+        Results of other programs: the name of each program and its folder, with a mesh `<pair>.*` for each pair.
     commands
-        Other programs to be run: the name of each and its command line, where {in} and {out} stand for the files, and
-        {in.obj} and {out.obj} for files of that format; no shell reads it.
+        Other programs to run: the name of each and its command line. The placeholders {in} and {out} stand for the
+        files, and {in.obj} and {out.obj} for files of that format. No shell is involved.
     timeout
         Seconds after which such a program is stopped.
     parameters
-        Given to each of the methods.
+        Parameters that are passed to every method.
     strength, threads
         As in `denoise`.
     noise
-        Standard deviation, in mean edge lengths, of Gaussian noise along the normals that is added to the clean meshes,
-        in the place of the noisy ones; None takes these.
+        Standard deviation of Gaussian noise along the normals, in mean edge lengths, which is added to the clean meshes
+        and replaces the noisy ones. None uses the noisy meshes of the pairs.
     seeds
-        Noisy meshes of each clean one; the tables then have the spread over seeds.
+        Number of noisy meshes per clean mesh; the tables then include the spread over seeds.
     keep
-        Folder for the meshes and their measures; what is there from an earlier run of the same files, settings, weights
-        and version is not computed again.
+        Folder for the meshes and their measures. Results of an earlier run with the same files, settings, weights and
+        version are reused.
     workers
-        Processes, each of one thread if there are several; times then depend on what else runs.
+        Number of processes. Several processes use one thread each, and run times then depend on the load.
     scheduler
-        Address of the scheduler of a Dask cluster, whose workers see the same files; "local" makes a cluster of so many
-        processes on this machine; None starts processes without Dask.
+        Address of the scheduler of a Dask cluster whose workers can access the same files; "local" starts a cluster of
+        `workers` processes on this machine; None starts processes without Dask.
     progress
-        Called with (task, parts done, parts in all, what comes next).
+        Called with (task, parts done, total parts, next step).
 
     Returns
     -------
-    Results in the order of pairs, then methods, results, commands; what fails or is missing is listed, and the rest
-    goes on
+    Results ordered by pair, then by methods, results and commands. Failures and missing results are listed and do not
+    stop the evaluation
 
     Raises
     ------
     ParameterError
-        A method, a program or a parameter that does not exist, a value out of range, another program that is called
-        like a method; no scheduler at the address.
+        A method, program or parameter does not exist, a value is out of range, a program has the name of a method, or
+        no scheduler answers at the address.
     WorkerError
-        Processes, or workers of a cluster, have ended before the work was done.
+        A process or a worker of a cluster ended before its work was done.
     ReadError
-        There are no pairs, or no folder of results; results, and several pairs of one name.
+        There are no pairs, a folder of results is missing, or several pairs have the same name and results are given.
     """
-    checked({"strength": strength, "threads": threads})  # raises for values out of range
+    checked({"strength": strength, "threads": threads})  # raises an error for values out of range
     settings = {"strength": strength, "threads": threads, **(parameters or {})}
     methods = [methods] if isinstance(methods, str) else methods
     for name in methods:
@@ -189,7 +189,7 @@ def _rows(
     programs: Mapping[str, Any],
     timeout: float,
 ) -> dict[str, dict[str, Any]]:
-    """Return what to run for each row, by its name, the noisy mesh first."""
+    """Return the settings of each row by its name, starting with the noisy mesh."""
     return {
         NOISY: {},
         **{name: {"settings": settings} for name in methods},
@@ -199,7 +199,7 @@ def _rows(
 
 
 def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:
-    """Do the runs and list what comes out; a pair that cannot be read is listed once."""
+    """Do the runs and collect their results; a pair that cannot be read is listed once."""
     unread: set[str] = set()
     try:
         with side_by_side(workers) as each:
@@ -227,7 +227,7 @@ def _check_numbers(workers: int, noise: float | None, seeds: int) -> None:
 
 
 def _check_names(names: Sequence[str], methods: Sequence[str]) -> None:
-    """Refuse names that stand for two rows, or for no file."""
+    """Reject names that are used twice or are not valid as file names."""
     for number, name in enumerate(names):
         if name in (NOISY, *methods):
             raise ParameterError(f"the results {name!r} have the name of a method: choose another name")
@@ -238,7 +238,7 @@ def _check_names(names: Sequence[str], methods: Sequence[str]) -> None:
 
 
 def _check_results(places: Mapping[str, Path], pairs: Sequence[FilePair]) -> None:
-    """Refuse results that have no folder, or pairs that cannot be told apart by name."""
+    """Reject missing folders of results, and pairs that cannot be distinguished by name."""
     for place in places.values():
         if not place.is_dir():
             raise ReadError(f"{place} is not a folder: give one that holds a mesh <pair>.* for each pair")

@@ -1,4 +1,4 @@
-"""Pairs of which the noisy meshes are made from the clean ones."""
+"""Make pairs by adding noise to clean meshes."""
 
 import re
 from collections.abc import Sequence
@@ -14,27 +14,27 @@ from cascadenorm.io.pairs import FilePair
 def with_noise(
     pairs: Sequence[FilePair], folder: Path, *, level: float, seeds: int
 ) -> tuple[list[FilePair], list[tuple[FilePair, Exception]]]:
-    """Write meshes with Gaussian noise along the normals of each clean mesh.
+    """Write noisy versions of each clean mesh, with Gaussian noise along the normals.
 
     Parameters
     ----------
     folder
-        For the noisy meshes; it is made.
+        Folder for the noisy meshes; created if missing.
     level
         Standard deviation of the noise, in mean edge lengths of the clean mesh.
     seeds
-        Noisy meshes of each clean one, from the seeds 0, 1, …; the same seeds give the same files.
+        Number of noisy meshes per clean mesh, with seeds 0, 1, …; the same seed always gives the same file.
 
     Returns
     -------
-    The new pairs, and those whose clean mesh cannot be read, each with the reason
+    The new pairs, and the pairs with an unreadable clean mesh, each with its error
     """
     made: list[FilePair] = []
     unread: list[tuple[FilePair, Exception]] = []
     for pair in pairs:
         try:
             clean = as_mesh(pair.clean)
-        except Exception as error:  # a damaged file, or a package that is missing for its format
+        except Exception as error:  # a damaged file, or a missing package for its format
             unread.append((pair, error))
             continue
         place = folder / re.sub(r"[/\\]", "_", pair.name)

@@ -1,4 +1,4 @@
-"""Other programs, run on the noisy mesh of a pair."""
+"""Run other programs on the noisy mesh of a pair."""
 
 import json
 import os
@@ -19,9 +19,9 @@ from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.mesh import Mesh
 
 PLACE = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
-"""Where a command has the names of its files; with an extension they are of that format."""
+"""Placeholder for a file in a command; an extension selects the format of the file."""
 TIMEOUT_S = 3600.0
-"""Seconds that a program may take on a mesh unless another limit is given."""
+"""Default time limit of a program for one mesh, in seconds."""
 LAUNCHER = """
 import json, subprocess, sys, time
 start = time.perf_counter()
@@ -35,11 +35,11 @@ except ImportError:
 with open(sys.argv[1], "w", encoding="utf-8") as file:
     json.dump([done.returncode, seconds, memory], file)
 """
-"""A small process that starts the program: the memory of a child counts from that of its parent on."""
+"""A small process that starts the program, because the peak memory of a child includes that of its parent."""
 
 
 class ProgramResult(NamedTuple):
-    """The mesh that a program wrote, how long it took, and the memory that it needed at most."""
+    """The mesh that a program wrote, its run time in seconds, and its peak memory in megabytes."""
 
     mesh: Mesh
     seconds: float
@@ -47,12 +47,12 @@ class ProgramResult(NamedTuple):
 
 
 def checked_command(name: str, command: str) -> list[str]:
-    """Return the words of a command.
+    """Split a command into words and check it.
 
     Raises
     ------
     ParameterError
-        It has no {in} or no {out}, or there is no such program.
+        The command lacks {in} or {out}, or the program does not exist.
     """
     try:
         words = command_words(command, windows=os.name == "nt")
@@ -67,7 +67,7 @@ def checked_command(name: str, command: str) -> list[str]:
 
 
 def command_words(command: str, *, windows: bool) -> list[str]:
-    """Split a command at spaces that are not in quotes; on Windows a backslash is a part of paths and nothing else."""
+    """Split a command at unquoted spaces; on Windows, backslashes are kept as part of paths."""
     reader = shlex.shlex(command, posix=True)
     reader.whitespace_split, reader.commenters = True, ""
     if windows:
@@ -81,18 +81,19 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
     Parameters
     ----------
     words
-        Of the command; {in} is the file as it is and {out} one of its format, {in.obj} and {out.obj} are OBJ.
+        Words of the command. {in} is the given file, and {out} a file of the same format; {in.obj} and {out.obj} are
+        OBJ files.
     noisy
-        The input.
+        Input file.
     timeout
-        Seconds after which the program is stopped, with all that it has started.
+        Seconds after which the program and its child processes are stopped.
 
     Raises
     ------
     DenoiseError
-        The program failed, took too long, or wrote no file.
+        The program failed, exceeded the timeout, or wrote no file.
     ReadError, MeshError
-        What it wrote is no mesh.
+        The output of the program is not a valid mesh.
     """
     with TemporaryDirectory() as folder:
         files: dict[str, Path] = {}
@@ -123,7 +124,7 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
 
 
 def _run_within(command: Sequence[str], timeout: float, name: str) -> subprocess.CompletedProcess[str]:
-    """Run a command in a process group of its own, which ends as a whole: after so many seconds, or on an interrupt."""
+    """Run a command in its own process group, which is killed as a whole after the timeout or on an interrupt."""
     with subprocess.Popen(
         command,
         stdout=subprocess.PIPE,
@@ -143,7 +144,7 @@ def _run_within(command: Sequence[str], timeout: float, name: str) -> subprocess
 
 
 def _kill_group(process: subprocess.Popen[str]) -> None:
-    """End a process with all that it has started."""
+    """Kill a process and all of its child processes."""
     if sys.platform == "win32":
         subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False)
     else:

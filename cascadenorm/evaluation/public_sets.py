@@ -1,4 +1,4 @@
-"""Public sets of noisy and clean meshes: where each is, and the pairs in a copy of it."""
+"""Public sets of noisy and clean meshes, read from local copies."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -15,14 +15,14 @@ SPLITS: tuple[Split, ...] = ("train", "test")
 
 
 class Listed(NamedTuple):
-    """A pair of a set whose files are known.
+    """A pair of a set with known files.
 
     Parameters
     ----------
     noisy, clean
-        Paths in the copy.
+        Paths relative to the copy.
     digests
-        Of the two meshes, as `geometry_digest` gives them; empty where they are not known.
+        `geometry_digest` of the two meshes; empty if unknown.
     """
 
     noisy: str
@@ -32,21 +32,21 @@ class Listed(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class PublicSet:
-    """A set of pairs that somebody else has published.
+    """A third-party set of pairs.
 
     Parameters
     ----------
     about
-        A few words.
+        Short description.
     source
-        The paper and its DOI.
+        Paper and its DOI.
     place
-        Where it can be had.
+        Where to download it.
     listed
-        Its pairs by their names, all of them for tests.
+        Pairs by name, all of which are for testing.
     folder
-        For a set of many files: the folder that holds `train` and `test`, in each `original/NAME.obj` and
-        `noisy/NAME_n….obj`.
+        For a set of many files, the folder that contains `train` and `test`, with `original/NAME.obj` and
+        `noisy/NAME_n….obj` in each.
     """
 
     about: str
@@ -107,34 +107,34 @@ PUBLIC_SETS = {
         about="scans of a Kinect v1, fused", source=CNR, place=CNR_PLACE, folder="Kinect_Fusion"
     ),
 }  # fmt: skip
-"""Each public set by its name."""
+"""All public sets by name."""
 
 
 def public_set(name: str) -> PublicSet:
-    """Return a public set; raises ParameterError for a name that is none."""
+    """Return a public set; raises ParameterError for an unknown name."""
     if name not in PUBLIC_SETS:
         raise ParameterError(f"is {name!r}; it must be one of {', '.join(PUBLIC_SETS)}", parameter="dataset")
     return PUBLIC_SETS[name]
 
 
 def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test") -> list[FilePair]:
-    """Return the pairs of a public set in a copy of one's own, as its paper splits it, by name.
+    """Return the pairs of a public set in a local copy, by name and split as in its paper.
 
     Parameters
     ----------
     name
         One of PUBLIC_SETS.
     copy
-        Folder that holds the clone, or the unpacked archive.
+        Folder that contains the clone or the unpacked archive.
     split
-        "test" or "train"; a set that lists its pairs has the former alone.
+        "test" or "train"; a set that lists its pairs only has "test".
 
     Raises
     ------
     ParameterError
-        No such set, or no such part of it.
+        The set or its split does not exist.
     ReadError
-        Files are missing, or are other meshes than those that were published.
+        Files are missing or differ from the published meshes.
     """
     wanted, root = public_set(name), Path(copy)
     if split not in SPLITS:
@@ -149,7 +149,7 @@ def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test")
 
 
 def geometry_digest(path: Path) -> str:
-    """Return a digest of a mesh that is the same in every format: of positions in single precision, and of faces."""
+    """Return a digest of a mesh that is independent of its format, from single precision positions and faces."""
     mesh = as_mesh(path)
     parts = mesh.vertices.astype("<f4").tobytes(), mesh.faces.astype("<i4").tobytes()
     return hashlib.sha256(b"".join(parts)).hexdigest()[:16]
@@ -167,7 +167,7 @@ def _checked(wanted: PublicSet, pair: Listed, root: Path, title: str) -> FilePai
 
 
 def _split_pairs(wanted: PublicSet, root: Path, split: str) -> list[FilePair]:
-    """Find the folder of the set in the copy, or the copy itself, and pair what has the same name in it."""
+    """Pair the files of equal names in the folder of the set, which may be the copy itself."""
     place = next((one for one in (root / wanted.folder, root) if (one / split).is_dir()), None)
     if place is None:
         raise ReadError(f"{root} has no folder {wanted.folder}/{split}", hint=f"get the set: {wanted.place}")

@@ -1,4 +1,4 @@
-"""Meshes and measures of an evaluation in a folder, so that one that was interrupted goes on where it was."""
+"""Store meshes and measures of an evaluation, so that it can resume."""
 
 import hashlib
 import json
@@ -17,12 +17,12 @@ from cascadenorm.version import __version__
 
 
 class Records(NamedTuple):
-    """The folder: for each pair a folder that holds `<method>.ply` and `<method>.json`."""
+    """A folder with one subfolder per pair, which contains `<method>.ply` and `<method>.json`."""
 
     folder: Path
 
     def mesh_file(self, pair: str, name: str) -> Path:
-        """Return where a mesh is kept."""
+        """Return the path of a stored mesh."""
         return self.folder / pair.replace("/", "_").replace("\\", "_") / f"{name}.ply"
 
     def key(
@@ -33,9 +33,9 @@ class Records(NamedTuple):
         command: Sequence[str],
         file: Path | None,
     ) -> str:
-        """Return a digest of all that a result depends on, but the program that a command runs.
+        """Return a digest of everything a result depends on, except the program that a command runs.
 
-        Methods that are not of this package count with their source.
+        For methods from outside this package, the digest includes their source.
         """
         weights = None
         if settings is not None and "model" in find(name).settings:
@@ -53,7 +53,7 @@ class Records(NamedTuple):
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def known(self, pair: FilePair, name: str, key: str) -> dict[str, Any] | None:
-        """Return the row of a result that was kept under that key, or None."""
+        """Return the stored row of a result if its key matches, else None."""
         path = self.mesh_file(pair.name, name)
         try:
             kept = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
@@ -63,7 +63,7 @@ class Records(NamedTuple):
         return dict(kept["row"]) if matches else None
 
     def keep(self, pair: FilePair, name: str, key: str, mesh: Mesh, row: Mapping[str, Any]) -> None:
-        """Keep a mesh, and then its row, which says that both are complete."""
+        """Store a mesh and then its row, whose presence marks both as complete."""
         path = self.mesh_file(pair.name, name)
         make_folder(path.parent)
         record = path.with_suffix(".json")

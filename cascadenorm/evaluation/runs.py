@@ -1,4 +1,4 @@
-"""One method, or another program, on one pair."""
+"""Run one method or another program on one pair."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -21,21 +21,21 @@ from cascadenorm.io.pairs import FilePair, result_file
 from cascadenorm.mesh import Mesh
 
 NOISY = "noisy"
-"""Name under which the input itself is measured."""
+"""Name of the row that measures the input itself."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """A method, or another program, on a pair.
+    """Result of a method or another program on a pair.
 
     Parameters
     ----------
     seconds
-        Of the method alone, compiled before; 0 for the noisy mesh itself and for results of other programs.
+        Run time of the method, excluding compilation; 0 for the noisy mesh itself and for results of other programs.
     memory_mb
-        That it needed at most, in megabytes; None where that is not known.
+        Peak memory in megabytes; None if unknown.
     same_faces
-        Whether the faces are those of the clean mesh; else each is compared with the nearest of them.
+        Whether the faces equal those of the clean mesh; otherwise, each face is compared with the nearest clean face.
     """
 
     pair: str
@@ -46,17 +46,17 @@ class RunResult:
     same_faces: bool
 
     def row(self) -> dict[str, Any]:
-        """Everything in one level, by the names in COLUMNS."""
+        """Return all values in a flat dictionary, with the keys in COLUMNS."""
         everything = {**vars(self), **vars(self.measures)}
         return {name: everything[name] for name in COLUMNS}
 
 
 COLUMNS = ("pair", "method", *(field.name for field in fields(Measures)), "seconds", "memory_mb", "same_faces")
-"""Names in a row of a result."""
+"""Keys in the row of a result."""
 
 
 class FailedRun(NamedTuple):
-    """A pair, or a method on it, that could not be measured."""
+    """A pair, or a method on a pair, that could not be measured."""
 
     pair: str
     method: str | None
@@ -64,22 +64,22 @@ class FailedRun(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What is to be done.
+    """Description of a run: a method, a program, or given results.
 
     Parameters
     ----------
     pair, name
-        The files, and what the row is called.
+        Files of the pair, and name of the row.
     settings
-        Of a method; None where it is none.
+        Settings of a method; None for other runs.
     command
-        Words of a program; empty where it is none.
+        Words of a program's command; empty for other runs.
     timeout
-        Seconds after which that is stopped.
+        Seconds after which the program is stopped.
     results
-        Folder of meshes that another program made; None where it is none.
+        Folder of meshes that another program made; None for other runs.
     records
-        Where the mesh and its measures are kept, if anywhere.
+        Records in which the mesh and its measures are kept; None if they are not kept.
     """
 
     pair: FilePair
@@ -92,15 +92,15 @@ class Run(NamedTuple):
 
 
 def run(task: Run) -> RunResult | FailedRun:
-    """Do one run, or take it from the records; a pair that cannot be read is a failure without a method.
+    """Do one run, or reuse its record; an unreadable pair is a failure without a method.
 
-    Whatever a reader or a method ends in is listed, and the rest goes on; a folder of records that cannot be written
-    ends the evaluation.
+    Errors of readers and methods are returned and do not stop the evaluation, but a folder of records that cannot be
+    written does.
     """
     pair, name, records = task.pair, task.name, task.records
     try:
         noisy, clean = _meshes(pair)
-    except Exception as error:  # a damaged file, or a package that is missing for its format
+    except Exception as error:  # a damaged file, or a missing package for its format
         return FailedRun(pair.name, None, error)
     try:
         file = result_file(task.results, pair) if task.results else None
@@ -129,7 +129,7 @@ def run(task: Run) -> RunResult | FailedRun:
 
 @lru_cache(maxsize=1)
 def _meshes(pair: FilePair) -> tuple[Mesh, Mesh]:
-    """The noisy and the clean mesh; those of the last pair are kept for its next method."""
+    """Return the noisy and the clean mesh; those of the last pair are cached for its next method."""
     return as_mesh(pair.noisy), as_mesh(pair.clean)
 
 
@@ -140,22 +140,22 @@ def forget() -> None:
 
 
 _warm: set[str] = set()
-"""Methods that have run in this process."""
+"""Methods that have already run in this process."""
 
 
 def _denoised(task: Run, noisy: Mesh, file: Path | None) -> tuple[Mesh, float, float | None]:
-    """The mesh to be measured, and the seconds and the memory that it took."""
+    """Return the mesh to measure, and the time in seconds and memory in megabytes that it took."""
     if file is not None:
         return as_mesh(file), 0.0, None
     if task.command:
         return run_program(task.command, task.pair.noisy, timeout=task.timeout)
     if task.settings is None:
         return noisy, 0.0, None
-    if task.name not in _warm:  # so that the times do not depend on what was compiled before
-        with suppress(Exception):  # told where it happens to the whole
+    if task.name not in _warm:  # compile kernels before timing
+        with suppress(Exception):  # errors are reported by the run on the whole mesh
             denoise(Mesh(noisy.vertices, noisy.faces[:200]), method=task.name, **task.settings)
         _warm.add(task.name)
-    fresh = Mesh(noisy.vertices, noisy.faces)  # topology is part of the work, for each method
+    fresh = Mesh(noisy.vertices, noisy.faces)  # the time of each method includes the topology
     with peak_memory() as peak:
         start = time.perf_counter()
         mesh = denoise(fresh, method=task.name, **task.settings)

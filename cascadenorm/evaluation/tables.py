@@ -1,4 +1,4 @@
-"""Tables of an evaluation: as comma-separated values, Markdown and LaTeX, the best of each row in bold."""
+"""Write tables of an evaluation as CSV, Markdown and LaTeX."""
 
 import csv
 import io
@@ -11,20 +11,20 @@ from cascadenorm.evaluation.runs import COLUMNS, NOISY, RunResult
 
 
 class Column(NamedTuple):
-    """A figure of a result.
+    """A quantity to show for each result.
 
     Parameters
     ----------
     title, unit
-        As it is written.
+        Heading and unit.
     digits
-        After the point.
+        Digits after the decimal point.
     value
-        Of a result, None where there is none.
+        Function from a result to its value, or to None if it has none.
     off
-        How far a value is from the best that there can be.
+        Function from a value to its distance from the ideal value.
     none
-        What is written where a result has no value.
+        Text for results without a value.
     """
 
     title: str
@@ -49,26 +49,26 @@ COLUMNS_SHOWN = (
 
 
 NARROW = tuple(column for column in COLUMNS_SHOWN if column.title not in ("E_a by area", "RMS distance"))
-"""What fits into a terminal."""
+"""Columns that fit into a terminal."""
 
 
 SPREAD_COLUMNS = ("E_a", "E_a by area", "E_v", "Hausdorff")
-"""Titles of the columns whose spread over seeds is told."""
+"""Titles of the columns for which the spread over seeds is shown."""
 
 
 PARTIAL = " (*: mean over the pairs that there is a result for, not compared)"
-"""What a title says where methods lack pairs."""
+"""Addition to a title if methods lack results for some pairs."""
 
 
 class Cell(NamedTuple):
-    """Text, and whether it is the best of its kind."""
+    """Text of a cell, and whether it is the best value."""
 
     text: str
     best: bool = False
 
 
 class Table(NamedTuple):
-    """A table; the first cell of each row, and the head, say what the others are."""
+    """A table whose first row and first column are headings."""
 
     title: str
     head: tuple[str, ...]
@@ -76,7 +76,7 @@ class Table(NamedTuple):
 
 
 def by_pair(done: Evaluation, column: Column = COLUMNS_SHOWN[0]) -> Table:
-    """Return one figure, a row a pair and a column a method, and the means, as in `of_means`."""
+    """Return a table of one quantity and its mean, with one row per pair and one column per method."""
     known = {(one.pair, one.method): one for one in [*done.results, *done.means]}
     names = [pair.name for pair in done.pairs] or list(dict.fromkeys(one.pair for one in done.results))
     rows = []
@@ -96,7 +96,7 @@ def by_method(
     *,
     apart: Set[str] = frozenset(),
 ) -> Table:
-    """Return figures, a row a method; those that stand apart are marked, and none of theirs is the best."""
+    """Return a table with one row per method; methods in `apart` are marked and not considered for the best value."""
     head = tuple(f"{column.title} ({column.unit})" if column.unit else column.title for column in columns)
     cells = [_cells(column, results, apart) for column in columns]
     names = (_marked(Cell(one.method), apart=one.method in apart) for one in results)
@@ -105,18 +105,18 @@ def by_method(
 
 
 def of_means(done: Evaluation, title: str, columns: Sequence[Column] = COLUMNS_SHOWN) -> Table:
-    """Return the means over the pairs, a row a method; one that lacks a pair is not compared with the others."""
+    """Return the means over the pairs, with one row per method; methods that lack a pair are not compared."""
     return by_method(done.means, title, columns, apart=done.partial)
 
 
 def all_tables(done: Evaluation) -> list[Table]:
-    """Return the tables of an evaluation: normal errors pair by pair, means, and the spread over several seeds."""
+    """Return the tables of an evaluation: normal errors per pair, means, and the spread over several seeds."""
     several = len(set(done.seeds.values())) > 1
     return [by_pair(done), of_means(done, "Means over the pairs"), *([spread_table(done)] if several else [])]
 
 
 def spread_table(done: Evaluation) -> Table:
-    """Return mean ± standard deviation over the seeds of what is the mean over the pairs of a seed, a row a method."""
+    """Return mean ± standard deviation over seeds of the mean over the pairs of each seed, with one row per method."""
     shown = [column for column in COLUMNS_SHOWN if column.title in SPREAD_COLUMNS]
     rows = []
     for method in done.methods:
@@ -137,7 +137,7 @@ def spread_table(done: Evaluation) -> Table:
 
 
 def _cells(column: Column, results: Sequence[RunResult | None], apart: Set[str] = frozenset()) -> list[Cell]:
-    """Write the values; the best of those that do not stand apart, as they are written, are marked if there are two."""
+    """Format the values and mark the best as displayed, unless fewer than two methods are comparable."""
     apart = {NOISY, *apart}
     values = [None if one is None else column.value(one) for one in results]
     texts = [
@@ -165,7 +165,7 @@ def _is(column: Column, value: float, least: float | None) -> bool:
 
 
 def comma_separated(done: Evaluation) -> str:
-    """Return a line for each pair and method, the names of the columns first."""
+    """Return CSV with a header, and one line per pair and method."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -174,7 +174,7 @@ def comma_separated(done: Evaluation) -> str:
 
 
 def markdown(tables: Sequence[Table]) -> str:
-    """Return tables for a page in Markdown."""
+    """Return tables in Markdown."""
     parts = []
     for table in tables:
         lines = [f"{table.title}:", "", _piped(table.head), _piped(["---", *["---:"] * (len(table.head) - 1)])]
@@ -188,7 +188,7 @@ def _piped(cells: Sequence[str]) -> str:
 
 
 def latex(tables: Sequence[Table]) -> str:
-    """Return tables for a paper; they need the package booktabs."""
+    """Return tables in LaTeX, which need the package booktabs."""
     parts = []
     for table in tables:
         lines = [f"% {table.title}", rf"\begin{{tabular}}{{l{'r' * (len(table.head) - 1)}}}", r"\toprule"]
@@ -214,7 +214,7 @@ SYMBOLS = {"E_a": "$E_a$", "E_v": "$E_v$"}
 
 
 def _escaped(text: str) -> str:
-    """Write text so that LaTeX shows it; the symbols of measures become formulas."""
+    """Escape text for LaTeX; symbols of measures become formulas."""
     for name, formula in SYMBOLS.items():
         if text.startswith(name):
             return formula + _escaped(text[len(name) :])

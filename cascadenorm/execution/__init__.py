@@ -1,1 +1,4 @@
-"""Work in several processes or on a Dask cluster, its progress, and the memory that it may use."""
+"""Run work in several processes or on a Dask cluster.
+
+This includes progress reports and memory limits.
+"""

@@ -1,4 +1,4 @@
-"""How a child process starts, and when it ends."""
+"""Control the start and end of child processes."""
 
 import os
 import signal
@@ -14,11 +14,11 @@ GRACE = 5.0
 
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:
-    """Block SIGINT until the end of the block, and for good in the processes that are started in it."""
+    """Block SIGINT within the context, and permanently in processes started within it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    resource_tracker.ensure_running()  # the first process would start it, which unblocks SIGINT
+    resource_tracker.ensure_running()  # otherwise the first process would start it, which unblocks SIGINT
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -27,7 +27,7 @@ def interrupts_blocked() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """End this process when its parent is gone, as SIGTERM does and, where that does not help, at once."""
+    """End this process when its parent exits: by SIGTERM and, if that has no effect, immediately."""
     parent = parent_process()
     assert parent is not None
 

@@ -1,4 +1,4 @@
-"""The connection to a Dask cluster, or a cluster of its own on this machine for as long as the work takes."""
+"""Connect to a Dask cluster, or start a temporary one on this machine."""
 
 import logging
 import os
@@ -14,39 +14,39 @@ if TYPE_CHECKING:
     from distributed import Client
 
 LOCAL_CLUSTER = "local"
-"""The name of a cluster on this machine, in place of the address of a scheduler."""
+"""Name that selects a cluster on this machine instead of the address of a scheduler."""
 
 POLL = 1.0
-"""Seconds between two looks at which workers are there."""
+"""Seconds between two checks of the available workers."""
 
 WORKER_TIMEOUT_S = 300.0
-"""Seconds to wait while a cluster has no worker that can be used."""
+"""Seconds to wait while a cluster has no usable worker."""
 
 ANSWER = 30.0
-"""Seconds that the outcome of finished work may take to arrive, and a worker to be restarted."""
+"""Maximum number of seconds to receive the outcome of finished work, or to restart a worker."""
 
 OWN_CLUSTER = {"distributed.deploy.lost-worker-timeout": "365 days"}
 """Settings of Dask for a cluster on this machine.
 
-So long after a worker was lost, Dask looks once whether it is there, and closes it for good if not. At the 15 s that
-Dask has by itself, this hits workers that were lost a second time and are just being restarted.
+After this time, Dask checks once whether a lost worker is back and otherwise closes it permanently. The default of 15 s
+would also close workers that were lost a second time and are just restarting.
 """
 
 
 LARGE_TASKS = {"distributed.admin.large-graph-warning-threshold": "100 GB"}
-"""Settings of Dask for tasks that carry patches of a mesh, of which it warns otherwise."""
+"""Settings of Dask for tasks that contain patches of a mesh, which would otherwise cause warnings."""
 
 
 @contextmanager
 def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Iterator["Client"]:
-    """Connect to a scheduler for the block; the messages of the library are left out, errors say what happens.
+    """Connect to a scheduler within the context; log messages of Dask are suppressed, and errors describe the problem.
 
     Parameters
     ----------
     scheduler
-        Its address, such as "tcp://10.0.0.1:8786", or "local" for a cluster on this machine.
+        Address, such as "tcp://10.0.0.1:8786", or "local" for a cluster on this machine.
     workers, threads, memory
-        Of the cluster on this machine: processes, threads of each, bytes of each.
+        For a cluster on this machine: number of processes, threads per process and bytes per process.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
         stack.enter_context(dask.config.set(LARGE_TASKS))
         if scheduler == LOCAL_CLUSTER:
             stack.enter_context(dask.config.set(OWN_CLUSTER))
-            with interrupts_blocked():  # Ctrl-C is for this process to answer
+            with interrupts_blocked():  # this process handles Ctrl-C
                 address = stack.enter_context(
                     distributed.LocalCluster(
                         n_workers=workers,
@@ -91,14 +91,14 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
 
 
 def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> str | None:
-    """Return the folder in which workers must run, this one; None where names of files mean the same in any folder.
+    """Return the current folder if workers must run in it, or None if all file names are absolute.
 
     Parameters
     ----------
     places
-        Files, folders, patterns.
+        Files, folders or patterns.
     values
-        Anything; those that are files count.
+        Arbitrary values; those that name existing files count.
     """
     files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
     absolute = all(os.path.isabs(name) for name in [*places, *files])
@@ -106,23 +106,23 @@ def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[obje
 
 
 def without_scheduler(scheduler: str, error: Exception, hint: str = "") -> WorkerError:
-    """Return the error of a connection that is lost."""
+    """Return the error for a lost connection."""
     return WorkerError(f"the scheduler at {scheduler} does not answer any more: {dask_message(error)}", hint=hint)
 
 
 def without_workers(scheduler: str, seconds: float) -> WorkerError:
-    """Return the error of a cluster that has had no worker for so long."""
+    """Return the error for a cluster that has had no worker for this many seconds."""
     return WorkerError(f"the cluster at {scheduler} has had no worker for {seconds:.0f} seconds")
 
 
 def dask_message(error: Exception) -> str:
-    """Return the text of an error of Dask's, or its name where it has none."""
+    """Return the text of a Dask error, or its class name if the text is empty."""
     return str(error) or type(error).__name__
 
 
 @contextmanager
 def _silent(name: str) -> Iterator[None]:
-    """Leave out the messages of a library for the block."""
+    """Suppress the log messages of a library within the context."""
     names = [other for other in logging.root.manager.loggerDict if other.split(".")[0] == name]
     levels = {logging.getLogger(other): logging.getLogger(other).level for other in names}
     for logger in levels:

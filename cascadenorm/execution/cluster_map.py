@@ -1,4 +1,7 @@
-"""Work on many items by the workers of a Dask cluster, as `process_map.side_by_side` has it done by processes here."""
+"""Process many items on the workers of a Dask cluster.
+
+This is the counterpart of `process_map.side_by_side`, which uses local processes.
+"""
 
 import os
 import time
@@ -35,44 +38,44 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 AHEAD = 2
-"""Items for each worker that are begun before the result of the first is taken: results wait in the workers' memory."""
+"""Number of items per worker that are started ahead of the current result; results wait in the workers' memory."""
 
 
 class _Here(NamedTuple):
-    """What a worker must have in common with this process; the folder where names of files are relative."""
+    """Version and folder that a worker must share with this process; the folder matters for relative file names."""
 
     version: str
     folder: str | None
 
 
 class _Raised(NamedTuple):
-    """An error of the work, to be told from those of the cluster."""
+    """An error of the work, as distinct from errors of the cluster."""
 
     error: Exception
 
 
 @contextmanager
 def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[Map]:
-    """Connect to a cluster for the block; its workers do the work of each item, whichever of them die.
+    """Connect to a cluster within the context and process items on its workers, even if some of them die.
 
-    Dask gives the items of a worker that is lost to others, and those whose results were lost with it. A process works
-    on one item at a time, on one thread.
+    Dask reassigns the items of a lost worker, including those with lost results. Each process works on one item at a
+    time with one thread.
 
     Parameters
     ----------
     scheduler
         Address, or "local" for a cluster on this machine.
     workers
-        Processes of the cluster on this machine.
+        Number of processes of a cluster on this machine.
     folder
-        Where workers must run, because names of files are relative; None where that does not matter.
+        Folder in which workers must run because file names are relative. None accepts any folder.
 
     Raises
     ------
     MissingDependencyError, ParameterError
-        As `connected` says; several workers are asked for at an address.
+        As in `connected`; also if `workers` is above 1 for a cluster given by its address.
     WorkerError
-        An item has ended several workers, the scheduler or all workers are gone, or a worker cannot be used.
+        An item has killed several workers, the scheduler or all workers are lost, or a worker cannot be used.
     """
     if scheduler != LOCAL_CLUSTER and workers > 1:
         raise ParameterError(
@@ -85,7 +88,7 @@ def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[
 
 @contextmanager
 def side_by_side_on(scheduler: str | None, *, workers: int, folder: str | None) -> Iterator[None]:
-    """Have `process_map.side_by_side` work on a cluster for the block, as `on_cluster` does; here without one."""
+    """Let `process_map.side_by_side` use a cluster within the context; None keeps local processes."""
     if scheduler is None:
         yield
         return
@@ -96,7 +99,7 @@ def side_by_side_on(scheduler: str | None, *, workers: int, folder: str | None) 
 def _mapped(
     client: "Client", scheduler: str, here: _Here, work: Callable[[Item], Result], items: Iterable[Item], /
 ) -> Iterator[Result]:
-    """Do the work of each item; the results come in order."""
+    """Process all items and yield the results in order."""
     left = iter(items)
     begun: deque[Future[Any]] = deque()
     try:
@@ -117,7 +120,7 @@ def _mapped(
 
 
 def _do(here: _Here, work: Callable[[Item], Result], item: Item) -> Result | _Raised:
-    """Do the work of an item, in a worker."""
+    """Process one item in a worker."""
     from distributed import get_worker
 
     name, folder = get_worker().address, os.getcwd()
@@ -133,11 +136,11 @@ def _do(here: _Here, work: Callable[[Item], Result], item: Item) -> Result | _Ra
 
 
 _one_at_a_time = Lock()
-"""Held by the thread of a worker that works: limits of libraries are those of the process, and so is its memory."""
+"""Held by the working thread of a worker, because thread limits and memory are shared by the whole process."""
 
 
 def _result(client: "Client", scheduler: str, future: "Future[Any]") -> Any:
-    """Wait for what an item has come to, for as long as there are workers."""
+    """Wait for the result of an item as long as there are workers."""
     from distributed import TimeoutError as Late
 
     in_use, done = time.monotonic(), Event()
@@ -146,11 +149,11 @@ def _result(client: "Client", scheduler: str, future: "Future[Any]") -> Any:
         try:
             if done.wait(POLL):
                 return future.result(timeout=ANSWER)
-        except Late:  # the worker that had the result is lost, and another begins again
+        except Late:  # the worker that held the result is lost, and another one starts again
             pass
         except WorkerError:
             raise
-        except Exception as error:  # whatever Dask raises
+        except Exception as error:  # any error that Dask raises
             raise WorkerError(
                 f"the cluster at {scheduler} did not do the work: {dask_message(error)}",
                 hint="where workers have ended, memory may be short there",
@@ -164,5 +167,5 @@ def _result(client: "Client", scheduler: str, future: "Future[Any]") -> Any:
 def _workers(client: "Client", scheduler: str) -> int:
     try:
         return len(client.nthreads())
-    except Exception as error:  # of the connection
+    except Exception as error:  # connection errors
         raise without_scheduler(scheduler, error) from None

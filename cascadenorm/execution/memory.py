@@ -1,4 +1,4 @@
-"""Memory: how much is free, how much work needs at most, and amounts of it in words."""
+"""Measure free memory and estimate the memory that work needs."""
 
 import math
 import os
@@ -11,13 +11,13 @@ from pathlib import Path
 from cascadenorm.errors import ParameterError
 
 PROCESS = 350_000_000
-"""Bytes that a process takes before it has read anything, kernels included."""
+"""Bytes that a process uses before it reads anything, including kernels."""
 FACE = 1800
-"""Bytes that a face takes in the learned methods, which need most; benchmarks/speed.md has what was measured."""
+"""Bytes per face that the learned methods need, more than all others; measured in benchmarks/speed.md."""
 OTHERS = 500
-"""Bytes that a face takes in other methods at least, the file included."""
+"""Minimum number of bytes per face that other methods need, including the file."""
 FREE = 0.8
-"""Fraction of the free memory that work uses by default."""
+"""Fraction of the free memory that is used by default."""
 
 _STATUS, _CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 _MEMINFO, _GROUP, _GROUPS = Path("/proc/meminfo"), Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
@@ -26,14 +26,14 @@ _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "
 
 @dataclass
 class Peak:
-    """Megabytes beyond what the process had before; None where the system does not tell."""
+    """Peak memory in megabytes above the initial memory of the process; None if the system does not report it."""
 
     megabytes: float | None = None
 
 
 @contextmanager
 def peak_memory() -> Iterator[Peak]:
-    """Measure the block: the largest resident memory of this process less that before (Linux)."""
+    """Measure the increase of the peak resident memory of this process within the context (Linux)."""
     peak = Peak()
     try:
         _CLEAR.write_text("5", encoding="ascii")  # proc(5): resets the peak
@@ -46,9 +46,9 @@ def peak_memory() -> Iterator[Peak]:
 
 
 def free_memory() -> int | None:
-    """Bytes that new work can take: what the system has free, within the limits of the control groups (Linux).
+    """Return the bytes available to new work: free memory within the limits of the control groups (Linux).
 
-    None where the system does not tell.
+    Return None if the system does not report it.
     """
     try:
         free = 1024 * _kilobytes(_MEMINFO, "MemAvailable")
@@ -58,7 +58,7 @@ def free_memory() -> int | None:
 
 
 def available_memory() -> int:
-    """Bytes that new work can take; where the system does not tell, half of the memory of the machine."""
+    """Return the bytes available to new work, or half of the machine's memory if the system does not report it."""
     free = free_memory()
     if free is None:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2 if hasattr(os, "sysconf") else 2**32
@@ -66,7 +66,7 @@ def available_memory() -> int:
 
 
 def _group_limits() -> Iterator[int]:
-    """What each control group (version 2) that this process is in leaves free."""
+    """Yield the free memory of each control group (version 2) of this process."""
     try:
         own = next(line for line in _GROUP.read_text(encoding="ascii").splitlines() if line.startswith("0::"))
     except (OSError, StopIteration):
@@ -83,12 +83,12 @@ def _group_limits() -> Iterator[int]:
 
 
 def memory_size(name: str, text: str | int) -> int:
-    """Return the bytes that "4GB", "500 MB" or "2GiB" stand for; a number counts bytes.
+    """Return the number of bytes for text like "4GB", "500 MB" or "2GiB"; numbers are bytes.
 
     Raises
     ------
     ParameterError
-        It is none, has no unit, or is not above 0; the message calls it by its name.
+        The size is invalid, has no unit, or is not positive; the message refers to it by `name`.
     """
     given = f"{text}B" if isinstance(text, int | float) else str(text)
     match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(?:([kmgt]i?)b?|b)\s*", given, re.IGNORECASE)
@@ -101,11 +101,11 @@ def memory_size(name: str, text: str | int) -> int:
 
 
 def amount(size: int) -> str:
-    """Return bytes in words."""
+    """Format a number of bytes for messages."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
 
 
 def _kilobytes(table: Path, name: str) -> int:
-    """Read a size from a table of the system."""
+    """Read a size from a table in /proc."""
     lines = table.read_text(encoding="ascii").splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith(f"{name}:"))

@@ -1,6 +1,6 @@
-"""Work in several processes, each on one thread.
+"""Process items in several processes, each with one thread.
 
-By concurrent.futures: joblib's processes print traces at Ctrl-C and outlive a parent that is killed.
+This module uses concurrent.futures, because processes of joblib print tracebacks on Ctrl-C and outlive a killed parent.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -23,23 +23,23 @@ Result = TypeVar("Result")
 
 
 class Map(Protocol):
-    """Like `map` with one iterable."""
+    """A function like `map` with one iterable."""
 
     def __call__(self, work: Callable[[Item], Result], items: Iterable[Item], /) -> Iterator[Result]:
-        """Do the work of each item; the results come in order."""
+        """Process all items and yield the results in order."""
 
 
 @contextmanager
 def side_by_side(count: int) -> Iterator[Map]:
-    """Keep a pool of processes for the block; for a count of 1 none is started, and threads are not limited.
+    """Provide a `map` that uses a pool of processes; a count of 1 starts no process and does not limit threads.
 
-    For work in Python between short kernels, in which threads would wait for one another. Within `done_by` another map
-    does it.
+    Processes suit Python code between short kernels, where threads would wait for each other. Within `done_by`, another
+    map is used instead.
 
     Raises
     ------
     WorkerError
-        One of the processes ended before its work was done.
+        A process ended before its work was done.
     """
     if (other := _other.get()) is not None:
         yield other
@@ -62,7 +62,7 @@ def side_by_side(count: int) -> Iterator[Map]:
 
 @contextmanager
 def done_by(other: Map) -> Iterator[None]:
-    """Have the work of `side_by_side` done by another map for the block, such as that of a cluster."""
+    """Let `side_by_side` use another map within the context, such as that of a cluster."""
     token = _other.set(other)
     try:
         yield
@@ -80,5 +80,5 @@ def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], items:
 
 
 def _on_one_thread(work: Callable[[Item], Result], item: Item) -> Result:
-    with limit_threads(1), threadpool_limits(1):  # of all libraries that the work needs: they are loaded by now
+    with limit_threads(1), threadpool_limits(1):  # covers all libraries, which are loaded by now
         return work(item)

@@ -1,4 +1,4 @@
-"""Progress: the fraction of one method that is done, and the parts of a longer task."""
+"""Report the progress of a method or of a task with several parts."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,23 +7,23 @@ from dataclasses import dataclass
 from typing import Protocol
 
 Listener = Callable[[float], object]
-"""Called with the fraction done, from 0 to 1; what it raises ends the method."""
+"""Called with the completed fraction, from 0 to 1; an exception it raises ends the method."""
 
 
 class Progress(Protocol):
-    """Called as work of many parts goes on, such as an evaluation or a training; what it raises ends the work."""
+    """Callback for work with many parts, such as evaluation or training; an exception it raises ends the work."""
 
     def __call__(self, task: str, done: int, total: int, note: str = "") -> object:
-        """Say that `done` of `total` parts of a task are done; the note tells what comes next or what came out."""
+        """Report that `done` of `total` parts of a task are done; the note describes the next step or the result."""
 
 
 def silent(task: str, done: int, total: int, note: str = "") -> None:
-    """Say nothing."""
+    """Ignore the progress."""
 
 
 @dataclass
 class _Span:
-    """The part of the whole, from 0 to 1, that the current step takes."""
+    """The interval of the total progress, within 0 … 1, that the current step covers."""
 
     listener: Listener
     reported: float = 0.0
@@ -36,7 +36,7 @@ _span: ContextVar[_Span | None] = ContextVar("span", default=None)
 
 @contextmanager
 def report_to(listener: Listener | None) -> Iterator[None]:
-    """Report the progress of each `track` inside the block to a listener, or to none."""
+    """Report the progress of each `track` within the context to a listener; None reports nothing."""
     token = _span.set(None if listener is None else _Span(listener))
     try:
         yield
@@ -45,7 +45,7 @@ def report_to(listener: Listener | None) -> Iterator[None]:
 
 
 def track(count: int) -> Iterator[int]:
-    """Count 0 … count - 1, reporting the progress before each; a count within a step is a part of that step."""
+    """Yield 0 … count - 1 and report the progress before each; a nested call covers its part of the current step."""
     span = _span.get()
     if span is None:
         yield from range(count)
@@ -53,7 +53,7 @@ def track(count: int) -> Iterator[int]:
     begin, length = span.begin, span.length
     for step in range(count):
         span.begin, span.length = begin + length * step / count, length / count
-        span.reported = max(span.reported, span.begin)  # a method may count several times, one after the other
+        span.reported = max(span.reported, span.begin)  # a method may call this several times in sequence
         span.listener(span.reported)
         yield step
     span.begin, span.length = begin, length

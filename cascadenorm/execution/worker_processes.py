@@ -1,7 +1,7 @@
-"""Processes that do one job after the other; one that ends early affects its own job and no other.
+"""Worker processes that do one job after another.
 
-`process_map` is for work that fails as a whole: there the end of a process ends the pool. This module imports no
-numerical packages, so that the server of the studio, which has a worker, starts without them.
+A process that dies affects only its current job. In `process_map`, by contrast, the end of one process ends the pool.
+To let the server of the studio start quickly, this module imports no numerical packages.
 """
 
 import signal
@@ -22,14 +22,14 @@ Received = TypeVar("Received")
 
 
 class Worker(Generic[Sent, Received]):
-    """A process that answers what it is sent.
+    """A process that answers messages.
 
-    It ignores Ctrl-C, which is for the parent to handle, and ends when the parent is gone.
+    It ignores Ctrl-C, which the parent handles, and ends when the parent exits.
 
     Parameters
     ----------
     serve
-        Called in the process with its end of the connection; the process ends when it returns. It is pickled.
+        Picklable function that runs in the process with its end of the connection; the process ends when it returns.
     """
 
     def __init__(self, serve: Callable[[Connection], object]) -> None:
@@ -41,7 +41,7 @@ class Worker(Generic[Sent, Received]):
         there.close()
 
     def send(self, message: Sent) -> None:
-        """Send a message to the process, which may have ended meanwhile: `receive` reports that."""
+        """Send a message to the process; if it has ended meanwhile, `receive` reports that."""
         try:
             self.link.send(message)
         except OSError:
@@ -53,7 +53,7 @@ class Worker(Generic[Sent, Received]):
         Raises
         ------
         WorkerError
-            The process has ended, or its answer cannot be read.
+            The process has ended, or its answer cannot be unpickled.
         """
         try:
             found: Received = self.link.recv()
@@ -62,18 +62,18 @@ class Worker(Generic[Sent, Received]):
             code = self._process.exitcode
             cause = signal.Signals(-code).name if code is not None and code < 0 else f"exit code {code}"
             raise WorkerError(f"the process that did the work ended early ({cause}): memory may be short") from None
-        except Exception as error:  # of a class that cannot be made again here
+        except Exception as error:  # the answer cannot be unpickled here
             raise WorkerError(f"what the process returned cannot be read: {type(error).__name__}: {error}") from None
         return found
 
     def kill(self) -> None:
-        """End the process at once."""
+        """Kill the process."""
         self._process.kill()
         self._process.join()
 
     @staticmethod
     def stop(workers: "Sequence[Worker[Any, Any]]") -> None:
-        """End processes; those that do not within `GRACE` seconds are killed."""
+        """Terminate processes; those that do not end within `GRACE` seconds are killed."""
         for worker in workers:
             worker.link.close()
             worker._process.terminate()
@@ -84,14 +84,14 @@ class Worker(Generic[Sent, Received]):
 
 
 def first_ready(workers: "Sequence[Worker[Sent, Received]]", seconds: float | None) -> "list[Worker[Sent, Received]]":
-    """Wait until one of the workers has answered or ended, or for so many seconds; return those that have."""
+    """Wait until a worker has answered or ended, at most this many seconds; return all such workers."""
     closed = [worker for worker in workers if worker.link.closed]
     ready = closed or wait([worker.link for worker in workers], seconds)
     return closed or [worker for worker in workers if worker.link in ready]
 
 
 def do_jobs(link: Connection, work: Callable[[Item], Result]) -> None:
-    """Do the jobs that arrive, each with the number of threads for kernels and libraries, and send their results."""
+    """Process the jobs that arrive, each with its limit of threads for kernels and libraries, and send the results."""
     from threadpoolctl import threadpool_limits
 
     from cascadenorm.compute.threads import limit_threads  # loads numerical packages
@@ -107,7 +107,7 @@ def do_jobs(link: Connection, work: Callable[[Item], Result]) -> None:
 
 
 def _run(link: Connection, serve: Callable[[Connection], object]) -> None:
-    """Serve in the new process, until that ends or the parent is gone."""
+    """Run the new process until its function returns or the parent exits."""
     signal.signal(signal.SIGTERM, _terminated)
     end_with_parent()
     serve(link)
@@ -115,11 +115,11 @@ def _run(link: Connection, serve: Callable[[Connection], object]) -> None:
 
 
 def _terminated(number: int, _: FrameType | None) -> NoReturn:
-    """End as on an error, so that temporary files are removed."""
+    """Exit as after an error, so that temporary files are removed."""
     _ending()
     raise SystemExit(128 + number)
 
 
 def _ending() -> None:
-    """Ignore what ends this process from now on: within the handlers of its exit it would be an error."""
+    """Ignore further SIGTERM signals, which would cause errors in exit handlers."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""What is wrong with a mesh, and how noisy it is."""
+"""Inspect meshes for defects and noise."""
 
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.inspection.findings import FINDINGS

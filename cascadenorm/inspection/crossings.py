@@ -1,4 +1,4 @@
-"""Faces that pass through other faces of the same mesh."""
+"""Detect self-intersections: faces that cross other faces of the same mesh."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,22 +7,22 @@ from cascadenorm.geometry.nearest import LEAF_TRIANGLES, SurfaceTree
 from cascadenorm.mesh import Bools, Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
-MOST_NEAR = 1000  # faces around one face that are looked at before it is given up
-DETERMINANT_ROUNDING = 1e-14  # a determinant that small, relative to the sides that it is made of, may be zero
+MOST_NEAR = 1000  # maximum number of faces that are tested against one face
+DETERMINANT_ROUNDING = 1e-14  # determinants below this share of the product of the edge lengths count as zero
 
 
 def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which faces pass through another: a side of one goes through the inside or the boundary of the other.
+    """Return which faces cross another face: an edge of one passes through the interior or the boundary of the other.
 
-    Faces that only touch do not count, nor do those that overlap in one plane, share two corners, or have two in one
-    place. Where a thousand faces lie around one, no more are looked at.
+    Faces that only touch do not count, nor do coplanar overlapping faces and faces that share two vertices or
+    positions. At most a thousand nearby faces are tested per face.
 
     Parameters
     ----------
     mesh
-        m faces.
+        Mesh with m faces.
     places
-        (n,) equal for vertices in the same place: faces that meet there touch, whether they share a vertex or not.
+        (n,) equal for vertices at the same position. Faces that meet there only touch, even without a shared vertex.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 @kernel
 def _crossing(start: int, stop: int, corners: Floats, named: Ints, boxes: Floats, found: Bools) -> None:
-    """Walk down the tree of boxes with each face, until one is found that it crosses."""
+    """Traverse the bounding volume hierarchy with each face until a face that it crosses is found."""
     first_leaf = len(boxes) // 2
     stack = np.empty(64, np.int64)
     lower, upper = np.empty(3), np.empty(3)
@@ -52,7 +52,7 @@ def _crossing(start: int, stop: int, corners: Floats, named: Ints, boxes: Floats
             upper[d] = max(corners[f, 0, d], corners[f, 1, d], corners[f, 2, d])
         found[f] = False
 
-        # depth first through boxes that overlap that of the face
+        # depth-first traversal of the boxes that overlap the box of the face
         stack[0], top, near = 0, 1, 0
         while top > 0 and not found[f] and near < MOST_NEAR:
             top -= 1
@@ -81,7 +81,7 @@ def _overlap(lower: Floats, upper: Floats, box: Floats) -> bool:
 
 @kernel
 def _cross(ours: Vectors, our_names: Ints, theirs: Vectors, their_names: Ints) -> bool:
-    """Tell whether two triangles cross; of sides that end at a common corner only the opposite one can."""
+    """Test whether two triangles cross; at a shared vertex, only the opposite edges can cross the other triangle."""
     shared = our_shared = their_shared = 0
     for i in range(3):
         for j in range(3):
@@ -100,7 +100,7 @@ def _cross(ours: Vectors, our_names: Ints, theirs: Vectors, their_names: Ints) -
 
 @kernel
 def _pierces(other: Vectors, side: int, triangle: Vectors) -> bool:
-    """Tell whether a side of another triangle goes through a triangle, from one side of its plane to the other."""
+    """Test whether an edge of another triangle passes through a triangle, from one side of its plane to the other."""
     p, q = row(other, side % 3), row(other, (side + 1) % 3)
     a, b, c = row(triangle, 0), row(triangle, 1), row(triangle, 2)
     if _side(a, b, c, p) * _side(a, b, c, q) >= 0:
@@ -111,7 +111,7 @@ def _pierces(other: Vectors, side: int, triangle: Vectors) -> bool:
 
 @kernel
 def _side(a: Vector, b: Vector, c: Vector, d: Vector) -> int:
-    """Sign of the determinant of b - a, c - a, d - a; 0 where rounding may have made it."""
+    """Return the sign of the determinant of b - a, c - a, d - a; 0 if it is within rounding error."""
     u, v, w = subtract(b, a), subtract(c, a), subtract(d, a)
     determinant = dot(w, cross(u, v))
     size = _sum_of_sizes(u) * _sum_of_sizes(v) * _sum_of_sizes(w)

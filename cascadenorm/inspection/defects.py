@@ -1,4 +1,4 @@
-"""Places where a mesh is no clean surface: boundaries, edges and vertices that are not manifold, copies, slivers."""
+"""Detect boundaries, non-manifold edges and vertices, duplicates, slivers and spikes."""
 
 from typing import Any
 
@@ -10,20 +10,20 @@ from cascadenorm.mesh import Mesh, Topology, connected_components, scatter_add
 Mask = NDArray[np.bool_]
 
 FLAT_HEIGHT = 1e-12
-"""A face whose height is smaller than this share of its longest side has no area but by rounding."""
+"""Ratio of height to longest edge up to which a face counts as degenerate."""
 SPIKE = np.radians(150)
-"""Sum of the angles of the faces at a vertex, 360° in a plane, below which it is a spike: a cone of half-angle 25°."""
+"""Angle sum at a vertex, 360° in a plane, below which it is a spike; corresponds to a cone of half-angle 25°."""
 THIN = 0.01
-"""A face whose height is smaller than this share of its longest side is a sliver."""
+"""Ratio of height to longest edge below which a face is a sliver."""
 
 
 def flipped_edges(topology: Topology) -> Mask:
-    """Return which edges have two faces that run along them the same way, (e,)."""
+    """Return (e,) bool, the edges whose two faces traverse them in the same direction."""
     return np.asarray((topology.edge_faces.counts == 2) & (topology.balance != 0))
 
 
 def pinched_vertices(topology: Topology) -> Mask:
-    """Return the vertices whose faces do not are connected across edges at that vertex, (n,): two fans or more."""
+    """Return (n,) bool, the vertices whose faces form two or more fans that are not connected at the vertex."""
     fans = topology.fans()
     vertex_of_fan = np.zeros(fans.max(initial=-1) + 1, np.int64)
     vertex_of_fan[fans] = topology.faces.ravel()
@@ -31,20 +31,20 @@ def pinched_vertices(topology: Topology) -> Mask:
 
 
 def boundary_loop_count(topology: Topology) -> int:
-    """Return the number of connected chains of edges that have a single face."""
+    """Return the number of connected chains of boundary edges."""
     boundary = topology.edges[topology.edge_faces.counts == 1]
     part = connected_components(boundary, topology.vertex_count)
     return len(np.unique(part[boundary]))
 
 
 def thin_faces(mesh: Mesh) -> tuple[Mask, Mask]:
-    """Return which faces have no area but by rounding, and which others are slivers; each (m,)."""
+    """Return (m,) bool twice: the faces with zero area up to rounding, and the other slivers."""
     flat = mesh.heights <= FLAT_HEIGHT * mesh.longest_edges
     return np.asarray(flat), np.asarray(~flat & (mesh.heights < THIN * mesh.longest_edges))
 
 
 def spikes(mesh: Mesh) -> Mask:
-    """Return which inner vertices are spikes, (n,): the angles of their faces add up to less than SPIKE."""
+    """Return (n,) bool, the interior vertices whose angle sum is less than SPIKE."""
     onward = np.roll(mesh.corners, -1, axis=1) - mesh.corners
     backward = np.roll(mesh.corners, 1, axis=1) - mesh.corners
     sines = np.linalg.norm(np.cross(onward, backward), axis=2)
@@ -56,7 +56,7 @@ def spikes(mesh: Mesh) -> Mask:
 
 
 def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:
-    """Return which rows came before, and for each row the first that is equal; both (k,)."""
+    """Return (k,) bool, the rows equal to an earlier one, and (k,) the first equal row of each."""
     order = np.lexsort(rows.T[::-1])
     new = np.ones(len(rows), bool)
     new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)

@@ -1,4 +1,4 @@
-"""Closed parts: what they enclose, and how many handles they have."""
+"""Measure the volume and the topology of closed components."""
 
 from typing import NamedTuple
 
@@ -10,18 +10,18 @@ from cascadenorm.mesh import Mesh
 
 
 class Enclosed(NamedTuple):
-    """The closed, consistently oriented parts of a mesh.
+    """The closed, consistently oriented components of a mesh.
 
     Parameters
     ----------
     faces
-        (c,) the first face of each part.
+        (c,) first face of each component.
     volumes
-        (c,) negative where a part is inside out.
+        (c,) signed volumes; negative for components that are inside out.
     characteristics
-        (c,) Euler characteristic V - E + F; 2 - 2 · handles where the part is a manifold.
+        (c,) Euler characteristics V - E + F, which are 2 - 2 · handles for manifold components.
     manifold
-        (c,) whether every vertex of the part has a single fan of faces.
+        (c,) bool, whether every vertex of the component has a single fan of faces.
     """
 
     faces: NDArray[np.int64]
@@ -31,12 +31,12 @@ class Enclosed(NamedTuple):
 
 
 def enclosed(mesh: Mesh, pinched: NDArray[np.bool_]) -> Enclosed:
-    """Measure the closed parts of a mesh.
+    """Measure the closed components of a mesh.
 
     Parameters
     ----------
     pinched
-        (n,) which vertices have several fans of faces.
+        (n,) bool, vertices with several fans of faces.
     """
     closed = closed_parts(mesh)
     number, total = closed

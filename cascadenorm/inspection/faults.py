@@ -1,4 +1,4 @@
-"""Faults of a surface that denoising may remove or make: counted before and after."""
+"""Count surface faults before and after denoising."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from cascadenorm.inspection.defects import repeats, spikes
 from cascadenorm.mesh import Mesh, in_frame
 
 MOST_FACES_CROSSED = 200_000
-"""Faces up to which those that cross are looked for unasked; it takes seconds for 100,000."""
+"""Maximum number of faces of meshes that are checked for self-intersections by default."""
 
 
 class Faults(NamedTuple):
@@ -16,7 +16,7 @@ class Faults(NamedTuple):
     Parameters
     ----------
     crossing_faces
-        Number of faces that pass through others. None where that was not looked for.
+        Number of faces that cross others. None if not checked.
     spikes
         Number of vertices that are spikes.
     """
@@ -29,7 +29,7 @@ FAULTS = Faults._fields
 
 
 def surface_faults(mesh: Mesh) -> Faults:
-    """Count the faults of a mesh; crossing faces only in meshes of up to MOST_FACES_CROSSED."""
+    """Count the faults of a mesh; crossing faces are only counted in meshes of up to MOST_FACES_CROSSED faces."""
     small, _ = in_frame(mesh)
     crossing = None
     if len(mesh.faces) <= MOST_FACES_CROSSED:

@@ -1,4 +1,4 @@
-"""What an inspection may find, in words."""
+"""Descriptions of the possible findings of an inspection."""
 
 FINDINGS = {
     "bad_indices": ("face references a vertex that does not exist", "faces reference vertices that do not exist"),
@@ -39,4 +39,4 @@ FINDINGS = {
         "small components, of less than 1 % of the faces of the largest (denoise --drop-components leaves them out)",
     ),
 }
-"""What is said of each finding of an inspection after its count: of one, and of several."""
+"""Text that follows the count of each finding, in singular and plural."""

@@ -1,4 +1,4 @@
-"""Inspect a mesh of any kind: what it is, what is wrong with it, where, and how noisy it is."""
+"""Inspect meshes: properties, defects and their locations, and noise."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -36,26 +36,26 @@ from cascadenorm.mesh import (
 from cascadenorm.mesh.welding import nearly_coincident
 
 MOST_FACES_DENOISED = 300_000
-"""Faces up to which the kind of error is told, from what `auto` would take away; it takes seconds for 100,000."""
+"""Maximum number of faces for which `auto` is run to determine the kind of error."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Inspection:
-    """What a mesh is and what is wrong with it; faces are triangles, larger polygons being cut.
+    """Properties and defects of a mesh; faces are triangles, and larger polygons are triangulated.
 
-    Vertices that the file splits at seams count once. Bad indices and vertices that are not finite are counted first;
-    what follows is about the faces besides, and about those with three different corners.
+    Vertices that the file splits at seams count once. Bad indices and vertices that are not finite are counted first.
+    The other findings concern the remaining faces, and some of them only faces with three different vertices.
 
     Parameters
     ----------
     source
-        Name of the file, or of the kind of mesh.
+        Name of the file, or kind of mesh.
     number_type
-        Of the coordinates, float32 or float64.
+        Type of the coordinates, float32 or float64.
     counts_from
-        Number of the first vertex and face in the places named.
+        Number of the first vertex and face in reported locations.
     vertices, file_vertices, faces
-        Their numbers; the file's vertices include copies at seams.
+        Counts; `file_vertices` includes copies at seams.
     bad_indices
         Faces that reference a vertex that does not exist.
     not_finite
@@ -63,55 +63,55 @@ class Inspection:
     repeated_corners
         Faces that repeat a vertex.
     parts
-        Connected components that have a face.
+        Number of connected components with a face.
     closed
-        Whether every edge has two faces or more.
+        Whether every edge has two or more faces.
     boundary_loops, boundary_edges
-        Chains of edges with a single face, and those edges.
+        Numbers of boundary loops and of edges with a single face.
     non_manifold_edges
-        With more than two faces.
+        Edges with more than two faces.
     non_manifold_vertices
-        Where faces meet that do not are connected there.
+        Vertices whose faces are not connected there.
     flipped_edges
-        Whose two faces run along them the same way, so that one of them is flipped.
+        Edges whose two faces traverse them in the same direction, so that one of the faces is flipped.
     inside_out
-        Closed parts with a negative volume, by a face of each; cavities are such parts as well.
+        Closed components with negative volume, given by one face each; these include cavities.
     zero_area, slivers
-        Faces without height, and those with one below 1 % of their longest side.
+        Faces without height, and faces with a height below 1 % of their longest edge.
     duplicate_faces
-        Faces on the same three vertices as an earlier one.
+        Faces with the same three vertices as an earlier one.
     unreferenced
-        Vertices that no face names.
+        Vertices that no face references.
     duplicate_vertices
-        Vertices at the place of an earlier one, but not joined with it.
+        Vertices at the position of an earlier one, but not joined with it.
     nearly_coincident
         Boundary vertices within 0.001 median edge lengths of an earlier one, but not joined with it.
     crossing_faces
-        Faces that pass through others; None where that was not looked for.
+        Faces that cross others; None if not checked.
     spikes
-        Vertices whose faces' angles add up to less than 150°.
+        Vertices with an angle sum of less than 150°.
     small_components
-        With fewer than 1 % of the faces of the largest one, by a face of each.
+        Components with fewer than 1 % of the faces of the largest one, given by one face each.
     euler_characteristic
-        Vertices less edges plus faces.
+        Vertices minus edges plus faces.
     genus
-        Handles of all closed parts that are manifolds; None where there is none.
+        Number of handles of all closed manifold components; None if there are no such components.
     lower, upper
         Corners of the bounding box of the faces.
     mean_edge_length, area, volume
-        In the unit of the mesh; the volume of the closed parts, None without one.
+        In mesh units; volume of the closed components, None if there are none.
     resolution
-        Step from one number to the next at the largest coordinate, in mean edge lengths.
+        Spacing of the number type at the largest coordinate, in mean edge lengths.
     noise
-        Root mean square of what `auto` removes along the normals, in mean edge lengths; estimated from the mesh alone
-        where `error` is None. None where edges away from the boundary are too few.
+        Root mean square of the normal displacement by `auto`, in mean edge lengths; estimated from the mesh alone if
+        `error` is None. None if there are too few interior edges.
     error
-        The kind of error, told from what `auto` would take away; None for more than MOST_FACES_DENOISED faces, and
-        where all are at one point.
+        Kind of error that `auto` would remove; None for more than MOST_FACES_DENOISED faces, or if all vertices
+        coincide.
     treated_as
-        What `auto` treats the mesh as; None where `error` is None.
+        Kind of surface that `auto` chooses for the mesh; None if `error` is None.
     treads
-        Wide flat steps, such as those of rounded depths, which may be error or shape; None where there are none.
+        Wide flat steps, such as those of quantized depths, which may be error or shape; None if there are none.
     """
 
     source: str
@@ -155,30 +155,30 @@ class Inspection:
 
     @property
     def findings(self) -> dict[str, Found]:
-        """What was found at least once, by its name."""
+        """Findings with at least one location, by name."""
         found = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in found.items() if isinstance(value, Found) and value.count}
 
 
 def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bool | None = None) -> Inspection:
-    """Look a mesh over; what cannot be denoised is reported here rather than refused.
+    """Inspect a mesh; defects that prevent denoising are reported here instead of raising errors.
 
     Parameters
     ----------
     mesh
-        Vertices as an (n, 3) array, with `faces`; or alone a path, a stream of bytes, a file that was read, a
+        Vertices as an (n, 3) array, together with `faces`; or a path, a binary stream, a file that was read, a
         `cascadenorm.Mesh`, or a mesh of trimesh, pyvista, vtk, open3d or meshio.
     faces
         (m, 3) integers.
     self_intersections
-        Whether to look for faces that cross each other; None: up to MOST_FACES_CROSSED faces.
+        Whether to look for faces that cross each other. None does so for up to MOST_FACES_CROSSED faces.
 
     Raises
     ------
     ReadError
-        A file that cannot be read.
+        A file cannot be read.
     MeshError
-        Arrays of the wrong shape or type.
+        Arrays have the wrong shape or type.
     """
     given = taken(mesh, faces)
     corners, count = given.faces, len(given.vertices)
@@ -206,7 +206,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
 
 
 def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersections: bool | None) -> dict[str, Any]:
-    """Everything about the good faces, of which `mesh` is made."""
+    """Return the properties that depend on the good faces, of which `mesh` consists."""
     small, exponent = in_frame(mesh)
     topology, around = mesh.topology, mesh.topology.edge_faces.counts
     numbered = given._replace(face_numbers=given.face_numbers[good])
@@ -253,7 +253,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
 
 
 def _noise_and_error(mesh: Mesh, exponent: int) -> dict[str, Any]:
-    """Return the noise, the kind of error and what `auto` treats the mesh as, told as `denoise` tells them."""
+    """Return noise, kind of error and kind of surface, determined as in `denoise`."""
     noise = noise_level(mesh)
     if len(mesh.faces) > MOST_FACES_DENOISED or not mesh.mean_edge_length > 0:
         return {"noise": noise, "error": None, "treated_as": None}
@@ -273,11 +273,11 @@ NOTHING: dict[str, Any] = {
     **dict.fromkeys(("error", "treated_as", "treads")),
     "closed": False,
 }
-"""What `_shape` says where no face is good."""
+"""Result of `_shape` for meshes without good faces."""
 
 
 def _scaled(value: float, exponent: int) -> float | None:
-    """Return value · 2**exponent; None where that is too large for a number."""
+    """Return value · 2**exponent, or None if it overflows."""
     with np.errstate(over="ignore"):
         scaled = float(np.ldexp(value, exponent))
     return scaled if np.isfinite(scaled) else None

@@ -1,4 +1,4 @@
-"""A mesh as it was handed in, and places in it by the numbers of its source."""
+"""A mesh as given to `inspect`, with the numbering of its source."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,19 +13,19 @@ from cascadenorm.io.interop import arrays_of, is_pair
 from cascadenorm.mesh.mesh import face_array, vertex_array
 
 PLACES = 10
-"""Places that are named of each finding."""
+"""Maximum number of locations that are listed for each finding."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """How many places there are where something is wrong, and the first of them.
+    """Number of locations with a defect, and the first of them.
 
     Parameters
     ----------
     count
-        Of faces, vertices or edges.
+        Number of faces, vertices or edges.
     first
-        Up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as the file counts.
+        Up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as in the file.
     """
 
     count: int
@@ -33,18 +33,18 @@ class Found:
 
 
 class GivenMesh(NamedTuple):
-    """A mesh as it was handed in.
+    """A mesh as given to `inspect`.
 
     Parameters
     ----------
     source, number_type, counts_from
-        As in Inspection.
+        As in `Inspection`.
     vertices
-        (n, 3), of any value; faces : (m, 3), of any value.
+        (n, 3) values, not checked; faces : (m, 3) values, not checked.
     vertex_numbers, face_numbers
-        (n,) and (m,) where they are in the source, counted from 0.
+        (n,) and (m,) numbers in the source, counted from 0.
     file_vertices
-        Number of the positions in the source.
+        Number of positions in the source.
     """
 
     source: str
@@ -57,21 +57,21 @@ class GivenMesh(NamedTuple):
     file_vertices: int
 
     def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
-        """Name vertices."""
+        """Locate vertices."""
         return _found(int(bad.sum()), self.vertex_numbers[bad], self.counts_from)
 
     def at_faces(self, bad: NDArray[np.bool_]) -> Found:
-        """Name faces; one that was cut into several counts, and is named, once."""
+        """Locate faces; a polygon that was triangulated counts once and is listed once."""
         places = np.unique(self.face_numbers[bad])
         return _found(len(places), places, self.counts_from)
 
     def at_edges(self, edges: NDArray[np.int32]) -> Found:
-        """Name edges by the numbers of their ends."""
+        """Locate edges by the numbers of their vertices."""
         return _found(len(edges), self.vertex_numbers[edges], self.counts_from)
 
 
 def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
-    """Take what `inspect` takes."""
+    """Convert the arguments of `inspect`."""
     if faces is None and (isinstance(mesh, str | PathLike) or hasattr(mesh, "read")):
         name = fspath(mesh) if isinstance(mesh, str | PathLike) else str(getattr(mesh, "name", "the stream"))
         return _given_file(io.read(mesh).isolating(), name)

@@ -1,1 +1,1 @@
-"""Trained models as files."""
+"""Train, load and export models."""

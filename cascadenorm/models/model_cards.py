@@ -1,4 +1,7 @@
-"""The card of a model as the Hugging Face Hub shows it: metadata in YAML, then Markdown with the file's digest."""
+"""Write model cards for the Hugging Face Hub.
+
+A card has metadata in YAML and text in Markdown, which includes the digest of the file.
+"""
 
 import json
 from collections.abc import Mapping
@@ -62,12 +65,12 @@ Mean chord between regressed and true normals of faces that were held out, by st
 
 
 def hub_card(model: str) -> str:
-    """Return the card of a model that comes with the package, by its name, or of one in a file, by its path.
+    """Return the card of a shipped model, given by its name, or of a weights file, given by its path.
 
     Raises
     ------
     ParameterError
-        The file is missing, or holds no model.
+        The file is missing or is not a model.
     """
     networks = named(model).model.networks
     card = next(iter(networks.values())).card
@@ -101,7 +104,7 @@ def _sentence(text: Any) -> str:
 
 
 def _losses(stages: list[list[float]]) -> str:
-    """Return the losses as a table, a row a stage."""
+    """Return the losses as a table with one row per stage."""
     clusters = range(1, len(stages[0]) + 1)
     head = [
         f"| stage | {' | '.join(f'cluster {number}' for number in clusters)} |",

@@ -1,4 +1,4 @@
-"""Models as files: train one, load one and denoise with it."""
+"""Train models, load them from files and denoise with them."""
 
 import shutil
 from contextlib import nullcontext
@@ -26,14 +26,14 @@ SHIPPED = ("auto", "cascade")
 
 
 class Denoiser:
-    """A trained model, read once and used for many meshes.
+    """A trained model, loaded once and used for many meshes.
 
     Parameters
     ----------
     model
-        The networks; `load` reads them from a file, `shipped` gives those that come with the package.
+        Networks; `load` reads them from a file, and `shipped` returns those of the package.
     method
-        What denoises with them, "auto" or "cascade".
+        Method that uses them, "auto" or "cascade".
     """
 
     def __init__(self, model: Learned, *, method: str = "auto") -> None:
@@ -46,24 +46,24 @@ class Denoiser:
         Raises
         ------
         ParameterError
-            The file is missing, or holds no model.
+            The file is missing or is not a model.
         """
         return cls(read_model(path))
 
     @classmethod
     def shipped(cls, name: str = "auto") -> "Denoiser":
-        """Return a model that comes with the package, one of SHIPPED."""
+        """Return a model that ships with the package, one of SHIPPED."""
         return cls(shipped(name), method=name)
 
     @property
     def card(self) -> dict[str, Any]:
-        """What the model was made of and how."""
+        """Model card, which describes how the model was trained."""
         return deepcopy(dict(self.model.card))
 
     def denoise(self, mesh: Any, faces: Any = None, **settings: Any) -> Any:
-        """Denoise a mesh, as `cascadenorm.denoise(mesh, faces, method=…, model=…)` does with this model.
+        """Denoise a mesh, like `cascadenorm.denoise(mesh, faces, method=…, model=…)` with this model.
 
-        Settings are those of `cascadenorm.denoise` and of the method, such as `sweeps`; method and model are given.
+        Settings are those of `cascadenorm.denoise` and of the method, such as `sweeps`, except method and model.
         """
         if given := settings.keys() & {"method", "model"}:
             raise ParameterError(f"{given.pop()} is set by the Denoiser: leave it out")
@@ -71,35 +71,34 @@ class Denoiser:
 
 
 def named(model: str) -> Denoiser:
-    """Return a model that comes with the package by its name, or one in a file by its path."""
+    """Return a shipped model by its name, or load one from a file by its path."""
     return Denoiser.shipped(model) if model in SHIPPED else Denoiser.load(model)
 
 
 def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = False) -> list[Path]:
-    """Write the networks of a model as ONNX files, one for each stage.
+    """Write the networks of a model as ONNX files, one per stage.
 
-    A single cascade becomes stage1.onnx and so on, the two of `auto` vertex-stage1.onnx, surface-stage1.onnx and so on.
-
-    Filters, context features and the vertex update are not in them: `cascadenorm.learned.onnx_export.stage_model` says
-    what goes in and comes out.
+    A single cascade becomes stage1.onnx and so on; the two networks of `auto` become vertex-stage1.onnx,
+    surface-stage1.onnx and so on. The files do not contain the filters, the context features and the vertex update. The
+    inputs and outputs are described in `cascadenorm.learned.onnx_export.stage_model`.
 
     Parameters
     ----------
     model
-        `Denoiser.shipped` or `Denoiser.load`.
+        Model from `Denoiser.shipped` or `Denoiser.load`.
     folder
-        It is made.
+        Output folder; created if missing.
     force
         Replace existing files.
 
     Returns
     -------
-    The files
+    Paths of the files
 
     Raises
     ------
     OutputError
-        A file exists and force is not given, or it cannot be written.
+        A file exists and `force` is False, or it cannot be written.
     MissingDependencyError
         Onnx is not installed.
     """
@@ -131,31 +130,32 @@ def train(
     tensorboard: str | PathLike[str] | None = None,
     progress: Progress = silent,
 ) -> Denoiser:
-    """Train a cascade and write it to a weights file; interrupted and called again, it goes on where it was.
+    """Train a cascade and write it to a weights file; if interrupted, the next call resumes the training.
 
-    Where torchrun has started several processes, each calls this, and the first writes. A script calls it below
-    `if __name__ == "__main__":`, since the processes that share the work read the script as well.
+    If torchrun has started several processes, each calls this function, and rank 0 writes the file. In a script, call
+    it below `if __name__ == "__main__":`, because worker processes import the script.
 
     Parameters
     ----------
     config
-        What to train; `read_config` reads one from TOML.
+        Training configuration; `read_config` reads one from TOML.
     output
-        The `.safetensors` file; beside it, in `<output>.training`, lies what is finished while it runs.
+        Output file, `.safetensors`. Checkpoints are stored in the folder `<output>.training` during the training.
     shapes
-        Clean meshes of one's own, files or folders of them, that get simulated noise as the generated shapes do.
+        Additional clean meshes, as files or folders, which receive simulated noise like the generated shapes.
     noisy
-        Folders of one's own pairs, `noisy.*` and `clean.*` of equal faces.
+        Folders of additional pairs, `noisy.*` and `clean.*` with the same faces.
     force
         Replace an existing file.
     threads
-        At most this many; the result is the same.
+        Maximum number of threads; does not affect the result.
     log
-        `.csv` or `.jsonl` file that gets a line after each pass of a network: losses, and the validation error in
-        degrees; `cascadenorm models --curves` shows it. An interrupted training goes on with it.
+        `.csv` or `.jsonl` file that receives the losses and the validation error in degrees after each epoch of a
+        network; `cascadenorm models --curves` shows it. A resumed training appends to it.
     tensorboard
-        Folder of the same for TensorBoard.
+        Folder for the same values in the format of TensorBoard.
     progress
+        Called with (task, parts done, total parts, note); if there are several clusters, from several threads.
         Called with (task, parts done, parts in all, note); of several clusters from several threads.
 
     Returns
@@ -165,19 +165,19 @@ def train(
     Raises
     ------
     OutputError
-        The file exists and force is not given, or it cannot be written.
+        The file exists and `force` is False, or it cannot be written.
     ReadError, MeshError
-        One of the meshes that are handed in cannot be read or worked on.
+        One of the given meshes cannot be read or used.
     ConfigError
-        An interrupted training of other settings lies beside the output.
+        The checkpoint beside the output belongs to a training with other settings.
     MissingDependencyError
-        Torch, scikit-learn or scikit-image are not installed, or tensorboard, if it is asked for.
+        Torch, scikit-learn or scikit-image is not installed, or tensorboard is requested and not installed.
     WorkerError
-        One of the processes that share the work ended early.
+        A process that shares the work ended early.
     """
     output = Path(output)
     try:
-        import_module("skimage")  # which makes the shapes
+        import_module("skimage")  # generates the shapes
         from cascadenorm.learned.training import training
     except ImportError as error:
         raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None
@@ -207,7 +207,7 @@ def train_gate(
     threads: int | None = None,
     progress: Progress = silent,
 ) -> Denoiser:
-    """Learn when to use which of two trained cascades, and write both with the gate to a weights file.
+    """Train a gate that chooses between two trained cascades, and write all three to a weights file.
 
     Parameters
     ----------
@@ -216,15 +216,15 @@ def train_gate(
     surface
         Weights file of the network for measured surfaces, see `configs/surface.toml`.
     output
-        The `.safetensors` file.
+        Output file, `.safetensors`.
     seed
-        Of the trees of the gate.
+        Random seed for the trees of the gate.
     force
         Replace an existing file.
     threads
-        Most threads; the result is the same.
+        Maximum number of threads; does not affect the result.
     progress
-        Called with (task, parts done, parts in all).
+        Called with (task, parts done, total parts).
 
     Returns
     -------
@@ -233,17 +233,17 @@ def train_gate(
     Raises
     ------
     OutputError
-        The file exists and force is not given, or it cannot be written.
+        The file exists and `force` is False, or it cannot be written.
     ParameterError
         An input is missing or is not a single cascade.
     MissingDependencyError
-        torch, scikit-learn or scikit-image are not installed.
+        Torch, scikit-learn or scikit-image is not installed.
     """
     output = Path(output)
     check_output(output, force=force)
     cascades = [Cascade.load(path) for path in (vertex, surface)]
     try:
-        import_module("skimage")  # which makes the shapes
+        import_module("skimage")  # generates the shapes
         from cascadenorm.learned.training import gate_training
     except ImportError as error:
         raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None

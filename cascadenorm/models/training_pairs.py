@@ -1,4 +1,4 @@
-"""Pairs to train on: read from files of one's own, or generated and written to files."""
+"""Read training pairs from files, or generate them and write them to files."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,22 +18,22 @@ from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
 
 
 def training_pairs(shapes: Paths, noisy: Paths, config: DatasetConfig) -> list[Pair]:
-    """Read meshes of one's own to train on: oriented, of about unit size, in patches of at most config.max_faces.
+    """Read additional meshes for training, oriented, of about unit size, in patches of at most config.max_faces.
 
     Parameters
     ----------
     shapes
-        Clean meshes, or folders of them; they get noise as `config` says, each again and again until they are about a
-        quarter of what is generated, or for the twentieth time.
+        Clean meshes, or folders of them. They receive noise as set by `config`, repeatedly until they make up about a
+        quarter of the number of generated pairs, at most 20 times.
     noisy
-        Folders of pairs, as `find_pairs` takes them, of equal faces.
+        Folders of pairs with equal faces, as accepted by `find_pairs`.
     config
-        Of the generated pairs.
+        Configuration of the generated pairs.
 
     Raises
     ------
     ReadError, MeshError
-        A file that is missing or no mesh, a folder without one, a pair of different faces.
+        A file is missing or is not a mesh, a folder has none, or the faces of a pair differ.
     """
     own = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
     rounds = max(1, min(20, config.count // (4 * len(own)))) if own else 0
@@ -58,7 +58,7 @@ def _patches(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:
 
 
 def _mesh_files(places: Paths) -> list[Path]:
-    """List files as they are, and the mesh files in folders by name."""
+    """List the given files, and the mesh files in the given folders by name."""
     files = []
     for place in paths_of(places):
         found = (
@@ -82,32 +82,32 @@ def write_pairs(
     force: bool = False,
     progress: Progress = silent,
 ) -> None:
-    """Generate pairs of shapes of all families, each in a folder of its own, and `dataset.json` beside them.
+    """Generate pairs of shapes of all families, each in its own folder, and write `dataset.json` beside them.
 
     Parameters
     ----------
     folder
-        Made if it is not there.
+        Output folder; created if missing.
     count, seed
-        How many, and of what; the same numbers give the same files.
+        Number of pairs, and random seed; the same values give the same files.
     workers
-        Processes.
+        Number of processes.
     scheduler
-        Address of the scheduler of a Dask cluster, whose workers make the pairs; "local" makes a cluster of so many
-        processes on this machine; None starts processes without Dask. Files are written here.
+        Address of the scheduler of a Dask cluster whose workers generate the pairs; "local" starts a cluster of
+        `workers` processes on this machine; None starts processes without Dask. This process writes the files.
     force
-        Write into a folder that is not empty.
+        Write to a folder that is not empty.
     progress
-        Called with (task, pairs done, pairs in all) after each pair.
+        Called with (task, pairs done, total pairs) after each pair.
 
     Raises
     ------
     OutputError
-        The folder is not empty and force is not given, or it is a file or cannot be made.
+        The folder is not empty and `force` is False, or it is a file or cannot be created.
     MissingDependencyError
-        scikit-image is not installed, or distributed for a scheduler.
+        scikit-image is not installed, or distributed is needed for a scheduler and not installed.
     ParameterError, WorkerError
-        As `on_cluster` says.
+        As in `on_cluster`.
     """
     if find_spec("skimage") is None:
         raise MissingDependencyError("generating data", package="skimage", extra="train")

@@ -1,4 +1,4 @@
-"""Pictures of meshes without a GPU or a window: camera, shading, heat maps, captions, files."""
+"""Render meshes to pictures without a GPU or a window."""
 
 from cascadenorm.render.camera import Camera
 from cascadenorm.render.color import HeatMap, Image, color_map

@@ -1,4 +1,4 @@
-"""Where a picture is taken from."""
+"""Choose the viewpoint and the frame of a picture."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.mesh import Mesh, unit
 
 LEAST_COVERAGE = 0.01
-"""Area of the faces in a picture over the square of half its diagonal, below which the camera goes nearer."""
+"""Ratio of face area to the square of half the picture's diagonal, below which the camera moves closer."""
 MARGIN = 1.06
-"""What a picture shows over what is to be seen."""
+"""Ratio of the size of a picture to the size of its content."""
 FIELD_OF_VIEW = 30.0
-"""Angle between the upper and the lower end of a picture from a given distance, in degrees, as in reports."""
+"""Vertical field of view in degrees for a camera at a given distance, as in reports."""
 
 Up = Literal["x", "y", "z"]
-AROUND = {  # toward the viewer: to the right, upward, out of the front
+AROUND = {  # right, up and front components of the direction to the viewer
     "front": (0.0, 0.0, 1.0),
     "back": (0.0, 0.0, -1.0),
     "left": (-1.0, 0.0, 0.0),
@@ -25,25 +25,25 @@ AROUND = {  # toward the viewer: to the right, upward, out of the front
     "bottom": (0.0, -1.0, 0.0),
     "three-quarter": (0.45, 0.40, 0.80),
 }
-"""Directions that have a name, for a model that stands upright in y."""
+"""Named directions for a model with y up."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Where a picture is taken from; one camera serves several meshes, so that their pictures can be compared.
+    """Viewpoint of a picture; several meshes can share a camera, which makes their pictures comparable.
 
     Parameters
     ----------
     axes
-        (3, 3) unit rows: to the right, upward, toward the viewer.
+        (3, 3) unit rows: right, up, and toward the viewer.
     center
-        (3,) the point in the middle of the picture.
+        (3,) point in the middle of the picture.
     reach
-        Half of the width and of the height to be seen, in the units of the mesh.
+        Half of the visible width and height, in mesh units.
     perspective
-        One over the distance of the viewer in mesh units; 0 is a parallel projection.
+        Reciprocal of the distance of the viewer, in mesh units; 0 is a parallel projection.
     offset
-        The middle of the picture, to the right and upward of the center on the screen.
+        Shift of the middle of the picture to the right and up, relative to the center on the screen.
     """
 
     axes: NDArray[np.float64]
@@ -61,18 +61,19 @@ class Camera:
         perspective: float = 0.15,
         up: Up = "y",
     ) -> "Camera":
-        """Place a camera so that the whole mesh is seen, but for far parts so small that the rest would be a dot.
+        """Place a camera that shows the whole mesh, except small far parts that would shrink the rest to a dot.
 
         Parameters
         ----------
         mesh
-            What is to be seen.
+            Mesh to show.
         direction
-            From the mesh toward the viewer; None is the front of a surface that is open, else a three-quarter view.
+            From the mesh toward the viewer. None selects the front of an open surface, and otherwise a three-quarter
+            view.
         perspective
-            Half the diagonal of the bounding box over the distance of the viewer; 0 is a parallel projection.
+            Half the diagonal of the bounding box divided by the distance of the viewer; 0 is a parallel projection.
         up
-            Axis of the mesh that is upward in the picture; where one looks along it, the next one is.
+            Mesh axis that points up in the picture; if it is the direction of view, the next axis is used.
         """
         if not 0 <= perspective < 1:
             raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")
@@ -87,24 +88,24 @@ class Camera:
         aside = (flat.min(axis=0) + flat.max(axis=0)) / 2
         center = middle + aside @ axes[:2]
         framed[:, :2] -= aside
-        flat = projected(framed, strength)[:, :2]  # nearer points have gone farther
+        flat = projected(framed, strength)[:, :2]  # nearer points have moved farther
         width, height = np.abs(flat).max(axis=0)
         return cls(axes, center, (float(width), float(height)), strength)
 
     @classmethod
     def at_distance(cls, direction: ArrayLike, target: ArrayLike, distance: float, *, up: Up = "y") -> "Camera":
-        """Place a camera at a distance from a point that it looks at, with FIELD_OF_VIEW.
+        """Place a camera at a distance from the point it looks at, with FIELD_OF_VIEW.
 
         Parameters
         ----------
         direction
             From the point toward the viewer.
         target
-            (3,) the point.
+            (3,) point to look at.
         distance
-            In the unit of the mesh.
+            In mesh units.
         up
-            Axis of the mesh that is upward in the picture.
+            Mesh axis that points up in the picture.
         """
         if not 0 < distance < np.inf:
             raise ValueError(f"distance is {distance}; it must be positive and finite")
@@ -112,22 +113,22 @@ class Camera:
         return cls(_axes(direction, up), np.asarray(target, float), (reach, reach), 1 / distance)
 
     def half_size(self, size: tuple[int, int]) -> tuple[float, float]:
-        """Return half the width and height of what a picture of `size` pixels shows, in the units of the mesh."""
+        """Return half the width and height shown in a picture of `size` pixels, in mesh units."""
         width, height = size
         pixel = 2 * MARGIN * max(self.reach[0] / width, self.reach[1] / height, 1e-300)
         return width * pixel / 2, height * pixel / 2
 
     def cropped(self, x: float, y: float, width: float, *, size: tuple[int, int]) -> "Camera":
-        """Return the camera of a square part of a picture, seen in the same perspective.
+        """Return the camera of a square part of a picture with unchanged perspective.
 
         Parameters
         ----------
         x, y
-            Middle of the part, as shares of the width and height from the upper left.
+            Center of the part, as fractions of the width and height from the upper left.
         width
-            Of the part, as a share of the width of the picture.
+            Width of the part, as a fraction of the width of the picture.
         size
-            Of the picture in pixels.
+            Size of the picture in pixels.
         """
         half_width, half_height = self.half_size(size)
         left, upward = self.offset
@@ -136,7 +137,7 @@ class Camera:
         return replace(self, reach=(reach, reach), offset=offset)
 
     def around(self, mesh: Mesh, *, count: int, up: Up = "y") -> list["Camera"]:
-        """Return cameras on a walk around the whole mesh, at equal angles about the upward axis, of one reach."""
+        """Return cameras at equal angles around the up axis, all with the same reach and showing the whole mesh."""
         points = _points(mesh, _framed_faces(mesh))
         center = (points.min(axis=0) + points.max(axis=0)) / 2
         angles = 2 * np.pi * np.arange(count) / count
@@ -146,30 +147,31 @@ class Camera:
         return [replace(one, reach=(float(width), float(height))) for one in cameras]
 
     def framed(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Bring points, (…, 3), into the frame of the camera: to the right, upward, toward the viewer."""
+        """Transform points, (…, 3), to the frame of the camera: right, up, toward the viewer."""
         return (points - self.center) @ self.axes.T
 
     def shows(self, mesh: Mesh) -> bool:
-        """Tell whether nearly all vertices of the faces of a mesh are in the picture."""
+        """Test whether nearly all referenced vertices of a mesh are within the picture."""
         flat = projected(self.framed(mesh.vertices[mesh.topology.used_vertices]), self.perspective)[:, :2]
         inside = np.abs(flat - self.offset) <= MARGIN * np.array(self.reach)
         return bool(inside.all(axis=1).mean() > 0.9)
 
 
 def projected(points: NDArray[np.float64], perspective: float) -> NDArray[np.float64]:
-    """Map points of the camera's frame to the screen; straight lines stay straight, nearer stays larger z.
+    """Project points from the camera frame to the screen; lines stay straight, and nearer points have larger z.
 
-    What another mesh's camera finds beside or behind the viewer is moved to just in front.
+    Points of other meshes beside or behind the viewer are moved to just in front of the viewer.
     """
     return points / np.maximum(1 - perspective * points[..., 2:], 1e-3)
 
 
 def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
-    """Return the faces that decide on the frame: all, unless a few far ones leave most of the picture empty.
+    """Return the faces that determine the frame: all, unless a few far ones leave most of the picture empty.
 
-    The faces within a distance of the middle count, for the largest distance at which they cover enough. The middle is
-    the median by area; a needle, such as a spike makes, has the area of a square over its height there. Files of CAD
-    kernels have such parts: a triangle of no size at the origin, a vertex that a failed intersection left far outside.
+    The frame contains the faces within the largest distance of the center at which they cover enough of the picture.
+    The center is the median by area, where a needle, such as a spike, counts as a square with the side of its height.
+    Meshes from CAD kernels contain such far parts: a degenerate triangle at the origin, or a far vertex from a failed
+    intersection.
     """
     seen = np.flatnonzero(mesh.areas > 0)
     if not len(seen):
@@ -186,39 +188,39 @@ def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
 
 
 def _points(mesh: Mesh, faces: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Vertices of faces."""
+    """Return the vertices that the faces reference."""
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces[faces]] = True
     return mesh.vertices[used]
 
 
 def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
-    """The first of the ascending values up to which lies half of the weight."""
+    """Return the first value, in ascending order, at which the cumulative weight reaches half of the total."""
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(total, total[-1] / 2)]])
 
 
 def named_direction(name: str, *, up: Up = "y") -> tuple[float, ...]:
-    """Return the direction toward the viewer that one of AROUND names."""
+    """Return the direction toward the viewer for a name in AROUND."""
     return _upright(AROUND[name], up)
 
 
 def direction_of_angles(azimuth: float, elevation: float, *, up: Up = "y") -> tuple[float, ...]:
-    """Return the direction toward a viewer who went around from the front to the right, and upward, in degrees."""
+    """Return the direction toward the viewer for azimuth, from front to right, and elevation, in degrees."""
     around, above = np.radians((azimuth, elevation))
     level = np.cos(above)
     return _upright((float(np.sin(around) * level), float(np.sin(above)), float(np.cos(around) * level)), up)
 
 
 def _upright(direction: tuple[float, ...], up: Up) -> tuple[float, ...]:
-    """Turn a direction for models that stand upright in y to another axis; the front of z upward is -y."""
+    """Convert a direction for models with y up to another up axis; with z up, the front is -y."""
     right, upward, front = direction
     return {"y": (right, upward, front), "z": (right, -front, upward), "x": (upward, right, -front)}[up]
 
 
 def _turn(angle: float, up: Up) -> NDArray[np.float64]:
-    """Matrix of a turn about the upward axis by an angle in radians."""
+    """Return the rotation matrix about the up axis for an angle in radians."""
     axis = "xyz".index(up)
     plane = np.ix_(*2 * [((axis + 1) % 3, (axis + 2) % 3)])
     turn = np.eye(3)
@@ -227,16 +229,16 @@ def _turn(angle: float, up: Up) -> NDArray[np.float64]:
 
 
 def _direction(mesh: Mesh, faces: NDArray[np.intp], up: Up) -> ArrayLike:
-    """Toward the front of an open surface, else over the right shoulder of a model that stands upright.
+    """Return the direction to the front of an open surface, or a three-quarter view of other meshes.
 
-    The faces are those that decide on the frame.
+    The faces are those that determine the frame.
     """
     facing = mesh.area_vectors[faces].sum(axis=0)
     return facing if np.linalg.norm(facing) > 0.2 * mesh.areas[faces].sum() else named_direction("three-quarter", up=up)
 
 
 def _axes(direction: ArrayLike, up: Up) -> NDArray[np.float64]:
-    """Camera axes for a direction toward the viewer."""
+    """Return camera axes for a direction toward the viewer."""
     toward = np.asarray(direction, float)
     if toward.shape != (3,) or not toward.any():
         raise ValueError(f"direction is {direction!r}; it must be three numbers, not all 0")

@@ -1,4 +1,4 @@
-"""sRGB bytes, linear light, and colours that stand for values."""
+"""Convert between sRGB and linear light, and map values to colours."""
 
 import json
 from functools import cache
@@ -9,26 +9,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Image = NDArray[np.uint8]
-"""(height, width, 3) sRGB, or (height, width, 4) with coverage."""
+"""(height, width, 3) sRGB, or (height, width, 4) with an alpha channel."""
 
 PAPER = (1.0, 1.0, 1.0)
 STEPS = 256
-"""Colours of a heat map."""
+"""Number of colours in a heat map."""
 
 
 class HeatMap(NamedTuple):
-    """Values on a mesh, to be seen as colours.
+    """Values on a mesh, to be shown as colours.
 
     Parameters
     ----------
     values
-        (m,) or (n,), one a face or one a vertex; NaN where there is none.
+        (m,) or (n,) values of faces or vertices; NaN if unknown.
     at
-        Which of the two.
+        Whether the values belong to faces or vertices.
     limits
-        Values at the two ends of the colours; those beyond have the colour of the end.
+        Values at both ends of the colour scale; values beyond are clipped.
     signed
-        Use two hues on both sides of zero instead of one scale from light to dark.
+        Use a diverging scale around zero instead of a sequential one.
     """
 
     values: NDArray[np.float64]
@@ -38,16 +38,16 @@ class HeatMap(NamedTuple):
 
 
 def color_map(*, signed: bool) -> NDArray[np.float64]:
-    """Return STEPS sRGB colours from the lowest value to the highest, distinguishable with colour blindness.
+    """Return STEPS sRGB colours from the lowest to the highest value, suitable for colour-blind readers.
 
-    Unsigned values run from ivory at zero to dark blue, signed ones from blue over light grey to orange.
+    Unsigned values range from ivory at zero to dark blue, and signed values from blue through light grey to orange.
     """
     return named_colors("diverging" if signed else "sequential")
 
 
 @cache
 def named_colors(name: str) -> NDArray[np.float64]:
-    """Return (k, 3) sRGB colours from 0 to 1 of `colors.json`, the table that the viewer in the browser has as well."""
+    """Return (k, 3) sRGB colours, 0 to 1, from `colors.json`, which the browser viewer uses as well."""
     table = json.loads(files(__package__).joinpath("colors.json").read_text(encoding="utf-8"))
     colors = np.frombuffer(bytes.fromhex(table[name]), np.uint8).reshape(-1, 3) / 255
     colors.flags.writeable = False
@@ -55,13 +55,13 @@ def named_colors(name: str) -> NDArray[np.float64]:
 
 
 def linear(color: ArrayLike) -> NDArray[np.float64]:
-    """SRGB to linear light."""
+    """Convert sRGB to linear light."""
     c = np.asarray(color, float)
     return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
 
 
 def encoded(light: NDArray[np.float64]) -> Image:
-    """Linear light to sRGB bytes."""
+    """Convert linear light to sRGB bytes."""
     c = np.clip(light, 0, 1)
     c = np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
     return np.asarray(np.rint(255 * c), np.uint8)

@@ -1,4 +1,4 @@
-"""A mesh in one picture: shading by two lights, so that noise and edges are seen, or values as colours."""
+"""Render a mesh with two lights, or with values as colours."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,10 +9,10 @@ from cascadenorm.render.color import PAPER, STEPS, HeatMap, Image, color_map, en
 from cascadenorm.render.raster import Painted, rasterize
 
 NEAREST = 0.99
-"""Share of the way to the viewer that a face may come; what is nearer is left out."""
+"""Fraction of the distance to the viewer up to which faces are drawn; nearer faces are clipped."""
 LINE_WIDTH = 0.7
-"""Of a wireframe, in pixels."""
-_LIGHTS = (  # direction in the camera's frame (right, up, toward the viewer), strength
+"""Width of wireframe lines in pixels."""
+_LIGHTS = (  # direction in the camera frame (right, up, toward the viewer), intensity
     ((0.0, 0.0, 1.0), 0.34),
     ((-0.45, 0.72, 0.53), 0.62),
 )
@@ -31,33 +31,33 @@ def render(
     transparent: bool = False,
     samples: int = 3,
 ) -> Image:
-    """Draw a mesh.
+    """Render a mesh.
 
     Parameters
     ----------
     mesh
-        What is drawn; its faces are seen from both sides, from the inside in another colour.
+        Mesh to render. Both sides of faces are visible; the inside has another colour.
     view
-        A camera, or the direction from the mesh toward the viewer, y upward; None chooses one.
+        A camera, or the direction from the mesh toward the viewer with y up. None chooses a view.
     size
         Width and height in pixels.
     colors
-        (m, 3) sRGB from 0 to 1, one a face, instead of clay.
+        (m, 3) sRGB colours of the faces, 0 to 1, instead of clay.
     values
-        Seen as colours instead of clay, from both sides.
+        Values that are shown as colours on both sides instead of clay.
     smooth
-        Normals of the vertices decide on the shade, in place of one shade a face.
+        Shade with vertex normals instead of face normals.
     wireframe
         Draw the edges.
     transparent
-        Leave out the white background.
+        Omit the white background.
     samples
         Each pixel is the mean of samples × samples points.
 
     Returns
     -------
-    (height, width, 3) uint8, or (height, width, 4) with coverage if transparent; the same bytes for any number of
-    threads
+    (height, width, 3) uint8, or (height, width, 4) with an alpha channel if transparent; the result does not depend on
+    the number of threads
     """
     width, height = size
     if width < 1 or height < 1 or samples < 1:
@@ -84,7 +84,7 @@ def render(
 def _shaded(
     mesh: Mesh, view: Camera, colors: NDArray[np.float64] | None, values: HeatMap | None, smooth: bool
 ) -> tuple[NDArray[np.float64], ...]:
-    """Palette, and for each corner its place there and its light: from the viewer, and from the upper left."""
+    """Return the palette, and the palette row and light of each triangle corner."""
     normals = mesh.face_normals @ view.axes.T
     outside = normals[:, 2] - view.perspective * np.einsum("ij,ij->i", view.framed(mesh.centroids), normals) >= 0
     at_corners = (mesh.vertex_normals @ view.axes.T)[mesh.faces] if smooth else normals[:, None]
@@ -93,7 +93,7 @@ def _shaded(
     for direction, strength in _LIGHTS:
         light += strength * np.maximum(at_corners @ unit(np.array(direction)), 0)
     if colors is not None or values is not None:
-        light = 0.5 + 0.5 * light  # what a colour stands for matters more than relief
+        light = 0.5 + 0.5 * light  # reduce the relief in favour of the colours
     inside = linear(named_colors("inside"))
     if values is not None:
         palette, places = _heat(mesh, values)
@@ -107,7 +107,7 @@ def _shaded(
 
 
 def _heat(mesh: Mesh, values: HeatMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Colours of the values, the last one for what is unknown, and which of them each corner has."""
+    """Return the palette of the values, which ends with the colour for unknown values, and the row of each corner."""
     low, high = values.limits
     with np.errstate(invalid="ignore"):
         places = np.clip((values.values - low) / (high - low or 1.0), 0, 1) * (STEPS - 1)

@@ -1,4 +1,4 @@
-"""Pixels as PNG and WebP files, by Pillow."""
+"""Encode images as PNG and WebP with Pillow."""
 
 import io
 from collections.abc import Iterable
@@ -9,12 +9,12 @@ from cascadenorm.render.color import Image
 
 
 def png(image: Image, *, dpi: int | None = None) -> bytes:
-    """Return a picture as a PNG file of 8 bits a channel.
+    """Encode an image as PNG with 8 bits per channel.
 
     Parameters
     ----------
     dpi
-        Pixels an inch that the file states.
+        Resolution to store in the file, in pixels per inch.
     """
     file = io.BytesIO()
     settings = {} if dpi is None else {"dpi": (dpi, dpi)}
@@ -23,14 +23,14 @@ def png(image: Image, *, dpi: int | None = None) -> bytes:
 
 
 def webp(image: Image) -> bytes:
-    """Return a picture as a WebP file, small and with losses that are hardly seen."""
+    """Encode an image as WebP with hardly visible losses."""
     file = io.BytesIO()
     PIL.Image.fromarray(image).save(file, "WEBP", quality=85)
     return file.getvalue()
 
 
 def animated_webp(images: Iterable[Image], *, milliseconds: int) -> bytes:
-    """Return pictures as a WebP file that shows one after the other, again and again."""
+    """Encode images as a WebP animation that repeats indefinitely."""
     first, *others = map(PIL.Image.fromarray, images)
     file = io.BytesIO()
     first.save(file, "WEBP", save_all=True, append_images=others, duration=milliseconds, loop=0, quality=80)

@@ -1,4 +1,4 @@
-"""Figures by matplotlib: panels in rows, each with a caption and enlarged parts, and the colour bar of a heat map."""
+"""Lay out pictures, captions, enlarged parts and colour bars with matplotlib."""
 
 import io
 import re
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GAP = 12
-"""Pixels between panels."""
+"""Space between panels in pixels."""
 ALIGNED = 1e-3
-"""Pixels by which a picture is smaller than its place, so that rounding does not resample it."""
+"""Amount in pixels by which a picture is smaller than its place, which prevents resampling due to rounding."""
 
 
 class Inset(NamedTuple):
-    """A square part of a picture, enlarged: its middle and its width as shares of the picture from the upper left."""
+    """An enlarged square part of a picture; its center and width are fractions of the picture from the upper left."""
 
     x: float
     y: float
@@ -34,7 +34,7 @@ class Inset(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """A picture above its enlarged parts, which are framed in both, and its caption."""
+    """A picture with its caption and, below it, its enlarged parts, which are framed in both places."""
 
     image: Image
     caption: str = ""
@@ -52,9 +52,9 @@ class Bar(NamedTuple):
     Parameters
     ----------
     label
-        What the values are, with their unit.
+        Description of the values, with their unit.
     limits
-        Values at the lower and the upper end.
+        Values at the lower and upper end.
     signed
         As in `HeatMap`.
     """
@@ -65,17 +65,17 @@ class Bar(NamedTuple):
 
 
 def montage(rows: Sequence[Sequence[Panel]], *, bar: Bar | None = None) -> "Figure":
-    """Lay out panels in rows; no pixel of a picture is changed.
+    """Arrange panels in rows without changing any pixel of their pictures.
 
     Parameters
     ----------
     rows
-        Panels from left to right, at least one.
+        Panels from left to right, at least one per row.
     bar
-        It stands to the right of the last row.
+        Colour bar to the right of the last row.
     """
     sides = [side for row in rows for panel in row for side in panel.image.shape[:2]]
-    size = max(18, min(sides) // 25)  # of the font
+    size = max(18, min(sides) // 25)  # font size in pixels
     widths = [sum(panel.image.shape[1] + GAP for panel in row) - GAP for row in rows]
     heights = [max(panel.height for panel in row) for row in rows]
     feet = [2 * size if any(panel.caption for panel in row) else GAP * (row is not rows[-1]) for row in rows]
@@ -135,7 +135,7 @@ def _draw_frame(axes: "Axes", left: float, top: float, width: float, height: flo
 
 
 def _write(axes: "Axes", panel: Panel, x: float, y: float, size: float) -> None:
-    """Write the caption of a panel on one line, shortened in its middle where it is too long."""
+    """Write the caption of a panel on one line, abbreviated in the middle if it is too long."""
     line = "".join(character if character.isprintable() else "\ufffd" for character in panel.caption)
     written = axes.text(x, y, line, size=size, ha="center", va="center")
     kept = len(line)
@@ -162,7 +162,7 @@ def _points(pixels: float) -> float:
 
 
 def pixels(figure: "Figure", *, transparent: bool = False) -> Image:
-    """Draw a figure as pixels, on white paper or on none."""
+    """Render a figure to pixels on a white or transparent background."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     text = text_of(figure)
@@ -176,35 +176,35 @@ def pixels(figure: "Figure", *, transparent: bool = False) -> Image:
 
 
 def pdf(figure: "Figure", *, transparent: bool = False) -> bytes:
-    """Return a figure as a PDF file of one page with its fonts embedded, on white paper or on none."""
+    """Return a figure as a PDF file of one page with embedded fonts, on a white or transparent background."""
     warn_of_missing(text_of(figure))
     return _saved(figure, "pdf", {"CreationDate": None, "Creator": None, "Producer": None}, transparent=transparent)
 
 
 def svg(figure: "Figure", *, transparent: bool = False) -> bytes:
-    """Return a figure as an SVG file, on white paper or on none; its fonts are those of whoever opens it."""
+    """Return a figure as an SVG file on a white or transparent background; fonts are not embedded."""
     about = {"Date": None, "Creator": None, "Format": None, "Type": None}
     written = _saved(figure, "svg", about, transparent=transparent)
     return written.replace(b"image-rendering:crisp-edges;image-rendering:pixelated", b"")
 
 
 def inline_svg(figure: "Figure", about: str) -> str:
-    """Return a figure as an element of a page of HTML: pictures are WebP, text and lines have the colour of the page.
+    """Return a figure as an inline HTML element with WebP pictures; text and lines use the colour of the page.
 
     Parameters
     ----------
     about
-        What the figure shows, for those who do not see it.
+        Alternative text that describes the figure.
     """
     text = svg(figure, transparent=True).decode()
     text = re.sub(r"data:image/png;base64,([^\"]+)", lambda found: _as_webp(found[1]), text[text.index("<svg") :])
-    text = re.sub(r' id="[a-z0-9_.]+_\d+"', "", text)  # a page may have several figures
+    text = re.sub(r' id="[a-z0-9_.]+_\d+"', "", text)  # a page may contain several figures
     text = text.replace(INK, "currentColor").replace(f"'{FONT}'", f"system-ui, '{FONT}'")
     return text.replace("<svg", f'<svg role="img" aria-label="{escape(about)}"', 1)
 
 
 def _as_webp(data: str) -> str:
-    """Return the address of data that holds a PNG file, for the same picture as WebP."""
+    """Convert the base64 data of a PNG file to a WebP data URL."""
     with PIL.Image.open(io.BytesIO(b64decode(data))) as image:
         return f"data:image/webp;base64,{b64encode(webp(np.asarray(image))).decode('ascii')}"
 

@@ -1,4 +1,4 @@
-"""Pictures of mesh files."""
+"""Render mesh files to picture files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MILLISECONDS = 60
-"""How long each picture of a turntable is seen."""
+"""Duration of each frame of a turntable in milliseconds."""
 
 
 def draw(
@@ -33,42 +33,44 @@ def draw(
     turntable: bool = False,
     force: bool = False,
 ) -> None:
-    """Draw meshes side by side, each above its name, from where the last is seen well; what that does not show, alone.
+    """Draw meshes side by side, each above its caption.
+
+    The camera is chosen for the last mesh. Meshes that it does not show get their own camera.
 
     Parameters
     ----------
     meshes
-        Paths, or meshes of any kind that `denoise` takes.
+        Paths, or meshes of any kind that `denoise` accepts.
     output
-        PNG, WebP, SVG or PDF file; in the last two, text and lines are not pixels.
+        PNG, WebP, SVG or PDF file; SVG and PDF contain text and lines as vectors.
     style
-        Camera, colours, enlarged parts.
+        Camera, colours and enlarged parts.
     names
-        Written below; None takes those of the files.
+        Captions. None uses the file names.
     turntable
-        Write a WebP or MP4 file in which the meshes turn about the upward axis; MP4 by the program ffmpeg.
+        Write a WebP or MP4 file in which the meshes rotate about the up axis; MP4 needs the program ffmpeg.
     force
         Replace an existing file.
 
     Raises
     ------
     ReadError, MeshError
-        A mesh that cannot be read or drawn, or none.
+        A mesh cannot be read or drawn, or no mesh is given.
     ParameterError
-        Values that do not exist or need another mesh, a part outside the picture.
+        Values are unknown or need another mesh, or a part lies outside the picture.
     OutputError
-        The file exists and force is not given, it cannot be written, or ffmpeg is missing for an MP4 file.
+        The file exists and `force` is False, it cannot be written, or ffmpeg is missing for an MP4 file.
 
     Warns
     -----
     UserWarning
-        No installed font has a character of a caption.
+        A caption contains a character that no installed font has.
     """
     output, style = Path(output), style or Style()
     encode = _encoder(output, turntable=turntable)
     if encode is mp4:
         require_ffmpeg()
-        style = replace(style, transparent=False)  # the format has no transparency
+        style = replace(style, transparent=False)  # MP4 has no transparency
     check_output(output, force=force)
     if not meshes:
         raise MeshError("there are no meshes to draw: give at least one")
@@ -92,13 +94,13 @@ def _webp(figure: "Figure", *, transparent: bool) -> bytes:
 
 
 ENCODERS: Mapping[str, Callable[..., bytes]] = {".png": _png, ".webp": _webp, ".svg": svg, ".pdf": pdf, "": _png}
-"""How a figure is written, by the extension of the file."""
+"""Encoders of a figure by file extension."""
 TURNTABLES: Mapping[str, Callable[..., bytes]] = {".webp": animated_webp, ".mp4": mp4}
-"""How a turntable is written."""
+"""Encoders of a turntable by file extension."""
 
 
 def _encoder(output: Path, *, turntable: bool) -> Callable[..., bytes]:
-    """Return the writer for a file name."""
+    """Return the encoder for a file name."""
     known, content = (TURNTABLES, "a turntable") if turntable else (ENCODERS, "a picture")
     suffix = output.suffix.lower()
     if suffix not in known:

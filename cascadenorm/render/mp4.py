@@ -1,4 +1,4 @@
-"""MP4 files by the program ffmpeg, where the user has it: no encoder is shipped."""
+"""Encode MP4 files with the user's ffmpeg program, since no encoder is shipped."""
 
 import shutil
 import subprocess
@@ -11,19 +11,19 @@ from cascadenorm.errors import OutputError
 from cascadenorm.render.color import Image
 
 ENCODING = (
-    *("-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"),  # even sides, as every player wants
-    *("-q:v", "2"),  # for encoders other than x264, whose own default is good
+    *("-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"),  # even sides, for all players
+    *("-q:v", "2"),  # for encoders other than x264, which has a good default
     *("-threads", "1", "-fflags", "+bitexact", "-flags:v", "+bitexact", "-movflags", "+faststart"),
 )
 
 
 def require_ffmpeg() -> str:
-    """Return where the program is.
+    """Return the path of ffmpeg.
 
     Raises
     ------
     OutputError
-        It is not on the PATH.
+        Ffmpeg is not on the PATH.
     """
     found = shutil.which("ffmpeg")
     if found is None:
@@ -35,23 +35,23 @@ def require_ffmpeg() -> str:
 
 
 def mp4(images: Iterable[Image], *, milliseconds: int) -> bytes:
-    """Return pictures as an MP4 file that shows one after the other.
+    """Encode images as an MP4 video.
 
     Parameters
     ----------
     images
-        (height, width, 3) uint8 each, all of one size.
+        (height, width, 3) uint8 images of equal size.
     milliseconds
-        How long each is seen.
+        Duration of each image.
 
     Raises
     ------
     OutputError
-        Ffmpeg is not installed, or fails.
+        Ffmpeg is not installed or fails.
     """
     program = require_ffmpeg()
     with TemporaryDirectory() as folder, TemporaryFile() as said:
-        file = Path(folder, "turntable.mp4")  # not a pipe, as the index is moved to the front at the end
+        file = Path(folder, "turntable.mp4")  # not a pipe, because the index is moved to the front at the end
         code = _encode([program, "-loglevel", "error"], images, ["-r", f"1000/{milliseconds}"], file, said)
         if code:
             said.seek(0)
@@ -61,7 +61,7 @@ def mp4(images: Iterable[Image], *, milliseconds: int) -> bytes:
 
 
 def _encode(program: list[str], images: Iterable[Image], rate: list[str], file: Path, said: IO[bytes]) -> int:
-    """Pipe pictures into the program; return its exit code."""
+    """Pipe images to the program and return its exit code."""
     frames = iter(images)
     first = next(frames)
     height, width = first.shape[:2]
@@ -74,7 +74,7 @@ def _encode(program: list[str], images: Iterable[Image], rate: list[str], file: 
                 for image in frames:
                     pipe.write(image.tobytes())
         except BrokenPipeError:
-            pass  # it has ended, and its exit code says more
+            pass  # the program has ended, and its exit code is more informative
         except BaseException:
             running.kill()
             raise

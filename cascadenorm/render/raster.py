@@ -1,4 +1,4 @@
-"""Triangles on a screen to pixels: a depth buffer over bands of rows, each pixel the mean of its samples."""
+"""Rasterize triangles with a depth buffer and supersampling, in bands of rows."""
 
 from typing import NamedTuple
 
@@ -9,26 +9,26 @@ from cascadenorm.mesh import Floats, Index, Ints32, kernel, parallel_for
 
 SMALLEST_BAND = 16
 LINE = 0.02
-"""Linear grey of the lines of a wireframe."""
+"""Linear grey level of wireframe lines."""
 LINE_COVERAGE = 0.75
 
 
 class Painted(NamedTuple):
-    """Triangles with their colours.
+    """Triangles on the screen with their colours.
 
     Parameters
     ----------
     screen
-        (m, 3, 3) corners: x to the right and y downward in pixels from the upper left, z toward the viewer; z has to be
+        (m, 3, 3) corners: x to the right and y down in pixels from the upper left, z toward the viewer; z must be
         linear on the screen.
     palette
         (k, 3) linear colours.
     places
-        (m, 3) row of the palette at each corner; between the corners values are interpolated, then rounded.
+        (m, 3) palette row at each corner; interpolated between the corners and then rounded.
     light
-        (m, 3) what the colour at each corner is multiplied by; interpolated as well.
+        (m, 3) factor of the colour at each corner; interpolated as well.
     perspective
-        One over the distance of the viewer, in the unit of z.
+        Reciprocal of the distance of the viewer, in the unit of z.
     line
         Width of the edges of the triangles in pixels; 0 draws none.
     """
@@ -42,7 +42,7 @@ class Painted(NamedTuple):
 
 
 def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDArray[np.float64]:
-    """Paint triangles, the nearest one in front.
+    """Rasterize triangles, with the nearest in front.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDA
 
     Returns
     -------
-    (height, width, 4) linear colour times coverage, and coverage; where two triangles are equally near the one
-    with the smaller number is seen
+    (height, width, 4) linear colour times coverage, and coverage. Of two triangles at equal depth, the one with the
+    smaller index is visible
     """
     picture = np.zeros((height, width, 4))
     arrays = [np.ascontiguousarray(array, np.float64) for array in painted[:4]]
@@ -85,7 +85,7 @@ def _paint_rows(
 def _corners(
     start: int, screen: Floats, samples: int, f: Index
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Return the corners of a triangle in samples, from the row `start` on, and twice its signed area."""
+    """Return the corners of a triangle in samples, relative to the row `start`, and twice its signed area."""
     ax, ay = screen[f, 0, 0] * samples, (screen[f, 0, 1] - start) * samples
     bx, by = screen[f, 1, 0] * samples, (screen[f, 1, 1] - start) * samples
     cx, cy = screen[f, 2, 0] * samples, (screen[f, 2, 1] - start) * samples
@@ -94,7 +94,7 @@ def _corners(
 
 @kernel
 def _find_nearest(start: int, screen: Floats, samples: int, seen: Ints32) -> None:
-    """Find the nearest triangle at each sample, which lies in the middle of its cell, of the rows from `start` on."""
+    """Find the nearest triangle at each sample, located at the center of its cell, in the rows from `start` on."""
     rows, columns = seen.shape
     depth = np.full((rows, columns), -np.inf)
     for f in range(len(screen)):
@@ -102,13 +102,13 @@ def _find_nearest(start: int, screen: Floats, samples: int, seen: Ints32) -> Non
         if double_area == 0:
             continue
 
-        # the cells whose middle lies in the bounding box
+        # the cells with their center in the bounding box
         top = max(0, int(np.ceil(max(-1.0, min(ay, by, cy) - 0.5))))
         bottom = min(rows - 1, int(np.floor(min(rows + 1.0, max(ay, by, cy) - 0.5))))
         left = max(0, int(np.ceil(max(-1.0, min(ax, bx, cx) - 0.5))))
         right = min(columns - 1, int(np.floor(min(columns + 1.0, max(ax, bx, cx) - 0.5))))
 
-        # those whose middle lies in the triangle, by barycentric coordinates, if nothing nearer has been there
+        # keep the triangle where the center lies inside it, by barycentric coordinates, and nothing nearer was found
         for i in range(top, bottom + 1):
             y = i + 0.5
             for j in range(left, right + 1):
@@ -137,7 +137,7 @@ def _shade(
     seen: Ints32,
     picture: Floats,
 ) -> None:
-    """Add the colour of each sample to its pixel, and one to its coverage."""
+    """Add the colour of each sample to its pixel, and 1 to its coverage."""
     rows, columns = seen.shape
     for i in range(rows):
         y = i + 0.5
@@ -162,14 +162,14 @@ def _shade(
                 if nearest < half_line:
                     cover = LINE_COVERAGE
 
-            # weights on the triangle itself, as perspective makes what is near larger
+            # perspective-correct barycentric coordinates
             a *= 1.0 + perspective * screen[f, 0, 2]
             b *= 1.0 + perspective * screen[f, 1, 2]
             c *= 1.0 + perspective * screen[f, 2, 2]
             whole = a + b + c
             a, b, c = a / whole, b / whole, c / whole
 
-            # the colour of the interpolated value in interpolated light, under the line of an edge
+            # look up the colour of the interpolated value, and apply the interpolated light and the line of an edge
             place = int(np.rint(a * places[f, 0] + b * places[f, 1] + c * places[f, 2]))
             place = min(max(place, 0), len(palette) - 1)
             strength = a * light[f, 0] + b * light[f, 1] + c * light[f, 2]

@@ -1,4 +1,4 @@
-"""Meshes beside each other in one figure: from one camera, with one scale of colours."""
+"""Draw several meshes in one figure with a common camera and colour scale."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FRAMES = 72
-"""Pictures of a turntable."""
+"""Number of frames of a turntable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """How meshes are drawn.
+    """Settings of a picture of meshes.
 
     Parameters
     ----------
@@ -34,19 +34,19 @@ class Style:
     direction
         From the meshes toward the viewer, as in `Camera.looking_at`.
     up
-        Axis of the meshes that is upward in the picture.
+        Mesh axis that points up in the picture.
     target
-        (3,) the point in the middle of the picture; None is the middle of the mesh.
+        (3,) point in the middle of the picture. None uses the center of the mesh.
     distance
-        Of the viewer from it, in the unit of the files; None shows the whole mesh.
+        Distance of the viewer from the target, in the unit of the files. None shows the whole mesh.
     values
-        One of QUANTITIES, to be seen as colours.
+        One of QUANTITIES, to be shown as colours.
     reference
-        The mesh that they are measured against; None is the first mesh, which is then drawn without colours.
+        Mesh that the values refer to. None uses the first mesh, which is then drawn without colours.
     limits
-        Values at the ends of the colours; None derives them from all meshes.
+        Values at the ends of the colour scale. None derives them from all meshes.
     crops
-        Parts that are enlarged below each picture.
+        Parts to enlarge below each picture.
     smooth, wireframe, transparent
         As in `render`.
     """
@@ -66,7 +66,7 @@ class Style:
 
 
 def check_style(style: Style, count: int) -> None:
-    """Refuse settings that make no sense, before any work."""
+    """Reject invalid settings before any work is done."""
     if style.values is not None:
         if style.values not in QUANTITIES:
             problem = f"is {style.values!r}; it must be one of {', '.join(QUANTITIES)}"
@@ -87,7 +87,7 @@ def check_style(style: Style, count: int) -> None:
 
 
 class Scene(NamedTuple):
-    """Meshes scaled alike, their captions and what is known of them."""
+    """Meshes with a common scale, their captions, and the values shown on them."""
 
     shown: list[Mesh]
     captions: list[str]
@@ -125,7 +125,7 @@ def scene(meshes: list[Mesh], names: Sequence[str], style: Style) -> Scene:
 
 
 def one_view(scene: Scene) -> list[Camera]:
-    """Where each mesh is seen from."""
+    """Return the camera for each mesh."""
     style, last = scene.style, scene.shown[-1]
     camera = Camera.looking_at(last, direction=style.direction, up=style.up)
     if style.target is None and style.distance is None:
@@ -140,7 +140,7 @@ def one_view(scene: Scene) -> list[Camera]:
 
 
 def turntable_views(scene: Scene) -> Iterator[tuple[Camera, ...]]:
-    """Where each mesh is seen from, picture by picture of a walk around it."""
+    """Yield the cameras of all meshes for each frame of a turntable."""
     style, last = scene.style, scene.shown[-1]
     camera = Camera.looking_at(last, direction=style.direction, up=style.up)
     walks = []
@@ -152,17 +152,17 @@ def turntable_views(scene: Scene) -> Iterator[tuple[Camera, ...]]:
 
 
 def figure(scene: Scene, cameras: Sequence[Camera]) -> "Figure":
-    """Draw the panels, and the bar of the colours beside them."""
+    """Draw the panels and the colour bar beside them."""
     return montage([panels(scene, cameras)], bar=color_bar(scene))
 
 
 def panels(scene: Scene, cameras: Sequence[Camera]) -> list[Panel]:
-    """Draw each mesh as its camera sees it."""
+    """Draw each mesh as seen by its camera."""
     return [_panel(scene, number, camera) for number, camera in enumerate(cameras)]
 
 
 def color_bar(scene: Scene) -> Bar | None:
-    """Return what the colours mean; the mesh that others are measured from is the reference where one is given."""
+    """Return the colour bar of the values; its label names the reference if one is given."""
     if scene.quantities is None:
         return None
     quantity = scene.quantities.quantity

@@ -1,4 +1,4 @@
-"""How matplotlib draws our figures, with fonts for whatever their text is written in."""
+"""Settings of matplotlib, with fonts for any text in a figure."""
 
 import warnings
 from collections.abc import Iterator
@@ -10,17 +10,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 300
-"""Pixels an inch."""
+"""Pixels per inch."""
 INK = "#333842"
 """Colour of text and lines."""
 ACCENTS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")
-"""Colours that the colour-blind tell apart (Okabe and Ito 2008)."""
+"""Colours that colour-blind readers can distinguish (Okabe and Ito 2008)."""
 FONT = "DejaVu Sans"
-"""The font that comes with matplotlib: Latin, Greek, Cyrillic and more."""
+"""Font shipped with matplotlib, which covers Latin, Greek, Cyrillic and more."""
 SETTINGS = {
     "figure.dpi": DPI,
     "savefig.dpi": "figure",
-    "text.parse_math": False,  # a dollar sign in the name of a file is one
+    "text.parse_math": False,  # keep dollar signs in file names
     "text.color": INK,
     "axes.labelcolor": INK,
     "axes.titlecolor": INK,
@@ -28,31 +28,31 @@ SETTINGS = {
     "xtick.color": INK,
     "ytick.color": INK,
     "svg.fonttype": "none",
-    "svg.hashsalt": "cascadenorm",  # the same names in every run
+    "svg.hashsalt": "cascadenorm",  # reproducible names in every run
     "pdf.fonttype": 42,
 }
 
 
 @contextmanager
 def drawing(text: str) -> Iterator[None]:
-    """Set matplotlib up for a figure that contains some text, whatever the user's own settings are."""
+    """Configure matplotlib for a figure with the given text, independently of the user's settings."""
     from matplotlib import style
 
     settings = {**SETTINGS, "font.family": [*fonts(text)[0], "sans-serif"], "font.sans-serif": FONT}
     with style.context(["default", settings]), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)  # fonts() tells which
+        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)  # fonts() reports these
         yield
 
 
 def text_of(figure: "Figure") -> str:
-    """Return all that is written in a figure."""
+    """Return all text in a figure."""
     from matplotlib.text import Text
 
     return "".join(text.get_text() for text in figure.findobj(Text))
 
 
 def warn_of_missing(text: str) -> None:
-    """Warn of characters that no font on this machine has."""
+    """Warn about characters that no font on this machine has."""
     missing = fonts(text)[1]
     if missing:
         names = ", ".join(f"{character} (U+{ord(character):04X})" for character in missing)
@@ -61,7 +61,7 @@ def warn_of_missing(text: str) -> None:
 
 
 def fonts(text: str) -> tuple[list[str], str]:
-    """Return the names of fonts that together have the characters of a text, and the characters that none has."""
+    """Return names of fonts that together cover a text, and the characters that no font has."""
     return _fonts(frozenset(filter(str.isprintable, text)))
 
 

@@ -1,7 +1,7 @@
-"""The commands: each parses, calls one public function, prints.
+"""The commands of the command line.
 
-Results go to stdout, messages and progress to stderr. What a command uses is imported in it, so that the command line
-starts at once.
+Each command parses its options, calls one public function and prints the result. Results go to stdout, and messages and
+progress to stderr. Each command imports what it needs when it is called, so that the command line starts quickly.
 """
 
 from cascadenorm.cli.app import app

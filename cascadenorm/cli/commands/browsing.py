@@ -1,4 +1,4 @@
-"""Commands that open a page in the browser."""
+"""The command that opens the studio in the browser."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,7 +16,7 @@ def studio(
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
     max_size: Annotated[float, typer.Option(min=0, metavar="MB", help="Largest file accepted, in megabytes.")] = 1000,
 ) -> None:
-    """Denoise in the browser: see the result while you change settings, paint masks, save."""
+    """Denoise in the browser: preview the result as you change settings, paint masks, and save."""
     from cascadenorm.studio import studio
 
     studio(file, port=port, browser=browser, max_size=max_size)

@@ -1,4 +1,4 @@
-"""Commands that change a mesh, or say what it needs."""
+"""Commands that denoise, repair and inspect meshes."""
 
 import sys
 from pathlib import Path
@@ -65,13 +65,13 @@ def denoise(
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise a mesh file; by default into <stem>_denoised<suffix> beside it."""
+    """Denoise a mesh file; by default, write the result to <stem>_denoised<suffix> beside it."""
     from cascadenorm.api import api
     from cascadenorm.cli import json_output, progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
     if as_json and target == "-":
-        tell_of_compiling(None)  # stderr holds the object alone
+        tell_of_compiling(None)  # stderr is reserved for the JSON object
     parameters = parameter_values(settings, model)
     warn_of_strength(controls["strength"])
     if format is not None and target != "-":
@@ -159,7 +159,7 @@ def batch(
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise many files into a folder; files already done are skipped, and a failure does not stop the others."""
+    """Denoise many files into a folder; files already done are skipped, and failures do not stop the others."""
     from cascadenorm.batch.batch import denoise_files
     from cascadenorm.cli import json_output, progress_bars, tables
 
@@ -209,7 +209,7 @@ def denoise_regions(
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise mesh files whose walls coincide, as those of a segmentation do: shared walls stay shared."""
+    """Denoise mesh files whose walls coincide, such as segmented regions; shared walls stay shared."""
     from cascadenorm.api import regions
     from cascadenorm.cli import json_output, progress_bars, tables
 
@@ -238,7 +238,7 @@ def inspect(
     force: Force = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Report what a mesh is, its defects and where they are, and how noisy it is."""
+    """Report the size and topology of a mesh, its defects and their locations, and its noise level."""
     from cascadenorm import inspection
     from cascadenorm.cli import json_output, tables
 
@@ -278,18 +278,17 @@ def fill_holes(
     ] = "keep",
     force: Force = False,
 ) -> None:
-    """Fill the holes of a mesh with patches as dense as the mesh around; existing vertices and faces stay.
+    """Fill the holes of a mesh with patches of matching density; existing vertices and faces stay unchanged.
 
-    PLY, OBJ and glTF files keep everything else that they hold. In glTF, a patch continues the material, the texture
-    coordinates and the colours around it; where it crosses a seam of the texture coordinates, it has the material
-    without its textures.
+    PLY, OBJ and glTF files keep all their other content. In glTF, a patch continues the surrounding material, texture
+    coordinates and colours; a patch across a seam of the texture coordinates gets the material without its textures.
     """
     from cascadenorm.api.filled_files import fill_holes_file
     from cascadenorm.cli import tables
     from cascadenorm.io.files import beside
 
     target = beside(source, "filled") if output is None else output
-    kind = cast(Literal[1, 2, 3], order)  # typer holds the range
+    kind = cast(Literal[1, 2, 3], order)  # typer enforces the range
     done = fill_holes_file(source, target, order=kind, max_edges=max_edges, outer=outer, force=force)
     tables.print_filling(target, done, max_edges)
     tables.print_left_out(done.left_out)

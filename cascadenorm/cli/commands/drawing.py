@@ -19,7 +19,7 @@ def demo(
     *,
     force: Force = False,
 ) -> None:
-    """Denoise three meshes that come with the package, and write meshes and pictures into a folder."""
+    """Denoise three meshes that ship with the package, and write meshes and pictures to a folder."""
     from cascadenorm.cli import demo as demonstration
     from cascadenorm.cli import progress_bars, tables
 
@@ -101,7 +101,7 @@ def render(
     transparent: Transparent = False,
     force: Force = False,
 ) -> None:
-    """Draw meshes into a picture, without a GPU or a window."""
+    """Render meshes to a picture, without a GPU or a window."""
     from cascadenorm.cli import pictures
     from cascadenorm.render.files import draw
     from cascadenorm.render.scenes import Style

@@ -1,4 +1,4 @@
-"""Commands that measure meshes, and methods on them."""
+"""Commands that measure meshes and evaluate methods."""
 
 import sys
 from pathlib import Path
@@ -33,7 +33,7 @@ def compare(
     force: Force = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Measure a mesh against the ground truth."""
+    """Measure a mesh against its ground truth."""
     from cascadenorm.api import api
     from cascadenorm.cli import json_output, tables
 
@@ -67,7 +67,7 @@ def spectrum(
     ] = "area",
     as_json: JsonOption = False,
 ) -> None:
-    """Print the lowest eigenvalues of the Laplacian of a mesh, its shape DNA, and its distance from that of another."""
+    """Print the lowest Laplacian eigenvalues of a mesh (its Shape DNA) and the distance to those of another mesh."""
     from cascadenorm.api import spectra
     from cascadenorm.cli import json_output, tables
 
@@ -167,7 +167,7 @@ def evaluate(
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise pairs of noisy.* and clean.* by several methods, and measure the results, also of other programs."""
+    """Denoise pairs of noisy.* and clean.* by several methods and measure the results, also of other programs."""
     from cascadenorm.cli import progress_bars, tables
     from cascadenorm.evaluation import harness
     from cascadenorm.io.atomic import check_output
@@ -236,7 +236,7 @@ def _write_tables(
 
 
 def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[FilePair]":
-    """Return the pairs of a public set, or none; without a copy say where to get one."""
+    """Return the pairs of a public set, if one is requested; without a copy, report where to get one."""
     from cascadenorm.evaluation.public_sets import public_pairs, public_set
 
     if dataset is None:
@@ -256,7 +256,7 @@ def methods(
     *,
     as_json: JsonOption = False,
 ) -> None:
-    """List the methods, or the parameters of one."""
+    """List all methods, or the parameters of one method."""
     from cascadenorm.api import api
     from cascadenorm.cli import json_output, tables
     from cascadenorm.registry import find

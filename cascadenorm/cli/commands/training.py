@@ -20,7 +20,7 @@ def generate(
     scheduler: Scheduler = None,
     force: Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")] = False,
 ) -> None:
-    """Generate pairs of noisy and clean meshes: random shapes with many kinds of noise."""
+    """Generate pairs of noisy and clean meshes from random shapes with many kinds of noise."""
     from cascadenorm.cli import progress_bars
     from cascadenorm.models.training_pairs import write_pairs
 
@@ -66,7 +66,7 @@ def train(
     force: Force = False,
     **controls: Any,
 ) -> None:
-    """Train a cascade on generated shapes; an interrupted training resumes when it is started again."""
+    """Train a cascade on generated shapes; if interrupted, training resumes when it is started again."""
     from dataclasses import replace
 
     from cascadenorm.cli import progress_bars
@@ -106,7 +106,7 @@ def train_gate(
     force: Force = False,
     **controls: Any,
 ) -> None:
-    """Learn when `auto` uses which of two trained networks, and write both with the gate to one file."""
+    """Train the gate that lets `auto` choose between two trained networks, and write all three to one file."""
     from cascadenorm.cli import progress_bars
     from cascadenorm.models import models
 
@@ -131,7 +131,7 @@ def show_model(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Print the card of a model as JSON: training data, settings, validation error."""
+    """Print the model card of a model as JSON: training data, settings and validation error."""
     from cascadenorm.cli import json_output, tables
     from cascadenorm.learned.training.training_log import read_passes
     from cascadenorm.models import models
@@ -156,7 +156,7 @@ def export_onnx(
     model: Annotated[str, typer.Option(help="auto or cascade, which are shipped, or a weights file.")] = "auto",
     force: Force = False,
 ) -> None:
-    """Write the networks of a model as ONNX files, one per stage; docs/models.md documents inputs and outputs."""
+    """Export the networks of a model as ONNX files, one per stage; docs/models.md describes inputs and outputs."""
     from cascadenorm.models import models
 
     for path in models.export_onnx(models.named(model), folder, force=force):
