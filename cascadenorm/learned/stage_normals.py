@@ -1,4 +1,4 @@
-"""Regress the normals of a stage on a whole mesh or patch by patch."""
+"""Regress the normals of a stage, if necessary patch by patch."""
 
 from collections.abc import Iterable
 from functools import partial

@@ -38,7 +38,7 @@ NoiseKind = Literal[
 - `varying`: Gaussian along vertex normals, with a deviation that varies slowly over the shape.
 - `mixed`: a mixture of two of the above.
 - `correlated`: spatially correlated over several edges, along normals or in each coordinate. White noise is added,
-since an error without noise at the finest scale could not be told from shape.
+  since an error without noise at the finest scale could not be told from shape.
 - `quantised`: coordinates rounded to a lattice.
 - `sensor`: the error of a depth camera, for sheets seen from one side.
 - `laser`: the error of a laser scanner.
