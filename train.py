@@ -1,4 +1,4 @@
-"""Train a cascade: the same as `cascadenorm train`, with the same options."""
+"""Train a cascade with the options of `cascadenorm train`."""
 
 import sys
 

@@ -1,8 +1,9 @@
-"""L0 minimisation (He & Schaefer 2013): as few edges as possible across which the surface bends.
+"""L0 minimisation (He & Schaefer 2013).
 
-Edges that stay bent are chosen by a threshold, then the vertices are solved for, in turn, while the price β of an
-unwanted bend rises. The matrix changes with each step, since the operator follows the vertices, but not its pattern:
-that is found once, and conjugate gradients start from the last vertices, which lie close to the next ones.
+The surface bends across as few edges as possible. Thresholding of the bent edges alternates with a linear solve for the
+vertices, while the penalty β on other bends grows. The matrix changes with each step, since the operator follows the
+vertices, but its sparsity pattern does not and is computed once. Conjugate gradients start from the previous vertices,
+which are close to the new ones.
 """
 
 import math
@@ -19,7 +20,7 @@ from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, paralle
 from cascadenorm.registry import Parameter, method
 
 FIRST_BETA, LAST_BETA = 1e-3, 1e3
-ACCURACY = 1e-6  # bound of the root mean square error of each solution, in mean edge lengths, since the matrix is ≥ I
+ACCURACY = 1e-6  # bound on the RMS error of each solution in mean edge lengths, valid since the matrix is ≥ I
 
 Operator = Annotated[
     EdgeOperator, Parameter("area-based edge operator, or the cotangent one, which is unstable on thin triangles")
@@ -53,9 +54,10 @@ def l0(
     regularity: Regularity = 0.1,
     growth: Growth = 1.414,
 ) -> Vectors:
-    """Make the surface piecewise flat: minimise the number of bent edges, the distance moved and unevenness.
+    """Make the surface piecewise flat by penalising the number of bent edges.
 
-    Only edges with exactly two faces take part; vertices of others are held by the distance alone.
+    The energy also contains the displacement and the unevenness of triangles. Only edges with exactly two faces are
+    penalised; vertices without such edges depend only on the displacement term.
 
     Formula
     -------
@@ -65,8 +67,8 @@ def l0(
 
     Limits
     ------
-    Smooth curved surfaces become facets. The problem is not convex, so the result depends on the path of β. Heavy noise
-    folds faces over.
+    Smooth curved surfaces become facets. The problem is not convex, so the result depends on the schedule of β. Heavy
+    noise folds faces over.
     """
     dihedral, edge = mean_dihedral(mesh), mesh.mean_edge_length
     price, alpha, beta = sparsity * edge**2 * dihedral, regularity * dihedral, FIRST_BETA
@@ -84,12 +86,12 @@ def l0(
 
 
 class EdgeSystem(NamedTuple):
-    """Where the edges put their weights in the symmetric matrix of the vertices.
+    """Positions of the edges' entries in the symmetric matrix of the vertices.
 
     Parameters
     ----------
     pattern
-        n rows, columns ascending, the diagonal included.
+        Sparsity pattern with n rows, columns ascending, including the diagonal.
     quads
         (e, 4) vertices of each edge.
     slots
@@ -105,7 +107,7 @@ class EdgeSystem(NamedTuple):
 
 
 def edge_system(quads: NDArray[np.int32], vertex_count: int) -> EdgeSystem:
-    """Find the pattern of I + αRᵀR + βDᵀD."""
+    """Compute the sparsity pattern of I + αRᵀR + βDᵀD."""
     everyone = np.arange(vertex_count, dtype=np.int32)
     rows = np.concatenate([np.repeat(quads, 4, axis=1).ravel(), everyone])
     columns = np.concatenate([np.tile(quads, 4).ravel(), everyone])
@@ -136,7 +138,7 @@ def _assemble(
     values: Floats,
     right: Vectors,
 ) -> None:
-    """Fill the matrix I + αRᵀR + βDᵀD and the right-hand side x* + βDᵀδ, where δ is Dx on edges worth their price."""
+    """Fill the matrix I + αRᵀR + βDᵀD and the right-hand side x* + βDᵀδ, where δ is Dx on the edges that stay bent."""
     for k in range(len(values)):
         values[k] = 0.0
     for i in range(len(noisy)):
@@ -144,7 +146,7 @@ def _assemble(
         for d in range(3):
             right[i, d] = noisy[i, d]
 
-    # each edge adds to the 4 × 4 entries of its corners; only where Dx is kept also to the right-hand side
+    # Each edge adds to the 4 × 4 entries of its corners, and to the right-hand side only where Dx is kept.
     for e in range(len(system.quads)):
         x = y = z = 0.0
         for a in range(4):

@@ -1,4 +1,7 @@
-"""A bank of joint bilateral filters of face normals, of which B-FND and G-FND consist (Wang, Liu, Tong 2016)."""
+"""A bank of joint bilateral filters of face normals.
+
+B-FND and G-FND consist of these filters (Wang, Liu, Tong 2016).
+"""
 
 from collections.abc import Iterator
 
@@ -10,8 +13,9 @@ from cascadenorm.mesh import Bools, Csr, Floats, Floats32, Mesh, Vectors, kernel
 from cascadenorm.mesh.vectors import length, row, squared_distance
 
 MOST_NEIGHBORS = 2048
-"""Where tiny faces lie among much larger ones, a filter adds the first so many: even meshes have 180 for σ_s = 2."""
-FACES_AT_A_TIME = 1 << 15  # whose neighbours are kept at once
+"""Maximum number of neighbours of a filter, which limits the cost where tiny faces lie among much larger ones. Even
+meshes have 180 for σ_s = 2."""
+FACES_AT_A_TIME = 1 << 15  # number of faces whose neighbours are stored at a time
 
 
 def filtered_normals(
@@ -28,22 +32,24 @@ def filtered_normals(
     Parameters
     ----------
     mesh
-        m faces.
+        Mesh with m faces.
     guides
-        (s, m, 3), one field of unit normals for each σ_s, between which the range weight measures the chord.
+        (s, m, 3) unit normals, one field for each σ_s. The range weight depends on the chords between them.
     sigma_s
         Spatial spreads, in mean edge lengths.
     sigma_r
-        Range spreads, chords between unit normals; infinity leaves the range weight out.
+        Range spreads, chords between unit normals. Infinity disables the range weight.
     cutoff
-        Each filter sums over faces whose centroid is at most so many σ_s away and which such faces join to the face,
-        MOST_NEIGHBORS at most; a disk of 2.5 σ_s holds 96 % of the Gaussian.
+        Radius of each filter in units of σ_s. The filter sums over faces with centroids within this radius that are
+        connected to the face by such faces, at most MOST_NEIGHBORS. A disk of 2.5 σ_s covers 96 % of the Gaussian.
     rings
-        Without a cutoff, sum over so many rings of faces; two hold less than half of the Gaussian at σ_s = 2.
+        Number of rings of faces to sum over instead of a radius. Two rings cover less than half of the Gaussian at σ_s
+        = 2.
 
     Returns
     -------
-    (m, s · r, 3) float32 unit normals, σ_r ascending within σ_s ascending; a sum that vanishes keeps the face normal
+    (m, s · r, 3) float32 unit normals, σ_r ascending within σ_s ascending. Where a sum vanishes, the face normal is
+    kept.
     """
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
     spatial = 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2
@@ -59,7 +65,7 @@ def filtered_normals(
 
 
 def faces_added(mesh: Mesh, faces: Bools, *, sigma_s: tuple[float, ...], cutoff: float) -> Bools:
-    """Return the faces, (m,), that `filtered_normals` adds for some faces, (m,), by distance; these are among them."""
+    """Return the faces, (m,), that `filtered_normals` sums over for the given faces, (m,), which are included."""
     radius, graph = cutoff * max(sigma_s) * mesh.mean_edge_length, mesh.topology.face_rings(1)
     found, every = faces.copy(), np.flatnonzero(faces).astype(np.int32)
     for first in range(0, len(every), FACES_AT_A_TIME):
@@ -72,9 +78,9 @@ def faces_added(mesh: Mesh, faces: Bools, *, sigma_s: tuple[float, ...], cutoff:
 
 
 def _neighbors(mesh: Mesh, radius: float, rings: int | None) -> Iterator[tuple[int, Csr]]:
-    """Yield the neighbours of some faces at a time, within a radius or a number of rings, and which face is the first.
+    """Yield the number of the first face and the neighbours of a block of faces, within a radius or rings.
 
-    Those within a radius are found by a walk over faces that share a vertex, which begins at the face itself and
+    Neighbours within a radius are found by a traversal over faces that share a vertex. It starts at the face itself and
     includes it.
     """
     if rings is not None:
@@ -103,19 +109,19 @@ def _filter_range(
     largest: float,
     out: Floats32,
 ) -> None:
-    """All filters of face first + i in one walk over row i of its neighbours; the iteration alone writes its row."""
+    """Compute all filters of face first + i in one pass over its neighbours. Only iteration i writes its row."""
     count_s, count_r = len(spatial), len(spreads)
     total = np.empty((count_s, count_r, 3))
     for i in range(start, stop):
-        # the face itself, at no distance
+        # The face itself has distance 0.
         f = first + i
         for s in range(count_s):
             for r in range(count_r):
                 for d in range(3):
                     total[s, r, d] = areas[f] * normals[f, d]
 
-        # its neighbours: the spatial weight is the same for all range spreads, the chord for all of one guide; where
-        # the exponent of the former is above `largest`, the neighbour is left out
+        # Neighbours: the spatial weight is shared by all range spreads, the chord by all filters with the same guide.
+        # Neighbours whose spatial exponent exceeds `largest` are skipped.
         for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
             g = neighbors.indices[k]
             if g == f:
@@ -132,7 +138,7 @@ def _filter_range(
                     for d in range(3):
                         total[s, r, d] += w * normals[g, d]
 
-        # at length 1
+        # Normalise the sums.
         for s in range(count_s):
             for r in range(count_r):
                 size = length(row(total[s], r))

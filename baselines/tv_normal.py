@@ -1,4 +1,4 @@
-"""Total variation of face normals, by augmented Lagrangian (Zhang, Wu, Zhang, Deng 2015)."""
+"""Total variation of face normals by augmented Lagrangian (Zhang, Wu, Zhang, Deng 2015)."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -17,14 +17,15 @@ from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, paral
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.registry import Parameter, method
 
-LEAST_AREA_IN_EDGES = 1e-6  # squared mean edges; faces without area get a normal from their neighbours
-PENALTY = 1.0  # of the constraint p = D n; it affects the speed of convergence, not the result
+LEAST_AREA_IN_EDGES = 1e-6  # in squared mean edge lengths; degenerate faces get a normal from their neighbours
+PENALTY = 1.0  # weight of the constraint p = D n; it affects the speed of convergence, not the result
 ROUND_TOLERANCE = 2e-7
-"""Residual of a round against 2αA n*: on average under 1e-4 degrees from the result of exact rounds."""
-MILD = 100.0  # condition up to which over-relaxation costs less than solving with factors
-LEAST_RATE = 0.01  # of the residual that a sweep is taken to leave, since faces differ
-MOST_SWEEPS = 400  # of one round; the next one starts where they end, so more change nothing
-RESIDUAL_BLOCK = 4096  # faces whose residuals are added up, whatever the number of threads
+"""Tolerance of the residual of a round relative to 2αA n*. On average, the result is within 1e-4 degrees of exact
+rounds."""
+MILD = 100.0  # condition number up to which over-relaxation is used instead of a factorisation
+LEAST_RATE = 0.01  # lower bound on the assumed residual reduction per sweep, since faces differ
+MOST_SWEEPS = 400  # limit per round; the next round continues from there, so more sweeps change nothing
+RESIDUAL_BLOCK = 4096  # faces whose residuals are summed in one block, independent of the number of threads
 
 TotalVariationFidelity = Annotated[
     float,
@@ -46,7 +47,9 @@ def tv_normal(
     sweeps: Sweeps = 10,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Find normals that vary little, but may jump, near the given ones, then move the vertices to them.
+    """Find normals near the given ones with little total variation, then move the vertices to fit them.
+
+    The normals may jump across edges.
 
     Formula
     -------
@@ -55,8 +58,8 @@ def tv_normal(
 
     Limits
     ------
-    Smooth curved surfaces become patches of constant normals, the stairs of total variation. Contrast shrinks with each
-    minimisation.
+    Smooth curved surfaces become patches of constant normals, the staircase effect of total variation. Contrast
+    decreases with each minimisation.
     """
     variation, normals = TotalVariation(mesh, fidelity=fidelity), mesh.face_normals
     for _ in track(iterations):
@@ -65,14 +68,14 @@ def tv_normal(
 
 
 class Minimum(NamedTuple):
-    """A minimiser and the proof that it is one.
+    """A minimiser and its optimality certificate.
 
     Parameters
     ----------
     values
-        (m, 3) of each face, not unit.
+        (m, 3) values of the faces, not normalised.
     duals
-        (e, 3) of each interior edge; at the minimum |y_e| ≤ w_e and 2αA (n - n*) + Dᵀ(l y) = 0.
+        (e, 3) dual values of the interior edges. At the minimum |y_e| ≤ w_e and 2αA (n - n*) + Dᵀ(l y) = 0.
     """
 
     values: Vectors
@@ -82,10 +85,10 @@ class Minimum(NamedTuple):
 class TotalVariation:
     """The energy Σ_e w_e l_e |n_1 - n_2| + α Σ_f A_f |n_f - n*_f|², w_e = exp(-|n*_1 - n*_2|⁴), lengths in mean edges.
 
-    Differences p_e = n_1 - n_2 are unknowns of their own, tied to the normals by multipliers. In turn the normals are
-    solved for, always with the same matrix, and the differences shrink edge by edge. The normals of the last round are
-    near those of the next, so a few sweeps of over-relaxation do; with a low fidelity the matrix is factorised. Faces
-    are renumbered by colour: a sweep then reads memory in order, and takes 30 % less time on an irregular mesh.
+    The differences p_e = n_1 - n_2 are separate unknowns, coupled to the normals by multipliers. A linear solve for the
+    normals, always with the same matrix, alternates with a shrinkage of the differences edge by edge. The normals of
+    successive rounds are close, so a few sweeps of over-relaxation suffice. With a low fidelity the matrix is
+    factorised instead. Faces are renumbered by colour so that a sweep reads memory in order.
     """
 
     def __init__(self, mesh: Mesh, *, fidelity: float) -> None:
@@ -99,7 +102,7 @@ class TotalVariation:
         self.sides = _sides(self.pairs, lengths, count)
         self.pull = 2 * fidelity * np.maximum(mesh.areas[self.colors.indices] / edge**2, LEAST_AREA_IN_EDGES)
 
-        # the matrix is 2αA + r Dᵀl D; the relaxation is the best (Young 1954) where all faces have the same diagonal
+        # The matrix is 2αA + r Dᵀl D. The relaxation is optimal (Young 1954) if all faces have the same diagonal.
         around = PENALTY * np.abs(self.sides.lengths).sum(axis=1)
         self.diagonal = self.pull + around
         self.relaxation = 2 / (1 + np.sqrt(1 - np.median(around / self.diagonal) ** 2))
@@ -111,7 +114,7 @@ class TotalVariation:
             self.direct = solver(scipy.sparse.csr_array(scipy.sparse.diags_array(self.pull) + variation), positions)
 
     def least(self, given: Vectors, *, rounds: int) -> Minimum:
-        """Minimise near the given normals n*; after 20 rounds the energy is within about 1 % of the least."""
+        """Minimise near the given normals n*. After 20 rounds the energy is within about 1 % of the minimum."""
         given, edges = given[self.colors.indices], len(self.pairs)
         weights, duals, ties = np.empty(edges), np.zeros((edges, 3)), np.zeros((edges, 3))
         parallel_for(edges, _weights, given, self.pairs, weights)
@@ -123,7 +126,7 @@ class TotalVariation:
         return Minimum(values[self.places], duals)
 
     def _solve(self, right: Vectors, values: Vectors) -> None:
-        """Improve the normals of the round before until they solve this one; a sweep leaves ω - 1 of the residual."""
+        """Improve the previous normals until they solve this round. A sweep scales the residual by ω - 1."""
         if self.direct:
             values[:] = self.direct(right)
             return
@@ -140,16 +143,16 @@ class TotalVariation:
 
 
 class FaceSides(NamedTuple):
-    """What lies at the sides of each face; a side where not exactly one other face follows has length 0.
+    """The neighbours of each face. A side without exactly one other face has length 0.
 
     Parameters
     ----------
     across
-        (m, 3) the other face, or the face itself.
+        (m, 3) adjacent face, or the face itself.
     edges
-        (m, 3) the edge, as in the pairs of faces.
+        (m, 3) row of the edge in the pairs of faces.
     lengths
-        (m, 3) its length, negative where the face is the second of its pair.
+        (m, 3) length of the edge, negative if the face is the second of its pair.
     """
 
     across: NDArray[np.int32]
@@ -166,7 +169,7 @@ def _sides(pairs: NDArray[np.int32], lengths: Floats, face_count: int) -> FaceSi
 
 
 def difference_operator(pairs: NDArray[np.int32], face_count: int) -> Any:
-    """Return D, (e, m) sparse: the value of the first face at an edge less that of the second."""
+    """Return D, (e, m) sparse, the value of the first face at an edge minus that of the second."""
     signs = np.tile([1.0, -1.0], len(pairs))
     return scipy.sparse.csr_array((signs, pairs.ravel(), np.arange(0, 2 * len(pairs) + 1, 2)), (len(pairs), face_count))
 
@@ -175,7 +178,7 @@ def difference_operator(pairs: NDArray[np.int32], face_count: int) -> Any:
 def _fill_sides(pairs: Ints32, lengths: Floats, filled: NDArray[np.int8], sides: FaceSides) -> None:
     for e in range(len(pairs)):
         f, g = pairs[e]
-        if f != g:  # which a face that repeats a vertex is to itself
+        if f != g:  # f == g for faces that repeat a vertex
             for here, there, signed in ((f, g, lengths[e]), (g, f, -lengths[e])):
                 side = filled[here]
                 sides.across[here, side], sides.edges[here, side], sides.lengths[here, side] = there, e, signed
@@ -184,7 +187,7 @@ def _fill_sides(pairs: Ints32, lengths: Floats, filled: NDArray[np.int8], sides:
 
 @kernel
 def _face_colors(across: Ints32) -> Ints32:
-    """Give each face the least colour that no face beside it has so far."""
+    """Give each face the smallest colour that no adjacent face has so far."""
     colors = np.full(len(across), -1, np.int32)
     for f in range(len(across)):
         color = 0
@@ -233,7 +236,7 @@ def _relax(
     values: Vectors,
     squares: Floats,
 ) -> None:
-    """Solve for the faces first … last of one colour, in blocks, over-relaxed; write Σ |residual|² of each block."""
+    """Apply over-relaxation to the faces first … last of one colour, in blocks; write Σ |residual|² of each block."""
     for block in range(start, stop):
         squares[block] = 0.0
         for f in range(first + block * RESIDUAL_BLOCK, min(first + (block + 1) * RESIDUAL_BLOCK, last)):
@@ -257,7 +260,7 @@ def _shrink(
     ties: Vectors,
     duals: Vectors,
 ) -> None:
-    """Shorten q = Dn + y/r of each edge by w/r to the best difference p; update the multiplier y and rp - y."""
+    """Shrink q = Dn + y/r of each edge by w/r to the optimal difference p; update the multiplier y and rp - y."""
     for e in range(start, stop):
         f, g = pairs[e]
         x = values[f, 0] - values[g, 0] + duals[e, 0] / penalty

@@ -1,4 +1,7 @@
-"""Vertices that fit given face normals (Sun et al. 2007; Zheng et al. 2011), without flipping a face."""
+"""Move vertices to fit given face normals, without flipping faces.
+
+The update is that of Sun et al. 2007 and Zheng et al. 2011.
+"""
 
 from typing import Annotated, Literal
 
@@ -11,11 +14,11 @@ from cascadenorm.registry import Parameter
 
 Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
 Weighting = Literal["uniform", "inverse-height"]
-"""How much each face counts in the vertex update; see `recover_vertices`."""
+"""Weight of each face in the vertex update; see `recover_vertices`."""
 Foldovers = Literal["avoid", "ignore"]
-"""What the vertex update does about faces that a step flips against their normal; see `recover_vertices`."""
+"""Handling of steps that flip faces against their normals; see `recover_vertices`."""
 LEAST_HEIGHT = 0.05
-"""In mean edge lengths: flatter faces count no more than those of this height."""
+"""Height in mean edge lengths below which the weight of a face no longer grows."""
 
 
 def recover_vertices(
@@ -27,33 +30,35 @@ def recover_vertices(
     foldovers: Foldovers = "avoid",
     movable: NDArray[np.bool_] | None = None,
 ) -> Vectors:
-    """Move vertices until the faces take the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
+    """Move vertices until the faces have the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
-    With weighting = "inverse-height" it is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f with w_f from
-    `face_weights`. Unless foldovers are ignored, a step that would flip a face against its normal is shortened, and the
-    vertices of a face that is flipped already are pulled toward the middle of their neighbours until it lies right.
+    With weighting = "inverse-height" the step is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f with w_f
+    from `face_weights`. Unless foldovers are ignored, a step that would flip a face against its normal is shortened.
+    Vertices of a face that is already flipped are pulled toward the mean of their neighbours until it has the right
+    orientation.
 
     Parameters
     ----------
     mesh
-        n vertices, m faces.
+        Mesh with n vertices and m faces.
     normals
-        (m, 3), unit; a face with a zero row does not pull.
+        (m, 3) unit normals. A face with a zero row has no influence.
     sweeps
-        Gauss-Seidel sweeps, over one group of vertices that share no face after the other; 0 returns a copy of the
-        vertices.
+        Number of Gauss-Seidel sweeps. Each sweep updates one group of vertices that share no face after the other. 0
+        returns a copy of the vertices.
     weighting
-        "uniform", as published, minimises the distances of corners from the plane of their face, which are small for a
-        thin face even where its normal is far off; "inverse-height" divides them by the height of the face, and
-        over-relaxes, so that 20 sweeps converge as far as 100.
+        "uniform", as published, minimises the distances of corners from the plane of their face. For a thin face these
+        are small even if its normal deviates strongly. "inverse-height" divides them by the height of the face and uses
+        over-relaxation, so that 20 sweeps converge as far as 100 uniform ones.
     foldovers
-        "avoid", or "ignore", as published, where each step is the whole sum whatever faces it flips.
+        "avoid" prevents flips as described above. "ignore", as published, always takes the whole step, whichever faces
+        it flips.
     movable
-        (n,) the vertices that move; None: all.
+        (n,) vertices that may move. None selects all vertices.
 
     Returns
     -------
-    (n, 3) float64; a vertex without a face stays
+    (n, 3) float64 vertices. Vertices without a face do not move.
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
@@ -68,14 +73,14 @@ def recover_vertices(
 
 
 def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
-    """How much each face pulls at its vertices, (m,): 1, or one over its height in mean edge lengths, 20 at most."""
+    """Return the weight of each face, (m,): 1, or the inverse of its height in mean edge lengths, at most 20."""
     if weighting == "uniform" or not mesh.mean_edge_length > 0:
         return np.ones(len(mesh.faces))
     return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
 
 
 def _over_relaxation(weighting: Weighting) -> float:
-    """Return the length of a step against the published one."""
+    """Return the factor on the published step."""
     return 2.3 if weighting == "inverse-height" else 1.0
 
 
@@ -92,9 +97,10 @@ def _sweep_range(
     avoid: bool,
     around: Csr,
 ) -> None:
-    """Move vertices that share no face, in place; those moved later see where these went.
+    """Move vertices that share no face, in place. Vertices in later groups use the new positions.
 
-    The area of a face along its normal is affine in the place of a corner: it is read once, for all lengths of a step.
+    The signed area of a face along its normal is affine in the position of a corner, so it is evaluated once for all
+    step lengths.
     """
     areas, slopes = np.empty(64), np.empty((64, 3))
     for i in movable[start:stop]:
@@ -104,11 +110,11 @@ def _sweep_range(
         place = row(vertices, i)
         step = (0.0, 0.0, 0.0)
         total, flipped = 0.0, 0
-        # each face around pulls the vertex along its normal, towards its plane; those that face against it are counted
+        # Each adjacent face pulls the vertex along its normal, toward its plane. Faces that are flipped are counted.
         for k in range(last - first):
             f = around.indices[first + k]
             a, b, c = faces[f]
-            if a != i:  # without a loop, whose end is hard to predict: a quarter faster where corners begin anywhere
+            if a != i:  # the corners in order, starting at i
                 b, c = (c, a) if b == i else (a, b)
             normal = row(normals, f)
             u, v = subtract(row(vertices, b), place), subtract(row(vertices, c), place)
@@ -119,13 +125,14 @@ def _sweep_range(
             slopes[k, 0], slopes[k, 1], slopes[k, 2] = cross(normal, subtract(v, u))
             flipped += areas[k] < 0
 
-        # the mean of the pulls, over-relaxed; the published update goes there in any case
+        # The step is the over-relaxed mean of the pulls. The published update always takes it.
         step = divided(step, total / relaxation)
         if not avoid:
             vertices[i, 0], vertices[i, 1], vertices[i, 2] = add(place, step)
             continue
 
-        # else flipped faces unfold, and the step is halved until it flips no further face, four times at most
+        # Otherwise flipped faces are unfolded, and the step is halved, at most four times, until it flips no further
+        # face.
         if flipped > 0:
             step = add(step, _tangential_pull(vertices, faces, normals, around.indices[first:last], i))
         for _ in range(4):
@@ -140,7 +147,7 @@ def _sweep_range(
 
 @kernel
 def _tangential_pull(vertices: Vectors, faces: Ints32, normals: Vectors, around: Ints32, i: Index) -> Vector:
-    """Return half the way to the mean of the neighbours, less its part along the mean normal."""
+    """Return half the vector to the mean of the neighbours, without its component along the mean normal."""
     total = normal = (0.0, 0.0, 0.0)
     for f in around:
         normal = add(normal, row(normals, f))

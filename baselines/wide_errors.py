@@ -1,4 +1,7 @@
-"""Errors many edges wide, removed on coarse copies of the mesh where they are a few edges wide."""
+"""Remove errors that are many edges wide on coarse copies of the mesh.
+
+On the copies, the errors are only a few edges wide.
+"""
 
 from collections.abc import Callable
 
@@ -10,28 +13,28 @@ from cascadenorm.geometry.coarse_copy import CoarseCopy, coarse_copy
 from cascadenorm.mesh import Floats, Mesh, Vectors
 
 SHARES = 0.6, 0.525, 0.675
-"""Lengths of the edges of the copies, in widths of the error. The clusters of each lie elsewhere, so that its facets,
-and steps that it takes for shape, are a third of the mean."""
+"""Edge lengths of the copies, relative to the width of the error. The clusters of each copy are located differently,
+so the facets of a copy, and steps that it mistakes for shape, contribute only a third to the mean."""
 FINISHING_PASSES = 10
-"""Of the bilateral filter over the mesh at the end, which evens out the facets of the copies."""
+"""Passes of the bilateral filter at the end, which smooths the facets of the copies."""
 
 
 def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy], Vectors]) -> Vectors:
-    """Remove errors up to a width: denoise coarse copies, carry the vertices over, and even out the facets.
+    """Remove errors up to a width: denoise coarse copies, transfer the result, and smooth the facets.
 
     Parameters
     ----------
     mesh
         Mesh with n vertices, of any kind.
     width
-        Of the error, in the unit of the mesh. Where copies would have no longer edges than the mesh, it is denoised
-        itself.
+        Width of the error, in mesh units. If the copies would not have longer edges than the mesh, the mesh itself is
+        denoised.
     denoise
-        Gives new vertices of a copy.
+        Returns new vertices of a copy.
 
     Returns
     -------
-    (n, 3), the mean over the copies; vertices without a face stay.
+    (n, 3) mean over the copies. Vertices without a face do not move.
     """
     if max(SHARES) * width <= mesh.mean_edge_length:
         return denoise(CoarseCopy(mesh, np.arange(len(mesh.vertices), dtype=np.int32)))
@@ -46,22 +49,22 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
 def without_steps(
     mesh: Mesh, widths: Floats, denoise: Callable[[Mesh], Vectors], denoise_copy: Callable[[CoarseCopy], Vectors]
 ) -> Vectors:
-    """Denoise a mesh of which some connected components have steps of a known width.
+    """Denoise a mesh in which some connected components have steps of a known width.
 
     Parameters
     ----------
     mesh
         Mesh with n vertices.
     widths
-        (c,) width of the steps of each connected component, as `enlarged_steps` finds them; 0 where there are none.
+        (c,) width of the steps of each connected component from `enlarged_steps`; 0 if there are none.
     denoise
-        Gives new vertices of the components without steps.
+        Returns new vertices of the components without steps.
     denoise_copy
-        Gives new vertices of a copy of the others.
+        Returns new vertices of a copy of the other components.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) vertices.
     """
     vertices, of_faces = mesh.vertices.copy(), widths[mesh.topology.face_components]
     for width in np.unique(of_faces):

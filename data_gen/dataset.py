@@ -1,4 +1,7 @@
-"""Noisy/clean pairs, each a function of (seed, index) alone, and the folder that holds a data set of them."""
+"""Generate noisy/clean pairs and write them as a data set.
+
+Each pair depends only on the seed and its index.
+"""
 
 import json
 import math
@@ -21,26 +24,26 @@ from cascadenorm.execution.process_map import side_by_side
 from cascadenorm.execution.progress import Progress, silent
 from cascadenorm.mesh import Mesh, Vectors
 
-PULLED = 0.3  # share of the meshes that are stretched with their triangles: nothing else makes long ones everywhere
-LEAST_FACES = 1200  # of fewer, the details of some families would be finer than their triangles
+PULLED = 0.3  # share of the meshes that are stretched with their triangles; no other step elongates all triangles
+LEAST_FACES = 1200  # with fewer faces, the details of some families would be finer than their triangles
 CLEAN_SHARES: dict[ErrorPart, float] = {
     "low-poly": 0.8,
     "decimated": 0.75,
     "structured": 0.7,
     "subdivided": 0.7,
     "isosurface": 0.4,
-    "tessellation": 1.0,  # nobody measures such triangles
+    "tessellation": 1.0,  # such triangles never come from a measurement
 }
-"""Share of the meshes that have no noise: so they leave the program that made them."""
+"""Share of the meshes without noise, as modelling programs export them."""
 MORE_RELIEF: dict[ErrorPart, float] = {"isosurface": 3.0}
-"""Times the usual share of meshes with relief, where little else shows that smooth relief is not error."""
+"""Factor on the share of meshes with relief, for parts where little else shows that smooth relief is not error."""
 CLEAN_RELIEF = 0.6  # share of the meshes with relief that have no noise
-RELIEF_LEVELS = 0.02, 0.3  # of the white noise on the others
-ATTEMPTS = 400  # shapes drawn for one index before giving up; few faces with much error are hardly ever fit
+RELIEF_LEVELS = 0.02, 0.3  # level of the white noise on the other meshes with relief
+ATTEMPTS = 400  # shapes drawn per index before giving up; few faces with a large error rarely give a valid shape
 
-OWN_FAMILY = "own"  # in place of a family, where the mesh was not generated
+OWN_FAMILY = "own"  # stands for the family of meshes that were not generated
 
-# streams of random numbers, separate so that noise settings leave the shapes as they are
+# Separate streams of random numbers, so that the noise settings do not change the shapes.
 _SHAPE, _NOISE, _OWN = 0, 1, 2
 
 
@@ -58,27 +61,27 @@ USUAL_KINDS: tuple[NoiseKind, ...] = (
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """What to generate; the same config gives the same bytes.
+    """Settings of a data set. Equal settings give byte-identical data.
 
     Parameters
     ----------
     count
-        Pairs in the data set.
+        Number of pairs.
     seed
-        Of everything.
+        Seed of all random numbers.
     families
-        Names out of SHAPE_FAMILIES; those left out are held out.
+        Names in SHAPE_FAMILIES. Families that are not listed are held out.
     min_faces, max_faces
-        Bounds for the wanted number of faces, drawn log-uniformly and met within a third or so.
+        Bounds on the target number of faces, which is drawn log-uniformly and met within about a third.
     noise_kinds
-        Drawn with equal chance; name one twice to double its chance. `sensor` is for the families that cameras see:
-        half of their meshes get it, and no other mesh, unless it is the only kind.
+        Kinds of noise, drawn with equal chance; list one twice to double its chance. `sensor` applies only to the
+        families that cameras see, and to half of their meshes. If it is the only kind, it applies to all meshes.
     relief
-        Share of the meshes whose shape gets a smooth relief a few edges wide, most of them without noise; none of what
-        cameras and volumes measure, and no CAD tessellations.
+        Share of the meshes whose shape gets a smooth relief a few edges wide. Most of these have no noise. Shapes
+        measured by cameras or in volumes and CAD tessellations get no relief.
     min_level, max_level
-        Noise level in mean edge lengths, drawn log-uniformly; that of volumes and points in units of their own, half of
-        them drawn uniformly.
+        Noise level in mean edge lengths, drawn log-uniformly. The levels of volumes and point clouds have units of
+        their own, and half of them are drawn uniformly.
     """
 
     count: int = 2000
@@ -113,9 +116,22 @@ class DatasetConfig:
 
 
 class Pair(NamedTuple):
-    """The same faces over noisy and over clean vertices.
+    """A noisy and a clean mesh with the same faces.
 
-    normals : (m, 3), the true normal of each face; zero where it is not known
+    Parameters
+    ----------
+    noisy
+        Mesh with m faces.
+    clean
+        Mesh with the same faces over the clean vertices.
+    normals
+        (m, 3) true normal of each face; zero where it is unknown.
+    family
+        Name of the family of shapes.
+    noise_kind
+        Kind of the noise.
+    level
+        Noise level in mean edge lengths of the clean mesh. `fused` defines it for meshes from a volume.
     """
 
     noisy: Mesh
@@ -123,23 +139,23 @@ class Pair(NamedTuple):
     normals: Vectors
     family: str
     noise_kind: NoiseKind
-    level: float  # in mean edge lengths of the clean mesh; out of a volume: see `fused`
+    level: float
 
 
 def family_of(config: DatasetConfig, index: int) -> str:
-    """Name of the family of shapes that an index draws from."""
+    """Return the name of the family that an index draws from."""
     weights = np.array([SHAPE_FAMILIES[name].weight for name in config.families])
     rng = _stream(config, index, _SHAPE)
     return str(rng.choice(config.families, p=weights / weights.sum()))
 
 
 def clean_mesh(config: DatasetConfig, index: int) -> Mesh:
-    """Make the clean mesh of an index; shapes that come out unfit are drawn again."""
+    """Make the clean mesh of an index. Invalid shapes are drawn again."""
     return _drawn(config, index, level=0.0).clean
 
 
 def _drawn(config: DatasetConfig, index: int, *, level: float) -> Measured:
-    """Make the mesh of an index, with the error of its measurement if that decides where its triangles are."""
+    """Make the mesh of an index, including the measurement error if that determines the triangles."""
     family = SHAPE_FAMILIES[family_of(config, index)]
     for attempt in range(ATTEMPTS):
         rng = _stream(config, index, _SHAPE, attempt + 1)
@@ -157,19 +173,20 @@ def _drawn(config: DatasetConfig, index: int, *, level: float) -> Measured:
 
 
 def _pulled(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
-    """Stretch a mesh in three perpendicular directions, to at most about three times as long as wide."""
+    """Stretch a mesh along three perpendicular directions, by a ratio of at most about three."""
     axes = random_rotation(rng=rng)
     return mesh.moved(mesh.vertices @ (axes * np.exp(rng.uniform(-0.55, 0.55, 3))) @ axes.T)
 
 
 def _noise(config: DatasetConfig, *, family: ShapeFamily | None, rng: np.random.Generator) -> tuple[NoiseKind, float]:
-    """Draw kind and level of noise: that of depth cameras for what they see, little for few faces, none for CAD.
+    """Draw the kind and the level of noise.
 
-    Half of the levels of volumes and points are drawn uniformly, all others log-uniformly: grain and points that are
-    off by little leave a surface as good as clean.
+    Scenes that cameras see can get the noise of a depth camera. CLEAN_SHARES gives the shares of families without
+    noise. Half of the levels of volumes and point clouds are drawn uniformly and all others log-uniformly, since low
+    grain and small point errors leave a practically clean surface.
     """
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
-    if family is not None and family.measured:  # whose level is that of its own error
+    if family is not None and family.measured:  # the level is that of the measurement error
         kinds = [kind for kind in kinds if kind != "none"] or ["normal"]
     if family is not None and rng.random() < CLEAN_SHARES.get(family.part, 0.0):
         kinds = ["none"]
@@ -185,7 +202,7 @@ def _noise(config: DatasetConfig, *, family: ShapeFamily | None, rng: np.random.
 
 
 def pair(config: DatasetConfig, index: int) -> Pair:
-    """Make one noisy/clean pair; it depends on the config and the index alone."""
+    """Make one noisy/clean pair, which depends only on the config and the index."""
     name = family_of(config, index)
     rng = _stream(config, index, _NOISE)
     family = SHAPE_FAMILIES[name]
@@ -205,7 +222,7 @@ def pair(config: DatasetConfig, index: int) -> Pair:
 
 
 def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:
-    """Put noise of the config on a clean mesh of one's own; another draw for each index."""
+    """Add noise as the config describes it to a given clean mesh. Each index gives another draw."""
     rng = _stream(config, index, _OWN)
     return _disturbed(clean, OWN_FAMILY, *_noise(config, family=None, rng=rng), rng=rng)
 
@@ -216,7 +233,7 @@ def _disturbed(clean: Mesh, family: str, kind: NoiseKind, level: float, *, rng: 
 
 
 def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, workers: int = 1) -> Iterator[Pair]:
-    """Make the pairs of some indices, or all of a data set, in order; the number of processes does not change them."""
+    """Make the pairs of the given indices, or all pairs, in order. The result does not depend on `workers`."""
     if workers < 1:
         raise ValueError(f"workers is {workers}; it must be at least 1")
     chosen = range(config.count) if indices is None else indices
@@ -232,18 +249,18 @@ def write_dataset(
     workers: int = 1,
     progress: Progress = silent,
 ) -> None:
-    """Write `<index>_<family>/noisy.ply` and `clean.ply` for each pair, then `dataset.json` with what they are.
+    """Write `<index>_<family>/noisy.ply` and `clean.ply` for each pair, and `dataset.json`, which describes them.
 
     Parameters
     ----------
     folder
-        Made if it is not there; files in it are overwritten.
+        Output folder. It is created if it does not exist; existing files are overwritten.
     write
-        Writes a mesh to a path.
+        Function that writes a mesh to a path.
     workers
-        Processes.
+        Number of processes.
     progress
-        Called with (task, pairs done, pairs in all) after each pair.
+        Called with (task, number of finished pairs, total number of pairs) after each pair.
     """
     folder.mkdir(parents=True, exist_ok=True)
     entries = []

@@ -1,4 +1,4 @@
-"""The families of shapes, by name, so that some can be held out."""
+"""The families of shapes by name, so that some can be held out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ from cascadenorm.data_gen.shapes.engraving import engraved
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.polyhedra import polyhedron
 
-FINER = 3.0, 14.0  # times as many faces as are left by decimation
-WIDEST_STEPS = 2.2  # ratio of the steps of a laser scanner, at most
-USUAL_AREA = 7.0  # of a shape, which reaches about 1 from the origin
+FINER = 3.0, 14.0  # ratio of the number of faces before decimation to that after it
+WIDEST_STEPS = 2.2  # largest ratio of the steps of a laser scanner
+USUAL_AREA = 7.0  # area of a shape, which extends to about 1 from the origin
 
 
 ErrorPart = Literal[
@@ -37,24 +37,34 @@ ErrorPart = Literal[
 
 @dataclass(frozen=True)
 class ShapeFamily:
-    """Random shapes of one sort.
+    """A family of random shapes.
 
     Parameters
     ----------
     shape
-        Draws a field, given the edge length to expect: detail finer than that would be lost; None for meshes that come
-        from no field: parts as CAD kernels tessellate them, and structured surfaces.
+        Draws a field, given the expected edge length, below which detail would be lost. None for meshes that are not
+        made from a field: CAD tessellations and structured surfaces.
     weight
         How often the family is drawn, relative to the others.
     sharp
-        Edges of the shape become edges of the mesh.
+        Whether edges of the shape become edges of the mesh.
     part
-        The whole shape, which is closed; a piece cut out by a box; the whole decimated to few faces ("low-poly"), or
-        one with detail far finer than the decimated mesh can hold ("decimated"); what a depth camera or a laser scanner
-        sees from one side; what several cameras do, fused in a volume; a binary mask of voxels, or of slices, meshed; a
-        level of a tomogram; a noisy distance field meshed by marching tetrahedra; a level of an exact field; the
-        surface reconstructed from noisy points; faces of a CAD model, each triangulated; a surface over a grid of
-        parameters; or a subdivided cage.
+        What the mesh shows.
+
+        - "whole": the whole shape, which is closed.
+        - "piece": a piece cut out by a box.
+        - "low-poly": the whole shape decimated to few faces.
+        - "decimated": the same with detail far finer than the decimated mesh can represent.
+        - "view", "laser": what a depth camera or a laser scanner sees from one side.
+        - "fused": what several cameras see, fused in a volume.
+        - "mask", "slices": a meshed binary mask of voxels or of slices.
+        - "tomogram": a level of a tomogram.
+        - "tetrahedra": a noisy distance field meshed by marching tetrahedra.
+        - "isosurface": a level of an exact field.
+        - "points": the surface reconstructed from noisy points.
+        - "tessellation": faces of a CAD model, each triangulated.
+        - "structured": a surface over a grid of parameters.
+        - "subdivided": a subdivided cage.
     """
 
     shape: Callable[[float, np.random.Generator], DistanceField] | None
@@ -69,22 +79,28 @@ class ShapeFamily:
 
     @property
     def measured(self) -> bool:
-        """Whether the error comes with the mesh, and there is no other."""
+        """Whether the measurement itself produces the error, so that no noise is added."""
         return self.part in ("mask", "slices", "tomogram", "tetrahedra", "points")
 
     @property
     def seen(self) -> bool:
-        """Whether meshes are what cameras see."""
+        """Whether the meshes show what cameras or laser scanners see."""
         return self.part in ("view", "laser", "fused")
 
     def make(self, *, faces: int, rng: np.random.Generator, level: float = 0.0) -> Measured:
-        """Draw a shape and make a mesh of about so many faces; UnfitShapeError if it came out bad.
+        """Draw a shape and make a mesh of about `faces` faces.
 
         Parameters
         ----------
         level
-            Of the error of the cameras behind a fused mesh, the grain of a tomogram, or the points of a reconstruction;
-            meshes of other families are without noise, whatever it is, and both of the pair are the same.
+            Error level of the cameras of a fused mesh, the grain of a tomogram, the distances of a tetrahedral mesh, or
+            the points of a reconstruction. Meshes of other families have no noise, and both meshes of the result are
+            equal.
+
+        Raises
+        ------
+        UnfitShapeError
+            The shape or its mesh is invalid.
         """
         if self.shape is None:
             made = (
@@ -132,7 +148,7 @@ Shape = Callable[[float, np.random.Generator], DistanceField]
 
 
 def any_of(*shapes: Shape) -> Shape:
-    """Draw one of several sorts of shapes, with equal chance."""
+    """Draw one of several kinds of shapes with equal chance."""
     return lambda edge, rng: shapes[rng.integers(len(shapes))](edge, rng)
 
 

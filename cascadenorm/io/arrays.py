@@ -1,4 +1,4 @@
-"""Vertices and faces that are in no file yet."""
+"""Meshes given as arrays in memory."""
 
 from collections.abc import Iterable
 
@@ -9,7 +9,7 @@ from cascadenorm.mesh.polygons import Polygons
 
 
 class ArraysFile(MeshFile):
-    """Vertices and faces in memory, which become binary PLY where no other format is asked for."""
+    """Vertices and faces in memory. They are written as binary PLY unless another format is requested."""
 
     format = PlyFile.format
 

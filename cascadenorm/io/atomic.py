@@ -1,4 +1,4 @@
-"""Write a file whole or not at all."""
+"""Write files atomically."""
 
 import os
 import re
@@ -14,18 +14,18 @@ from cascadenorm.errors import OutputError
 from cascadenorm.io.base import Piece
 
 NAMED = 40
-"""Characters of the name of a file that its temporary file is called by."""
+"""Number of characters of a file name that its temporary file starts with."""
 
 
 def check_output(path: Path, *, force: bool) -> None:
-    """Raise OutputError where nothing can be written to path, or a file is there and force is not given."""
+    """Raise OutputError if path cannot be written, or if it is an existing file and force is not given."""
     mode = 0
     try:
         target = path.resolve()
         mode = target.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         pass
-    except (OSError, ValueError, RuntimeError) as error:  # too long a name, a zero byte in it, links in a circle
+    except (OSError, ValueError, RuntimeError) as error:  # name too long, null byte in the name, or a cycle of links
         raise OutputError(f"{path} cannot be written: {getattr(error, 'strerror', None) or error}") from None
     if stat.S_ISDIR(mode):
         raise OutputError(f"{path} is a folder: give the name of a file in it")
@@ -41,29 +41,29 @@ def check_output(path: Path, *, force: bool) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those that it lies in; raises OutputError where that is impossible."""
+    """Create a folder and its parents. Raises OutputError if that is impossible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
         raise OutputError(f"{folder} is a file: give the name of a folder") from None
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise OutputError(f"{folder} cannot be created: {getattr(error, 'strerror', None) or error}") from error
 
 
 def is_special(path: str | os.PathLike[str]) -> bool:
-    """Test whether something is there that is neither a file nor a folder: a pipe, a device."""
+    """Whether a path exists that is neither a file nor a folder, such as a pipe or a device."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 
 
 def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False) -> None:
-    """Write pieces to a temporary file beside path, then rename it; on failure path is as it was before.
+    """Write pieces to a temporary file beside path, then rename it. On failure path is unchanged.
 
     Parameters
     ----------
     path
-        A link is followed; what is no ordinary file (a pipe, a device) is written to directly.
+        Output path. A link is followed. A special file, such as a pipe or a device, is written directly.
     force
-        Replace an existing file, keeping its permissions.
+        Whether to replace an existing file, keeping its permissions.
 
     Raises
     ------
@@ -74,20 +74,20 @@ def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False
 
 
 def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool = False) -> None:
-    """Write several files as `write_atomically` does: none gets its name before all are complete.
+    """Write several files like `write_atomically`. All are complete before the first one is renamed.
 
     Parameters
     ----------
     files
-        They get their names in this order, the last is the one that the others belong to; with `force` a path may come
-        twice, as what it is meanwhile and at last.
+        Paths and pieces. Files are renamed in this order, so the file that references the others should be last. With
+        `force` a path may occur twice, with an interim and a final content.
     force
-        Replace existing files.
+        Whether to replace existing files.
 
     Raises
     ------
     OutputError
-        One exists and force is not given, or cannot be written; none of them is new then.
+        A file exists and force is not given, or it cannot be written. No new file is left behind in this case.
     """
     for path, _ in files:
         check_output(path, force=force)
@@ -118,7 +118,7 @@ def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool
 
 
 def remove_unfinished(outputs: Iterable[Path]) -> None:
-    """Remove the temporary files of outputs whose process was killed while it wrote them, with those beside them."""
+    """Remove temporary files of outputs and their parts that killed processes have left behind."""
     owners: dict[Path, set[str]] = {}
     for output in outputs:
         owners.setdefault(Path(os.path.realpath(output)).parent, set()).add(_owner_key(output))
@@ -130,26 +130,26 @@ def remove_unfinished(outputs: Iterable[Path]) -> None:
 
 
 def unfinished_name(name: str, owner: Path) -> str:
-    """Return a new name for a file that is not complete, from which `remove_unfinished` knows the output it belongs to.
+    """Return a new name for an incomplete file, from which `remove_unfinished` recognises its output.
 
     Parameters
     ----------
     name
-        What the file will be called.
+        Final name of the file.
     owner
-        The output that it is, or is a part of.
+        Output that the file is or belongs to.
     """
     return f".{name[:NAMED]}.{_owner_key(owner)}.{secrets.token_hex(4)}.part"
 
 
 def _owner_key(output: Path) -> str:
-    """Return a digest of the whole name of an output: others may begin alike, or differ in their extension alone."""
+    """Return a digest of the whole name of an output. Names may differ only in their extension."""
     return sha256(os.fsencode(os.path.basename(os.path.realpath(output)))).hexdigest()[:12]
 
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Turn errors of the operating system into our own."""
+    """Convert errors of the operating system to OutputError."""
     try:
         yield
     except OutputError:
@@ -159,9 +159,9 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]], *, owner: Path) -> None:
-    """Write a complete temporary file beside its target, which belongs to `owner`, and note both.
+    """Write a complete temporary file for `owner` beside its target, and record both.
 
-    It has the permissions of the file that it replaces, or those that the process gives to new files.
+    It has the permissions of the file that it replaces, or the default ones of the process for new files.
     """
     name = str(target.parent / unfinished_name(target.name, owner))
     mode = target.stat().st_mode & 0o777 if target.exists() else None
@@ -171,11 +171,11 @@ def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]]
         stream.flush()
         os.fsync(stream.fileno())
     if mode is not None:
-        os.chmod(name, mode)  # bits that the umask took away
+        os.chmod(name, mode)  # restore bits that the umask removed
 
 
 def _rename_to_new(name: str, target: Path) -> None:
-    """Rename without ever replacing a file that has appeared in the meantime."""
+    """Rename without ever replacing a file that has been created in the meantime."""
     try:
         os.link(name, target)
     except FileExistsError:

@@ -1,4 +1,7 @@
-"""The base class of all mesh formats: a file that was read, and the same file with moved vertices."""
+"""The base class of all mesh formats.
+
+A mesh file is read once and written with moved vertices.
+"""
 
 import copy
 from abc import ABC, abstractmethod
@@ -24,24 +27,24 @@ AnyMeshFile = TypeVar("AnyMeshFile", bound="MeshFile")
 
 
 class MeshFile(ABC):
-    """A complete mesh file in memory: everything except positions and normals is written as it was read.
+    """A complete mesh file in memory: when it is written, only positions and normals change.
 
     Attributes
     ----------
     format
         Name of the format, which is also its extension.
     positions
-        (k, 3) float32 or float64, as the file holds them, copies at seams included.
+        (k, 3) float32 or float64, as stored in the file, including copies at seams.
     polygons
-        The faces of the file; corners are rows of `positions`.
+        Faces of the file. Corners are rows of `positions`.
     data
-        The file as it was read; empty if there was none.
+        Bytes of the file as it was read; empty if there was none.
     folder
         Folder of the files that it references; None if it was read from a stream.
     parts
         (k,) number of the coordinate frame of each position. None if all share one frame.
     triangles
-        (m, 3) the polygons cut into triangles.
+        (m, 3) triangulated polygons.
     welds
         (k,) the vertex of `mesh` that each position is a copy of.
     mesh
@@ -53,7 +56,7 @@ class MeshFile(ABC):
     """
 
     format: ClassVar[str]
-    counts_from: ClassVar[int] = 0  # the number that the format gives to its first vertex and face
+    counts_from: ClassVar[int] = 0  # number of the first vertex and face in this format
     _isolates = False
     _weld_distance = 0.0
     moving_loses: tuple[str, ...] = ()  # what is lost when vertices move, in words
@@ -67,7 +70,7 @@ class MeshFile(ABC):
 
     @abstractmethod
     def _parse(self) -> tuple[Positions, Polygons]:
-        """Parse `data`; raises ReadError."""
+        """Parse `data`. Raises ReadError."""
 
     @abstractmethod
     def _moved_pieces(self) -> Iterable[Piece]:
@@ -75,12 +78,12 @@ class MeshFile(ABC):
 
     @abstractmethod
     def _read_content(self) -> Content:
-        """Return the content of `data` that other formats can hold."""
+        """Return the content of `data` that other formats can store."""
 
     @classmethod
     @abstractmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
-        """Encode content in this format; return the bytes, in pieces, and what is left out, in words."""
+        """Encode content in this format. Returns the bytes, in pieces, and what is left out, in words."""
 
     def isolating(self: AnyMeshFile) -> AnyMeshFile:
         """Return this file with a `mesh` that leaves out invalid vertices and faces instead of raising MeshError."""
@@ -108,32 +111,32 @@ class MeshFile(ABC):
         return self._moved_pieces() if self.has_moved else [self.data]
 
     def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
-        """Return the files to write for an output path: parts that are stored in other files, then the file itself.
+        """Return the files to write for an output path: parts in separate files, then the file itself.
 
-        `part_name` is the pattern that turns the usual name of a part into the one to use.
+        `part_name` is a pattern that converts the default name of a part to the actual one.
         """
         return {path: self.pieces()}
 
     def may_write(self, path: Path) -> list[Path]:
-        """Return all paths that `files` can return, whatever the positions are."""
+        """Return all paths that `files` may return, whatever the positions are."""
         return [path]
 
     def refers_to(self) -> dict[str, bool]:
-        """Return the referenced files that do not change: name relative to its folder -> whether reading needs it."""
+        """Return the referenced files that are not changed: name relative to its folder -> whether reading needs it."""
         return {}
 
     def repacked(self, kind: type["MeshFile"]) -> "MeshFile | None":
-        """Return this file in another format with all that is in it; None where that format cannot hold it."""
+        """Return this file in another format without loss, or None if that format cannot store it."""
         return None
 
     def content(self) -> Content:
-        """Return the content that other formats can hold."""
+        """Return the content that other formats can store."""
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         here._isolates = self._isolates
         return here._read_content().without_out_of_range()
 
     def face_labels(self) -> list[Labels]:
-        """Return the labels of the polygons: their properties, and in some formats materials, groups and objects.
+        """Return the labels of the polygons: properties, and in some formats materials, groups and objects.
 
         A kind occurs more than once if a face can have several labels of it.
         """
@@ -143,12 +146,12 @@ class MeshFile(ABC):
 
     @cached_property
     def triangles(self) -> NDArray[np.int64]:
-        """(m, 3) the polygons cut into triangles, in order; corners are rows of `positions`."""
+        """(m, 3) triangulated polygons, in order. Corners are rows of `positions`."""
         return self._cut[0]
 
     @cached_property
     def triangle_polygons(self) -> NDArray[np.int64]:
-        """(m,) the polygon that each triangle was cut from."""
+        """(m,) the polygon that each triangle comes from."""
         return self._cut[1]
 
     @cached_property
@@ -185,7 +188,7 @@ class MeshFile(ABC):
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The triangles with closed seams; raises MeshError if the file does not describe a valid mesh."""
+        """The triangles with closed seams. Raises MeshError if the file does not describe a valid mesh."""
         if self._isolates:
             return isolated(self._at_vertices(self.positions), self._welded_triangles)
         if not len(self.polygons):
@@ -204,7 +207,7 @@ class MeshFile(ABC):
 
     @property
     def _splits(self) -> bool:
-        """Whether some vertex of `mesh` has several positions. Most files split none, which is faster."""
+        """Whether a vertex of `mesh` has several positions, which is not the case in most files."""
         welds, first = self._weld
         return len(first) < len(welds)
 
@@ -234,18 +237,19 @@ class MeshFile(ABC):
         return ", ".join(map(str, places[:3] + self.counts_from)) + (", …" if len(places) > 3 else "")
 
     def with_vertices(self: AnyMeshFile, vertices: ArrayLike, *, limit: float = np.inf) -> AnyMeshFile:
-        """Return this file with other vertices of `mesh`; all copies of a vertex move with it.
+        """Return this file with other vertices of `mesh`. All copies of a vertex move with it.
 
         Parameters
         ----------
         vertices
-            (n, 3) finite, in the order of mesh.vertices; rounded to the number type of the file.
+            (n, 3) finite positions, in the order of `mesh.vertices`. They are rounded to the number type of the file.
         limit
-            Largest displacement after rounding to integers, if the file stores integers, in the unit of the file.
+            Largest displacement after rounding to integers, in the unit of the file. It applies if the file stores
+            integers.
 
         Returns
         -------
-        A new file. Unmoved positions stay bit for bit; normals around moved ones are recomputed
+        A new file. Unmoved positions are bit-identical, and normals around moved ones are recomputed.
 
         Raises
         ------
@@ -261,7 +265,7 @@ class MeshFile(ABC):
             copies = wanted.astype(kind)
             copies = copies.take(welds, axis=0) if self._splits else copies
             rounded = self._storable(copies)
-            if rounded is not copies:  # otherwise `vertices` keep the limit already
+            if rounded is not copies:  # otherwise `vertices` already respect the limit
                 copies = wanted.take(welds, axis=0)
                 while (far := np.linalg.norm(rounded.astype(np.float64) - self.positions, axis=1) > limit).any():
                     copies[far] = 0.5 * (copies[far] + self.positions[far])
@@ -273,7 +277,7 @@ class MeshFile(ABC):
         moved.positions = rounded
         np.copyto(rounded, self.positions, where=copies == self.positions)
         present = self._at_vertices(moved.positions)
-        if self._isolates:  # positions that are not finite stay so
+        if self._isolates:  # keep positions that are not finite
             finite = all_in_rows(np.isfinite(self.positions))[:, None]
             moved.positions = np.where(finite, moved.positions, self.positions)
             present = np.where(self._at_vertices(finite), present, mesh.vertices)
@@ -281,17 +285,17 @@ class MeshFile(ABC):
         return moved
 
     def _storable(self, positions: Positions) -> Positions:
-        """Return positions rounded to what the file can store, if that is coarser than their type."""
+        """Return positions rounded to what the file can store, if that is less precise than their type."""
         return positions
 
     @property
     def has_moved(self) -> bool:
-        """Whether a position differs from what was read."""
+        """Whether a position differs from the file that was read."""
         return any(self._changed_in(block).any() for block in blocks(len(self.positions), 3))
 
     @property
     def _changed(self) -> NDArray[np.bool_]:
-        """(k, 3) which coordinates differ from those that were read."""
+        """(k, 3) which coordinates differ from the file that was read."""
         return self._changed_in(slice(None))
 
     def _changed_in(self, rows: slice) -> NDArray[np.bool_]:
@@ -299,12 +303,12 @@ class MeshFile(ABC):
         return np.asarray((self.positions[rows] != read) & ~np.isnan(read))
 
     def _at_triangles(self, named: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return values of the corners of the polygons at the corners of the triangles."""
+        """Return values of the polygon corners at the corners of the triangles."""
         counts = self.polygons.counts
         if (counts == 3).all():
             return named.reshape(-1, 3)
-        # A polygon that visits a vertex twice may name either of its two normals there.
-        count = int(self.polygons.corners.max(initial=0)) + 2  # a corner may be out of range, at least -1
+        # If a polygon visits a vertex twice, either of its two normals may be used.
+        count = int(self.polygons.corners.max(initial=0)) + 2  # corners may be out of range, and are at least -1
         keys = self.polygons.owners * count + self.polygons.corners + 1
         order = np.argsort(keys, kind="stable")
         wanted = self.triangle_polygons[:, None] * count + self.triangles + 1

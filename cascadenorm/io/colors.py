@@ -1,4 +1,4 @@
-"""Colours and texture coordinates of vertices, which formats spell in different ways."""
+"""Colours and texture coordinates of vertices in a common form."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,11 +11,11 @@ from cascadenorm.io.text.tokenizer import Offsets
 
 CHANNELS = ("red", "green", "blue", "alpha")
 TEXTURE = ("s", "t")
-"""Names of texture coordinates among the values of vertices."""
+"""Names of texture coordinates among the vertex values."""
 
 
 def from_words(text: Text, words: Offsets) -> dict[str, NDArray[Any]]:
-    """Return the channels, as bytes, that words (k, 3 or 4) spell as 0 … 255, or as fractions where none reaches 2."""
+    """Parse words (k, 3 or 4) as channels, in bytes. Values are 0 … 255, or fractions if all are below 2."""
     values = text.numbers(words)
     fractions = not (values >= 2).any()
     with np.errstate(invalid="ignore", over="ignore"):

@@ -1,4 +1,4 @@
-"""The content that formats have in common, for conversion: positions, polygons, attributes, labels."""
+"""Format-independent content: positions, polygons, attributes, labels."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -12,25 +12,25 @@ from cascadenorm.mesh import any_in_rows, first_places
 from cascadenorm.mesh.polygons import Polygons
 
 Positions = NDArray[Any]
-"""(k, 3) float32 or float64, as the file holds them."""
+"""(k, 3) float32 or float64, as stored in the file."""
 
 
 @dataclass(frozen=True)
 class Content:
-    """Content for conversion between formats; attributes have the names that PLY uses.
+    """Content for conversion between formats. Attributes have the names that PLY uses.
 
     Parameters
     ----------
     positions
         (k, 3) float32 or float64.
     polygons
-        Corners are rows of positions.
+        Faces. Corners are rows of `positions`.
     vertex_values
-        Name -> (k,); colours are red, green, blue, alpha as uint8, texture coordinates s, t.
+        Name -> (k,) values. Colours are red, green, blue, alpha as uint8; texture coordinates are s, t.
     face_values
-        Name -> one for each polygon.
+        Name -> one value per polygon.
     left_out
-        What the source holds beyond this, in words.
+        Other content of the source that is not included, in words.
     """
 
     positions: Positions
@@ -40,7 +40,7 @@ class Content:
     left_out: tuple[str, ...] = ()
 
     def without_out_of_range(self) -> "Content":
-        """Remove polygons with indices out of range, which could be valid in another file."""
+        """Remove polygons with indices out of range, which could become valid in another file."""
         corners = self.polygons.out_of_range(len(self.positions))
         if not corners.any():
             return self
@@ -58,14 +58,14 @@ class Content:
     def lost_as_triangles(
         self, *, of_vertices: Collection[str] = (), of_faces: Collection[str] = (), single: bool = True
     ) -> list[str]:
-        """Return what a file of triangles loses of this, in words.
+        """Return what is lost in a file of triangles, in words.
 
         Parameters
         ----------
         of_vertices, of_faces
-            Names of the properties that it keeps.
+            Names of the properties that the file keeps.
         single
-            Whether it holds positions in single precision.
+            Whether the file stores positions in single precision.
         """
         lost = [f"vertex property '{name}'" for name in self.vertex_values if name not in of_vertices]
         lost += [f"face property '{name}'" for name in self.face_values if name not in of_faces]
@@ -76,7 +76,7 @@ class Content:
         return lost
 
     def single_positions(self) -> NDArray[np.float32]:
-        """Return the positions in single precision; raises OutputError if one exceeds its range."""
+        """Return the positions in single precision. Raises OutputError if one exceeds its range."""
         with np.errstate(over="ignore"):
             single = self.positions.astype(np.float32)
         bad = any_in_rows(np.isinf(single) & np.isfinite(self.positions))
@@ -94,11 +94,11 @@ class Labels(NamedTuple):
     Parameters
     ----------
     kind
-        "material", "group", "object", "mesh", or the name of a property of faces.
+        "material", "group", "object", "mesh", or the name of a face property.
     values
-        (c,) names, or numbers, each once or more.
+        (c,) names or numbers, possibly repeated.
     of_faces
-        (p,) row of the value of each polygon, -1 for none.
+        (p,) row of the value of each polygon; -1 for none.
     """
 
     kind: str
@@ -106,7 +106,7 @@ class Labels(NamedTuple):
     of_faces: NDArray[np.int64]
 
     def carrying(self, value: str) -> NDArray[np.bool_]:
-        """Return (p,) which polygons have a label, which may be a number as text."""
+        """Return (p,) which polygons have a label. A number may be given as text."""
         try:
             wanted = value if self.values.dtype.kind == "U" else float(value)
         except ValueError:

@@ -1,4 +1,4 @@
-"""Digests of files and of code, which tell whether they are the same as before."""
+"""Digests of files and of code, used to detect changes."""
 
 import ast
 import hashlib
@@ -25,13 +25,14 @@ def file_digest(path: Path) -> str:
 
 
 def source_digest(function: Callable[..., Any]) -> str:
-    """Return a digest of the code that a function runs; empty for one of this package, whose code has a version.
+    """Return a digest of the code that a function runs, or an empty string for functions of this package.
 
-    It covers the function's module and those that this one imports, directly or not, as far as they lie in its folder
-    or below. A function without a file, as in a notebook, is covered with those that it names.
+    The version identifies the code of this package. The digest covers the function's module and the modules that it
+    imports, directly or indirectly, within its folder and subfolders. For a function without a file, as in a notebook,
+    it covers the function and those that it references.
     """
     own: Any = inspect.unwrap(function)
-    own = getattr(own, "py_func", own)  # of a kernel
+    own = getattr(own, "py_func", own)  # the Python function of a kernel
     module = sys.modules.get(getattr(own, "__module__", None) or "")
     if module is None or module.__name__.partition(".")[0] == __name__.partition(".")[0]:
         return "" if module is not None else _digest_of_code(own)
@@ -44,14 +45,14 @@ def source_digest(function: Callable[..., Any]) -> str:
 
 
 def _imported_files(file: Path, package: str) -> set[Path]:
-    """Return the source file of a module, and those that it imports, directly or not, in its folder or below."""
+    """Return the source file of a module, and of those that it imports, directly or indirectly, in its folder tree."""
     found = {file}
     left = [(file, package)]
     while left:
         source, package = left.pop()
         for name in _imported_names(source, package):
             spec: ModuleSpec | None = None
-            with suppress(Exception):  # of a package that is not there, or fails: the method does without it
+            with suppress(Exception):  # the package is missing or fails to import, and the method does without it
                 spec = find_spec(name)
             if spec is None or spec.origin is None:
                 continue
@@ -63,7 +64,7 @@ def _imported_files(file: Path, package: str) -> set[Path]:
 
 
 def _imported_names(source: Path, package: str) -> Iterator[str]:
-    """Yield the modules that a source file imports, at its top or inside functions, and what may be one of them."""
+    """Yield the modules that a source file imports at any level, and names that may be modules."""
     for node in ast.walk(ast.parse(source.read_bytes())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -74,7 +75,7 @@ def _imported_names(source: Path, package: str) -> Iterator[str]:
 
 
 def _digest_of_code(function: Any) -> str:
-    """Return a digest of the compiled code of a function and of those of its module that it names."""
+    """Return a digest of the compiled code of a function and of the functions in its module that it references."""
     parts: list[str] = []
     seen: set[int] = set()
     left = [function]
@@ -90,7 +91,7 @@ def _digest_of_code(function: Any) -> str:
 
 
 def _instructions(code: CodeType) -> Iterator[object]:
-    """Yield what a function does, without its place in a file: instructions, names and constants."""
+    """Yield the instructions, names and constants of a function, without its position in a file."""
     yield code.co_code, code.co_names, code.co_varnames
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -100,6 +101,6 @@ def _instructions(code: CodeType) -> Iterator[object]:
 
 
 def _values_within(function: Any) -> list[str]:
-    """Return the plain values that a function has taken from where it was made."""
+    """Return the plain values in the closure of a function."""
     cells = [cell.cell_contents for cell in getattr(function, "__closure__", None) or ()]
     return [repr(value) for value in cells if isinstance(value, bool | int | float | str | bytes | None)]

@@ -1,4 +1,4 @@
-"""Read a mesh file of any format, and write one."""
+"""Read and write mesh files of any format."""
 
 import codecs
 import os
@@ -55,16 +55,16 @@ NEEDS = {
     **dict.fromkeys(USD, "usd-core"),
     "gii": "nibabel",
 }
-"""Packages to be installed for a format."""
+"""Packages that a format requires."""
 
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
-"""Lines that tell an OBJ file."""
+"""Lines that identify an OBJ file."""
 
 Source = str | os.PathLike[str] | BinaryIO
 
 
 def read(source: Source, format: str | None = None) -> MeshFile:
-    """Read a mesh file whole.
+    """Read a mesh file into memory.
 
     Parameters
     ----------
@@ -76,13 +76,13 @@ def read(source: Source, format: str | None = None) -> MeshFile:
 
     Returns
     -------
-    The file, to be moved by `with_vertices` and written by `write`; its `mesh` raises MeshError if the file does not
-    contain a valid mesh
+    The file. `with_vertices` moves its vertices and `write` writes it. Its `mesh` raises MeshError if the file does not
+    contain a valid mesh.
 
     Raises
     ------
     ReadError
-        The file is missing, unreadable, empty, truncated, damaged or not a mesh; the message names the file.
+        The file is missing, unreadable, empty, truncated, damaged or not a mesh. The message contains the file name.
     """
     name, folder, data = _bytes_of(source)
     try:
@@ -112,22 +112,22 @@ def read(source: Source, format: str | None = None) -> MeshFile:
 
 
 def write(file: MeshFile, target: Source, *, format: str | None = None, force: bool = False) -> list[str]:
-    """Write a file, whole or not at all; the extension of the target selects the format.
+    """Write a file atomically. The extension of the target selects the format.
 
     Parameters
     ----------
     file
-        From `read` or `from_arrays`.
+        File from `read` or `from_arrays`.
     target
         Path, or a stream of bytes.
     format
-        By default the format of the extension; for a stream, that of the file.
+        Name of the format. Default: the format of the extension, or that of the file for a stream.
     force
-        Replace an existing file.
+        Whether to replace an existing file.
 
     Returns
     -------
-    What the target format cannot hold and was left out, in words; empty if nothing was left out
+    What the target format cannot store and was left out, in words; empty if nothing was left out.
 
     Raises
     ------
@@ -161,8 +161,8 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
 def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]], *, force: bool) -> None:
     """Write a file, its parts, and the files that it references.
 
-    If a part exists already, the file references a temporary copy until the part is replaced. So it never references
-    a part of another file, or an outdated one.
+    If a part already exists, the file references a temporary copy until the part is replaced. It therefore never
+    references an outdated part or a part of another file.
     """
     files, aside = file.files(path), dict[Path, Iterable[Piece]]()
     if any(part.exists() for part in files if part != path):
@@ -179,9 +179,9 @@ def _lost(file: MeshFile) -> list[str]:
 
 
 def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfContainer, list[str]]:
-    """Return a file that can take further vertices and faces, and what it lacks of the given one, in words.
+    """Return a file that supports additional vertices and faces, and what it lacks of the given one, in words.
 
-    PLY, OBJ and glTF files are returned as they are; others become PLY, with the scene as it is shown.
+    PLY, OBJ and glTF files are returned unchanged. Other formats are converted to PLY, with the scene as it is shown.
     """
     if isinstance(file, PlyFile | ObjFile | GltfContainer):
         return file, []
@@ -190,7 +190,7 @@ def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfContainer, list[
 
 
 def check_target(file: MeshFile, target: Source, *, format: str, force: bool) -> None:
-    """Raise OutputError if a file that `write` would create beside the target exists already."""
+    """Raise OutputError if a file that `write` would create beside the target already exists."""
     if format == file.format and isinstance(target, str | os.PathLike) and not is_special(target):
         path = Path(target)
         for beside in file.may_write(path):
@@ -199,7 +199,7 @@ def check_target(file: MeshFile, target: Source, *, format: str, force: bool) ->
 
 
 def output_format(target: Source, otherwise: str = "") -> str:
-    """Return the format that an output is written in.
+    """Return the format of an output.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def output_format(target: Source, otherwise: str = "") -> str:
     extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
     chosen = _format_of(extension or otherwise)
     if chosen in FORMATS:
-        return chosen  # without loading the packages that know others
+        return chosen  # avoids importing the packages for other formats
     known = [*FORMATS, *_further_formats()]
     if not chosen:
         raise OutputError(f"{target} has no extension, which selects the format: choose one of {', '.join(known)}")
@@ -228,7 +228,7 @@ def output_format(target: Source, otherwise: str = "") -> str:
 
 
 def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
-    """Raise OutputError if the extension of a target selects no format that can be written.
+    """Raise OutputError if the extension of a target does not select a format that can be written.
 
     If neither the target nor the source has an extension, the format is detected from the source.
     """
@@ -237,7 +237,7 @@ def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
 
 
 def beside(source: Path, what: str) -> Path:
-    """Return `<stem>_<what><suffix>` beside a mesh file; raises ReadError for a folder, OutputError for a pipe."""
+    """Return `<stem>_<what><suffix>` beside a mesh file. Raises ReadError for a folder, OutputError for a pipe."""
     if source.is_dir():
         raise ReadError(f"{source} is a folder", hint="give the name of a mesh file in it")
     if is_special(source):
@@ -281,12 +281,12 @@ def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], lis
 
 
 def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
-    """Make a file in memory from a mesh; it is written as binary PLY unless another format is requested.
+    """Make a file in memory from a mesh. It is written as binary PLY unless another format is requested.
 
     Parameters
     ----------
     vertices
-        (n, 3) numbers; float32 stays float32, all else becomes float64.
+        (n, 3) numbers. float32 is kept, other types are converted to float64.
     faces
         (m, 3) integers in 0 … n - 1.
 
@@ -313,13 +313,13 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
         raise ReadError(f"{path} is a folder: give the name of a mesh file in it") from None
     except FileNotFoundError:
         raise ReadError(f"{path} does not exist: check the name") from None
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _sniffed(data: bytes) -> str | None:
     """Detect the format from the content."""
-    if is_binary_stl(data):  # whose header may begin as another format does
+    if is_binary_stl(data):  # its header may begin like another format
         return "stl"
     if data[:4] in (b"ply\n", b"ply\r", b"ply "):
         return "ply"
@@ -341,5 +341,5 @@ def _sniffed(data: bytes) -> str | None:
         return "off"
     if re.match(rb"\s*solid\s", data, re.I):
         return "stl"
-    faces = b"\nf " in data or OBJ_FACE.search(data)  # the pattern alone takes a third of the time of reading
+    faces = b"\nf " in data or OBJ_FACE.search(data)  # the substring test avoids the slower regular expression
     return "obj" if faces and OBJ_VERTEX.search(data, 0, 100_000) else None

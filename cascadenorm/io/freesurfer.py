@@ -1,4 +1,7 @@
-"""Surfaces of FreeSurfer: a line about their origin, vertices and triangles in big-endian order, and what follows."""
+"""FreeSurfer triangle surfaces.
+
+A file contains a comment line, vertices and triangles in big-endian order, and further data.
+"""
 
 from collections.abc import Iterable
 from typing import Any
@@ -13,12 +16,12 @@ from cascadenorm.mesh.polygons import Polygons, triangulate
 
 MAGIC = b"\xff\xff\xfe"
 EXTENSIONS = ("pial", "white", "orig", "inflated", "smoothwm", "sphere")
-"""Extensions that stand for the format; the name of a file is `lh.pial`, say."""
+"""Extensions that select the format. A file name is, for example, `lh.pial`."""
 POINT, TRIANGLE = np.dtype(">f4"), np.dtype(">i4")
 
 
 class FreeSurferFile(MeshFile):
-    """A triangle surface of FreeSurfer; all bytes but the positions are kept. Positions are float32."""
+    """A triangle surface of FreeSurfer. Only the positions change. Positions are float32."""
 
     format = "freesurfer"
 

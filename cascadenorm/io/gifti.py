@@ -1,4 +1,7 @@
-"""GIFTI surfaces, through nibabel: other arrays, labels and coordinate systems are kept."""
+"""GIFTI surfaces, through nibabel.
+
+Other arrays, labels and coordinate systems are kept.
+"""
 
 import copy
 import importlib.util
@@ -18,7 +21,7 @@ POINTS, TRIANGLES = "NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"
 
 
 class GiftiFile(MeshFile):
-    """A GIFTI file with one surface; positions are float32 or float64."""
+    """A GIFTI file with one surface. Positions are float32 or float64."""
 
     format = "gii"
     moving_loses = ("what nibabel does not keep (layout of the XML)",)
@@ -31,7 +34,7 @@ class GiftiFile(MeshFile):
                 self._image = GiftiImage.from_bytes(self.data)
         except ReadError:
             raise
-        except Exception as error:  # its parser raises what it likes
+        except Exception as error:  # the parser raises errors of any type
             raise ReadError(f"nibabel cannot read this as gii: {reason(error)}") from None
         points, triangles = (self._image.get_arrays_from_intent(intent) for intent in (POINTS, TRIANGLES))
         if len(points) != 1 or len(triangles) != 1:
@@ -70,12 +73,12 @@ class GiftiFile(MeshFile):
 
 
 def is_nibabel_installed() -> bool:
-    """Test whether nibabel is there."""
+    """Whether nibabel is installed."""
     return importlib.util.find_spec("nibabel") is not None
 
 
 def _bytes_of(image: Any) -> bytes:
     try:
         return bytes(image.to_bytes())
-    except Exception as error:  # its writer raises what it likes
+    except Exception as error:  # the writer raises errors of any type
         raise OutputError(f"nibabel cannot write gii: {reason(error)}: choose ply") from None

@@ -1,4 +1,4 @@
-"""Vertices and triangles that close the holes of a mesh file, and the values that they get."""
+"""Vertices and triangles that close holes of a file, and their values."""
 
 from typing import Any
 
@@ -12,26 +12,26 @@ from cascadenorm.mesh import Mesh
 
 
 class HolePatches:
-    """The vertices and triangles that close the holes of a file.
+    """Vertices and triangles that close the holes of a file.
 
     Parameters
     ----------
     file
-        k positions, p polygons.
+        File with k positions and p polygons.
     filled
-        The mesh of the file with further vertices and faces after its own.
+        Mesh of the file with additional vertices and faces after its own.
 
     Attributes
     ----------
     positions
-        (a, 3) of the further vertices, in the type of the file.
+        (a, 3) positions of the additional vertices, in the type of the file.
     triangles
-        (b, 3) rows of the positions of the file, or of the further ones, which are counted after them; of a vertex that
-        the file splits the first copy.
+        (b, 3) rows of the positions of the file, followed by the additional ones. If the file splits a vertex, its
+        first copy is used.
     polygons
-        (b,) the polygon of the file that each triangle takes values from: the nearest, counted in edges.
+        (b,) nearest polygon of the file, counted in edges, from which each triangle takes its values.
     left_out
-        What the patches lack that is around them, in words; what adds them to a file says so here.
+        Properties of the surroundings that the patches lack, in words. Code that adds patches to a file appends to it.
     """
 
     def __init__(self, file: MeshFile, filled: Mesh) -> None:
@@ -48,11 +48,11 @@ class HolePatches:
         self._nearest = _nearest(self._own, len(filled.vertices), filled.topology.edges)
 
     def nearest(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return (a,) the value of the nearest vertex of the file, counted in edges, of values (k,)."""
+        """Return (a,) values of the nearest vertex of the file, counted in edges, from values (k,)."""
         return values[self._first[self._nearest]]
 
     def blended(self, values: NDArray[Any]) -> NDArray[np.float64]:
-        """Return (a,) values that each equal the mean of their neighbours; the nearest ones if some are not finite."""
+        """Return (a,) values that equal the mean of their neighbours, or the nearest values if some are not finite."""
         known = values[self._first].astype(np.float64)
         if not len(self.positions) or not np.isfinite(known).all():
             return self.nearest(values).astype(np.float64)
@@ -63,11 +63,11 @@ class HolePatches:
         return np.asarray(scipy.sparse.linalg.spsolve(matrix.tocsc(), rows[:, : self._own] @ known), np.float64)
 
     def vertex_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
-        """Return (a, 3) unit normals of the further vertices, on the side on which those of the file, (k, 3), are."""
+        """Return (a, 3) unit normals of the additional vertices, oriented like those of the file, (k, 3)."""
         return self.all_normals(stored)[len(stored) :]
 
     def all_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
-        """Return (k + a, 3) unit normals of the first copies of vertices, zero for others, and of further vertices."""
+        """Return (k + a, 3) unit normals of first copies, zero for other copies, and of additional vertices."""
         normals = self._filled.vertex_normals
         signed = normals * _side(stored[self._first], normals[: self._own])
         of_file = np.zeros((len(stored), 3))
@@ -75,13 +75,13 @@ class HolePatches:
         return np.concatenate([of_file, signed[self._own :]])
 
     def face_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
-        """Return (b, 3) unit normals of the triangles, on the side on which those of the polygons, (p, 3), are."""
+        """Return (b, 3) unit normals of the triangles, oriented like those of the polygons, (p, 3)."""
         normals = self._filled.face_normals[-len(self.triangles) :]
         return normals * _side(stored[self.polygons], normals)
 
 
 def _nearest(own: int, count: int, pairs: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return for each number from `own` on the nearest below it, along pairs of neighbours."""
+    """Return for each index from `own` on the nearest index below `own`, along pairs of neighbours."""
     nearest = np.where(np.arange(count) < own, np.arange(count), -1)
     ends = np.concatenate([pairs, pairs[:, ::-1]])
     while (nearest < 0).any():

@@ -1,6 +1,6 @@
-"""Meshes of any kind: files, and meshes of other libraries, of which copies with other vertices are made.
+"""Conversion of files and third-party meshes to meshes, and copies with moved vertices.
 
-No other library is imported here: one whose mesh is handed in has been imported already.
+Third-party libraries are not imported here: the library of a given mesh has been imported already.
 """
 
 import copy
@@ -20,7 +20,7 @@ from cascadenorm.mesh.welding import weld
 
 
 class Adapter(NamedTuple):
-    """How to take vertices and triangles out of a mesh of another library, and copy it with other vertices."""
+    """Functions that extract vertices and triangles from a third-party mesh, and copy it with other vertices."""
 
     arrays: Callable[[Any], tuple[NDArray[Any], NDArray[Any]]]
     with_vertices: Callable[[Any, NDArray[Any]], Any]
@@ -32,7 +32,7 @@ def adapter(mesh: object) -> Adapter:
     Raises
     ------
     MeshError
-        A kind of object that is not known.
+        The kind of object is unknown.
     """
     hint = "pass (vertices, faces), a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or meshio"
     for kind in type(mesh).__mro__:
@@ -49,7 +49,7 @@ def adapter(mesh: object) -> Adapter:
 
 
 def as_mesh(source: Any) -> Mesh:
-    """Return the triangles of a mesh of any kind: all public functions convert what they are given by this one.
+    """Return the triangles of a mesh of any kind. All public functions use this conversion.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def as_mesh(source: Any) -> Mesh:
     Raises
     ------
     MeshError
-        No valid mesh; its subclass ReadError where a file cannot be read.
+        The source is not a valid mesh. The subclass ReadError is raised if a file cannot be read.
     """
     if isinstance(source, Mesh):
         return source
@@ -72,7 +72,7 @@ def as_mesh(source: Any) -> Mesh:
 
 
 def as_file(source: Any) -> io.MeshFile:
-    """Return a mesh of any kind, as `as_mesh` takes, as a file that can be written."""
+    """Return a mesh of any kind that `as_mesh` accepts as a file that can be written."""
     if isinstance(source, io.MeshFile):
         return source
     if isinstance(source, str | PathLike) or hasattr(source, "read"):
@@ -81,7 +81,7 @@ def as_file(source: Any) -> io.MeshFile:
 
 
 def arrays_of(mesh: Any) -> tuple[ArrayLike, ArrayLike]:
-    """Return vertices and faces, unchecked, of a `Mesh`, a pair of arrays or a mesh of another library."""
+    """Return vertices and faces, unchecked, of a `Mesh`, a pair of arrays or a third-party mesh."""
     if isinstance(mesh, Mesh):
         return mesh.vertices, mesh.faces
     if is_pair(mesh):
@@ -101,7 +101,7 @@ def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
 
 
 def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
-    """Return the triangles of a file that was read; errors begin with its name."""
+    """Return the triangles of a file that was read. Error messages start with its name."""
     try:
         return file.mesh
     except io.ReadError:
@@ -111,7 +111,7 @@ def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
 
 
 def source_name(source: str | PathLike[str] | BinaryIO) -> str:
-    """Return what messages call a file or a stream."""
+    """Return the name of a file or a stream for messages."""
     return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))
 
 
@@ -120,7 +120,7 @@ def _trimesh_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
-    moved = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.copy()  # the vertices of a primitive are fixed
+    moved = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.copy()  # the vertices of a primitive cannot be changed
     moved.vertices = vertices
     return moved
 
@@ -140,7 +140,7 @@ def _pyvista_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 
 
 def _has_faces(mesh: Any) -> bool:
-    """Whether a vtkPolyData is more than points and lines, which are refused where any mesh without faces is."""
+    """Whether a vtkPolyData has faces. If it has only points and lines, it is rejected as a mesh without faces."""
     return bool(mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips())
 
 
@@ -167,7 +167,7 @@ def _vtk_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 
 
 def _renew_vtk_normals(moved: Any, points: NDArray[Any], triangles: NDArray[Any], vertices: NDArray[Any]) -> None:
-    """Write the normals of a vtkPolyData anew whose triangles have moved from points to vertices."""
+    """Recompute the normals of a vtkPolyData whose triangles have moved from `points` to `vertices`."""
     numpy_support = import_module("vtkmodules.util.numpy_support")
     each = np.repeat(np.arange(len(triangles))[:, None], 3, axis=1)
     for data, corners in ((moved.GetPointData(), triangles), (moved.GetCellData(), each)):
@@ -186,7 +186,7 @@ def _renewed(
     triangles: NDArray[Any],
     vertices: NDArray[Any],
 ) -> NDArray[Any]:
-    """Return stored normals anew, in their type, where triangles have moved from points to vertices."""
+    """Return recomputed normals, in their stored type, for triangles that have moved from `points` to `vertices`."""
     faces = triangles.astype(np.int64)
     welds, _ = weld(points, faces)
     normals, _ = renewed_normals(Normals(values, corners.astype(np.int64)), faces, welds, points, vertices)
@@ -233,7 +233,7 @@ def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
             ends = np.cumsum([len(mesh.cells[i].data) for i in flat])[:-1]
             for i, part in zip(flat, np.split(normals, ends), strict=True):
                 moved.cell_data[name][i] = part
-    if all(name in moved.point_data for name in ("nx", "ny", "nz")):  # as PLY names them
+    if all(name in moved.point_data for name in ("nx", "ny", "nz")):  # names as in PLY
         stored = np.stack([moved.point_data[name] for name in ("nx", "ny", "nz")], axis=1)
         moved.point_data.update(zip(("nx", "ny", "nz"), renewed(stored, triangles).T, strict=True))
     return moved
@@ -254,4 +254,4 @@ CONVERSIONS = {
     ("pyvista", "UnstructuredGrid"): "its surface, grid.extract_surface().triangulate()",
     ("vtkmodules", "vtkUnstructuredGrid"): "its surface, by vtkGeometryFilter and vtkTriangleFilter",
 }
-"""How to get a mesh from other objects, in words."""
+"""How to convert other objects to a mesh, in words."""

@@ -1,4 +1,4 @@
-"""JSON as the commands print it and the manifest of a batch holds it."""
+"""JSON as printed by commands and stored in batch manifests."""
 
 import json
 import math
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def json_text(content: Any, *, indent: int | None = None) -> str:
-    """Return content as JSON; numbers that JSON does not have become text, such as "inf"."""
+    """Return content as JSON. Numbers that JSON does not support become text, such as "inf"."""
     return json.dumps(_finite(content), indent=indent, default=str, allow_nan=False)
 
 

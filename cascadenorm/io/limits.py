@@ -1,4 +1,7 @@
-"""How much memory the content of a file may take, relative to its size."""
+"""Limits on the memory that the content of a file may need.
+
+The limit is relative to the size of the file.
+"""
 
 import os
 from zipfile import ZipFile
@@ -6,15 +9,15 @@ from zipfile import ZipFile
 from cascadenorm.errors import ParameterError, ReadError
 
 VARIABLE = "CASCADENORM_MAX_EXPANSION"
-"""Environment variable with the largest expansion, in the place of EXPANSION."""
+"""Environment variable that overrides EXPANSION."""
 EXPANSION = 200.0
-"""Bytes that a byte of a file may expand to; compressed meshes reach 20."""
+"""Largest expansion: bytes in memory per byte of a file. Compressed meshes reach 20."""
 ALWAYS = 100_000_000
 """Bytes that a file of any size may expand to."""
 
 
 def check_expansion(needed: float, size: int, what: str) -> None:
-    """Raise ReadError where content takes more memory than a file of its size may expand to.
+    """Raise ReadError if content needs more memory than a file of its size may expand to.
 
     Parameters
     ----------
@@ -33,12 +36,12 @@ def check_expansion(needed: float, size: int, what: str) -> None:
 
 
 def expansion_limit(size: int) -> float:
-    """Return how many bytes a file of a size may expand to."""
+    """Return the number of bytes that a file of a given size may expand to."""
     return max(ALWAYS, _expansion() * size)
 
 
 def check_archive(archive: ZipFile, size: int) -> None:
-    """Raise ReadError where the files in an archive, of which at most their announced sizes are read, are too large."""
+    """Raise ReadError if the declared sizes of the files in an archive are too large. No more is ever read."""
     check_expansion(sum(entry.file_size for entry in archive.infolist()), size, "the files in this archive")
 
 

@@ -1,4 +1,4 @@
-"""The textures that a library of materials of an OBJ file names."""
+"""Textures that the material library of an OBJ file references."""
 
 import os
 import re
@@ -10,6 +10,6 @@ TEXTURE_LINE = re.compile(KEYWORD + rb"(?:" + OPTION + rb")*([^\r\n]*\S)", re.M 
 
 
 def textures(library: bytes, name: str) -> list[str]:
-    """Return the names of textures, relative to what the name of the library itself is relative to."""
+    """Return the names of textures, relative to the same folder as the name of the library."""
     found = {os.fsdecode(match[1]).replace("\\", "/") for match in TEXTURE_LINE.finditer(library)}
     return sorted((PurePath(name).parent / texture).as_posix() for texture in found)

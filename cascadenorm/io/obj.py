@@ -1,4 +1,4 @@
-"""Wavefront OBJ: its lines, of which only the numbers of `v` and `vn` are ever replaced."""
+"""Wavefront OBJ: replace the numbers of `v` and `vn` and keep all lines."""
 
 import os
 from collections.abc import Iterable
@@ -30,14 +30,14 @@ KEPT_ELSEWHERE = {
     "l": "lines",
     "p": "points",
 }
-STATES = (b"o", b"g", b"usemtl", b"s")  # what holds for all faces until it is said anew
+STATES = (b"o", b"g", b"usemtl", b"s")  # states that apply to all following faces
 LABEL_KEYWORDS = {"usemtl": "material", "o": "object", "g": "group"}
 
 
 class ObjFile(MeshFile):
-    """An OBJ file; everything but positions and normals is kept. Positions are float64.
+    """An OBJ file. Everything except positions and normals is kept. Positions are float64.
 
-    A normal is recomputed from the faces that use it at a corner, so that creases stay creases.
+    A normal is recomputed from the faces that use it at a corner, which preserves creases.
     """
 
     format = "obj"
@@ -58,7 +58,7 @@ class ObjFile(MeshFile):
         return text.numbers(self._words), Polygons.from_counts(counts, corners)
 
     def _references(self, field: int, lines: Offsets) -> NDArray[np.int64]:
-        """Return what each corner names in its field (of v/vt/vn), counted from 0 among the lines; -1 where nothing."""
+        """Return the index in a field (of v/vt/vn) of each corner, counted from 0 among the lines; -1 if empty."""
         if field and not len(self._slashes):
             return np.full(len(self._corners), -1)
         numbers = np.zeros(len(self._corners), np.int64)
@@ -74,7 +74,7 @@ class ObjFile(MeshFile):
         return numbers
 
     def _field(self, field: int, words: Offsets) -> tuple[Offsets, Offsets]:
-        """Return where a field of words begins and ends; it may be empty."""
+        """Return where a field of words begins and ends. It may be empty."""
         starts, ends = self._text.starts[words], self._text.ends[words]
         if not len(self._slashes):
             return starts, ends
@@ -96,10 +96,10 @@ class ObjFile(MeshFile):
         return respelled(text, *replaced)
 
     def with_patches(self, patches: HolePatches) -> "ObjFile":
-        """Return this file with further vertices and triangles at its end; all of its bytes stay.
+        """Return this file with additional vertices and triangles at its end. Existing bytes are kept.
 
-        Colours are blended between those around. A triangle is of the object, group, material and smoothing group of
-        the nearest face; it has no texture coordinates and no normals.
+        Colours are interpolated from the surroundings. A triangle has the object, group, material and smoothing group
+        of the nearest face, but no texture coordinates and no normals.
         """
         rows = [b"v " + row for row in rows_of(patches.positions)]
         width = (self._text.stop - self._text.first)[self._vertices] - 1
@@ -128,7 +128,7 @@ class ObjFile(MeshFile):
         return b" ".join(self._text.word(word) for word in range(first, last + 1))
 
     def refers_to(self) -> dict[str, bool]:
-        """Return the names of libraries of materials, and of their textures."""
+        """Return the names of material libraries and of their textures."""
         text, names = self._text, list[str]()
         for line in text.lines_with(b"mtllib"):
             first, last = text.first[line] + 1, text.stop[line] - 1
@@ -141,7 +141,7 @@ class ObjFile(MeshFile):
         return dict.fromkeys(names, False)
 
     def _libraries(self, names: str) -> list[str]:
-        """Split the names of a line: a name may have spaces in it, or be followed by another one."""
+        """Split the names of a line. A name may contain spaces or be followed by another one."""
         apart = names.split()
         together = file_beside(self.folder, names) is not None
         return apart if not together and all(file_beside(self.folder, name) for name in apart) else [names]
@@ -169,7 +169,7 @@ class ObjFile(MeshFile):
         if not len(lines) or (named < 0).any() or (named >= len(lines)).any():
             return {}
         owners, missing = self.polygons.owners, self.polygons.out_of_range(len(self.positions))
-        exist = ~np.isin(owners, owners[missing]) if missing.any() else ~missing  # other formats leave such faces out
+        exist = ~np.isin(owners, owners[missing]) if missing.any() else ~missing  # other formats omit such faces
         corners, named = self.polygons.corners[exist], named[exist]
         of_position = np.full(len(self.positions), -1)
         of_position[corners] = named
@@ -180,7 +180,7 @@ class ObjFile(MeshFile):
         return dict(zip(TEXTURE, used.T, strict=True))
 
     def face_labels(self) -> list[Labels]:
-        """Return materials, objects and groups; a face that is in several groups has a label for each."""
+        """Return materials, objects and groups. A face in several groups has a label for each."""
         labels = []
         for keyword, kind in LABEL_KEYWORDS.items():
             lines = self._text.lines_with(keyword.encode())
@@ -213,7 +213,7 @@ class ObjFile(MeshFile):
 
 
 def _face_lines(polygons: Polygons, textured: bool) -> list[bytes]:
-    """Spell the corners of each face, counted from 1; where textured, each with the same number for its texture."""
+    """Format the corners of each face, counted from 1. If textured, each corner has the same texture index."""
     corners, counts = polygons.corners + 1, polygons.counts
     if len(counts) and (counts == counts[0]).all() and not textured:
         return [lines_of(b"f", corners.reshape(len(counts), counts[0]))]

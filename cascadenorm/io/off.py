@@ -1,4 +1,7 @@
-"""OFF and its variants COFF, NOFF, STOFF, 4OFF in text: vertices, then polygons, a line each."""
+"""OFF in text and its variants COFF, NOFF, STOFF and 4OFF.
+
+The file lists vertices, then polygons, one per line.
+"""
 
 import re
 from collections.abc import Iterable
@@ -17,11 +20,11 @@ from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, ranges
 
-OFF_HEADER = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")  # in linear time
+OFF_HEADER = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")
 
 
 class OffFile(MeshFile):
-    """An OFF file; comments, colours and further columns are kept. Positions are float64."""
+    """An OFF file. Comments, colours and additional columns are kept. Positions are float64."""
 
     format = "off"
 
@@ -69,7 +72,7 @@ class OffFile(MeshFile):
     def _read_content(self) -> Content:
         counts = self.polygons.counts
         skipped = 3 + 3 * ("N" in self._flavour) + ("4" in self._flavour)
-        texture = 2 * ("ST" in self._flavour)  # which comes last
+        texture = 2 * ("ST" in self._flavour)  # they come last
         colors = self._colors(self._vertices, np.full(len(self._vertices), skipped), after=texture)
         face_colors = self._colors(self._faces, 1 + counts)
         further = (self._text.stop - self._text.first)[self._faces] > 1 + counts
@@ -84,7 +87,7 @@ class OffFile(MeshFile):
         )
 
     def _colors(self, lines: Offsets, skipped: Offsets, *, after: int = 0) -> dict[str, NDArray[np.uint8]]:
-        """Return the channels that follow the skipped words, if every line has three or four before those after."""
+        """Return the channels after the skipped words, if each line has three or more before the last `after` words."""
         further = self._text.stop[lines] - self._text.first[lines] - skipped - after
         if not len(lines) or further.min() < 3:
             return {}
@@ -108,7 +111,7 @@ def _table(colors: dict[str, NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
 
 
 def _face_lines(polygons: Polygons, colors: list[NDArray[np.uint8]]) -> list[bytes]:
-    """Spell the number of corners of each face, the corners, and the colours, if there are any."""
+    """Format the number of corners of each face, the corners, and the colours, if there are any."""
     counts = polygons.counts
     if len(counts) and (counts == counts[0]).all():
         return [lines_of(b"%d" % counts[0], polygons.corners.reshape(len(counts), counts[0]), *colors)]

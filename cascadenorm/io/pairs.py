@@ -1,4 +1,4 @@
-"""Folders of noisy/clean pairs, found on disk."""
+"""Folders with noisy/clean pairs of mesh files."""
 
 from collections.abc import Iterable
 from os import PathLike
@@ -12,12 +12,18 @@ Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
 
 class FilePair(NamedTuple):
-    """Two files of the same surface.
+    """A noisy and a clean file of the same surface.
 
     Parameters
     ----------
+    name
+        Name of the pair.
+    noisy
+        Noisy mesh.
+    clean
+        Clean mesh.
     seed
-        Of the noise that was added to the clean mesh; None where the noisy one was given.
+        Seed of the noise that was added to the clean mesh; None if the noisy mesh was given.
     """
 
     name: str
@@ -27,12 +33,12 @@ class FilePair(NamedTuple):
 
 
 def find_pairs(folders: Paths) -> list[FilePair]:
-    """List the pairs `noisy.*` + `clean.*` in each folder itself and in the folders in it, by name, each once.
+    """List the pairs `noisy.*` + `clean.*` in the given folders and their direct subfolders, each once.
 
     Raises
     ------
     ReadError
-        A folder that does not exist or holds no pair, half a pair, two files of one name.
+        A folder does not exist or holds no pair, an incomplete pair, or several files for one mesh.
     """
     known: dict[Path, FilePair] = {}
     for folder in paths_of(folders):
@@ -50,7 +56,7 @@ def find_pairs(folders: Paths) -> list[FilePair]:
 
 
 def result_file(folder: Path, pair: FilePair) -> Path:
-    """Return the mesh `<name of the pair>.*` in a folder of results; raises ReadError unless there is just one."""
+    """Return the mesh `<name of the pair>.*` in a folder of results. Raises ReadError unless there is exactly one."""
     files = sorted(file for file in folder.iterdir() if file.stem == pair.name and is_mesh_name(file))
     if len(files) != 1:
         found = f"{len(files)} meshes" if files else "no mesh"
@@ -63,13 +69,13 @@ def paths_of(places: Paths) -> list[Path]:
 
 
 def _pair(folder: Path) -> FilePair | None:
-    """Return the pair in a folder; None where there is neither half of one."""
+    """Return the pair in a folder, or None if it contains neither mesh."""
     if not folder.is_dir():
         return None
     halves = {}
     for half in ("noisy", "clean"):
         files = sorted(file for file in folder.glob(f"{half}.*") if file.is_file())
-        files = [file for file in files if is_mesh_name(file)] or files  # beside them may lie what they name
+        files = [file for file in files if is_mesh_name(file)] or files  # the others may be referenced files
         if len(files) > 1:
             raise ReadError(f"{folder} holds {len(files)} files {half}.*: leave one")
         if files:

@@ -1,4 +1,7 @@
-"""PolyData of VTK, as XML (VTP) and in legacy VTK files, through VTK: the data of points and cells are kept."""
+"""VTK PolyData in XML (VTP) and legacy files, read and written by VTK.
+
+The data of points and cells are kept.
+"""
 
 import importlib.util
 import re
@@ -22,7 +25,7 @@ LEGACY = re.compile(rb"#\s*vtk DataFile[^\n]*\n[^\n]*\n\s*(ASCII|BINARY)\s+DATAS
 
 
 class PolyDataFile(MeshFile):
-    """A VTP file; positions are float32 or float64. Vertices and lines among its cells are kept."""
+    """A VTP file. Positions are float32 or float64. Vertex and line cells are kept."""
 
     format = "vtp"
     moving_loses = ("what VTK does not keep (comments, layout)",)
@@ -123,7 +126,7 @@ class PolyDataFile(MeshFile):
 
 
 class LegacyPolyDataFile(PolyDataFile):
-    """A legacy VTK file that holds PolyData; one that holds a grid is a `VtkFile`."""
+    """A legacy VTK file with PolyData. Files with grids are read by `VtkFile`."""
 
     format = "vtk"
 
@@ -150,12 +153,12 @@ POLYDATA = {"vtp": PolyDataFile}
 
 
 def is_vtk_installed() -> bool:
-    """Test whether VTK is there."""
+    """Whether VTK is installed."""
     return importlib.util.find_spec("vtkmodules") is not None
 
 
 def _array(array: Any) -> NDArray[Any]:
-    """Return a view of an array of VTK."""
+    """Return a view of a VTK array."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     return np.asarray(vtk_to_numpy(array))
@@ -179,7 +182,7 @@ def _written_by(writer: Any, surface: Any, format: str) -> bytes:
 
 
 def _run(work: Any) -> str:
-    """Call a function of VTK; return the first error that it reports, or an empty text."""
+    """Call a function of VTK. Returns the first error that it reports, or an empty string."""
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
     window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()

@@ -1,4 +1,7 @@
-"""Files that a mesh file references relative to its folder. Nothing outside that folder is read."""
+"""Files that a mesh file references relative to its folder.
+
+Files outside that folder are never read.
+"""
 
 import os
 from pathlib import Path, PureWindowsPath
@@ -6,7 +9,7 @@ from pathlib import Path, PureWindowsPath
 
 def is_within(name: str) -> bool:
     """Whether a relative name stays within its folder on every operating system."""
-    path = PureWindowsPath(name)  # which knows drives, and both kinds of slashes
+    path = PureWindowsPath(name)  # it recognises drives and both kinds of slashes
     depth = 0
     for part in path.parts:
         depth += -1 if part == ".." else 1

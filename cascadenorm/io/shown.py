@@ -1,4 +1,4 @@
-"""The meshes that a scene shows, joined into one mesh for other formats."""
+"""Join the meshes that a scene shows into one mesh."""
 
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple, TypeVar
@@ -12,13 +12,13 @@ from cascadenorm.mesh.polygons import Polygons, ranges
 
 Values = dict[str, NDArray[Any]]
 Matrix = NDArray[np.float64]
-"""(4, 4) transform of columns."""
+"""(4, 4) transform of column vectors."""
 Key = TypeVar("Key", bound=Hashable)
 
 NODE = 200
-"""Bytes that an instance takes, about."""
+"""Approximate memory in bytes of an instance."""
 LARGEST = 1e30
-"""Of the numbers of a transform."""
+"""Upper bound on the numbers of a transform."""
 
 
 class Shown(NamedTuple):
@@ -30,7 +30,7 @@ class Shown(NamedTuple):
     face_values: Values
 
     def placed(self, matrix: Matrix) -> "Shown":
-        """Return the transformed mesh; a mirroring transform reverses the faces."""
+        """Return the transformed mesh. A mirroring transform reverses the faces."""
         if np.array_equal(matrix, np.eye(4)):
             return self
         mirrored = np.linalg.det(matrix[:3, :3]) < 0
@@ -41,7 +41,7 @@ class Shown(NamedTuple):
 
 
 def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, Values, Values]:
-    """Join meshes: positions, polygons, and the vertex and face values that all of them have."""
+    """Join meshes. Returns positions, polygons, and the vertex and face values that all of them have."""
     first = np.cumsum([0, *(len(mesh.positions) for mesh in shown)])
     none = np.zeros(0, np.int64)
     corners = []
@@ -58,7 +58,7 @@ def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, Values, Valu
 
 
 def reversed_polygons(polygons: Polygons) -> tuple[Polygons, NDArray[np.int64]]:
-    """Return polygons of the opposite orientation, and the previous place of each of their corners."""
+    """Return polygons of the opposite orientation, and the previous index of each of their corners."""
     counts, ends = polygons.counts, polygons.indptr[1:]
     places = np.repeat(2 * ends - counts - 1, counts) - ranges(ends - counts, counts)
     return Polygons(polygons.indptr, polygons.corners[places]), places
@@ -84,13 +84,13 @@ def placements(
     Parameters
     ----------
     roots
-        What the scene shows itself.
+        Objects at the top level of the scene.
     inner
-        What an object contains, in its own frame.
+        Returns the contents of an object, in its own frame.
     nbytes
-        Memory that one instance of an object needs.
+        Returns the memory that one instance of an object needs.
     size
-        Bytes of the file, which the instances are held against before any is made.
+        Bytes of the file. The memory of the instances is checked against it before any is created.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Referenced files, such as textures, that are copied when a mesh file is written into another folder."""
+"""Copy referenced files, such as textures, to the folder of an output."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,7 +8,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.references import content_beside, is_within
 
 MOST_SHOWN = 80
-"""Characters of a name that messages show."""
+"""Number of characters of a name that messages show."""
 
 
 def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path, Iterable[Piece]], list[str]]:
@@ -17,15 +17,15 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
     Parameters
     ----------
     file
-        References other files relative to its own folder.
+        File with references relative to its folder.
     target
         Path of the output.
     force
-        Files with other content may be replaced.
+        Whether files with other content may be replaced.
 
     Returns
     -------
-    Contents by path, empty if the target is in the folder of the file; and the references that are missing or outside
+    Contents by path, empty if the target is in the folder of the file, and the references that are missing or outside.
 
     Raises
     ------
@@ -65,5 +65,5 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
 
 
 def _shown(name: str) -> str:
-    """Return a name for messages, cut where it is long."""
+    """Return a name for messages, truncated if it is long."""
     return repr(name if len(name) <= MOST_SHOWN else f"{name[:MOST_SHOWN]}…")

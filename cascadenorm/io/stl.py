@@ -1,4 +1,4 @@
-"""STL: triangles with their own corners, binary or in text; welded inside."""
+"""STL in text and binary, with coincident corners welded."""
 
 from collections.abc import Iterable, Iterator
 from itertools import chain
@@ -17,11 +17,11 @@ from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, largest_coordinate, triangulate, unit_normals
 
 RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-HEADER = 84  # 80 bytes of anything, then the number of triangles
+HEADER = 84  # 80 arbitrary bytes, then the number of triangles
 
 
 class StlFile(MeshFile):
-    """An STL file; the header and the attribute bytes, or the names and the layout of the text, are kept.
+    """An STL file. The header and attribute bytes, or the names and layout of a text, are kept.
 
     Positions are float32 in a binary file and float64 in a text.
     """
@@ -60,7 +60,7 @@ class StlFile(MeshFile):
         return respelled(text, *replaced)
 
     def _moved_records(self, moved: NDArray[np.bool_], largest: float) -> Iterator[Piece]:
-        """Return the records with the present positions, and the normals of those that moved, block by block."""
+        """Yield the records with the current positions, and new normals where these moved, block by block."""
         corners = self.positions.reshape(-1, 3, 3)
         for block in blocks(len(moved), 12):
             records = self._records[block].copy()
@@ -100,7 +100,7 @@ class StlFile(MeshFile):
 
 
 def is_binary_stl(data: bytes) -> bool:
-    """Test by the length, since binary files too may begin with 'solid'."""
+    """Test by length, since binary files may also begin with 'solid'."""
     return len(data) == HEADER + int.from_bytes(data[80:HEADER], "little") * RECORD.itemsize
 
 
@@ -111,13 +111,13 @@ def _is_text(data: bytes) -> bool:
 
 
 def _has_records(data: bytes) -> bool:
-    """Test for as many records as are announced, and zero bytes, which a text has none of; more may follow."""
+    """Test for at least the declared number of records, and for null bytes, which do not occur in text."""
     count = int.from_bytes(data[80:HEADER], "little")
     return 0 < count * RECORD.itemsize <= len(data) - HEADER and b"\0" in data[: HEADER + RECORD.itemsize]
 
 
 def _facets(text: Text) -> tuple[Offsets, Offsets]:
-    """Return the lines of facets and of their corners; raises ReadError where they do not go together."""
+    """Return the lines of facets and of their corners. Raises ReadError if they do not match."""
     facets, vertices = text.lines_with(b"facet"), text.lines_with(b"vertex")
     ends, solids, solid_ends = (text.lines_with(word) for word in (b"endfacet", b"solid", b"endsolid"))
     if len(ends) != len(facets) or len(solid_ends) != len(solids):

@@ -1,4 +1,4 @@
-"""Write all bytes to a stream, however few it takes at a time."""
+"""Write all bytes to a stream that may accept few at once."""
 
 import io
 from collections.abc import Iterable
@@ -10,7 +10,7 @@ from cascadenorm.io.base import Piece
 
 
 def write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
-    """Write pieces to a stream and flush it; waits where it is full and does not block.
+    """Write pieces to a stream and flush it. Waits while a non-blocking stream is full.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def _write(stream: BinaryIO, left: memoryview) -> None:
         except BlockingIOError as error:
             written = error.characters_written
             _wait(stream)
-        if isinstance(stream, io.RawIOBase) and written is None:  # it is full
+        if isinstance(stream, io.RawIOBase) and written is None:  # the stream is full
             _wait(stream)
             continue
         left = left[len(left) if written is None else written :]
@@ -50,7 +50,7 @@ def _flush(stream: BinaryIO) -> None:
 
 
 def _wait(stream: BinaryIO) -> None:
-    """Wait until a stream takes bytes again."""
+    """Wait until a stream accepts bytes again."""
     with DefaultSelector() as selector:
         selector.register(stream, EVENT_WRITE)
         selector.select()

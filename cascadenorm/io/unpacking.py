@@ -1,4 +1,7 @@
-"""Limit what meshio and nibabel decompress: a few bytes can expand to a thousand times as many."""
+"""Limit how much meshio and nibabel decompress.
+
+A few bytes can expand to a thousand times as many.
+"""
 
 import lzma
 import sys
@@ -12,7 +15,7 @@ from typing import Any
 from cascadenorm.io.limits import check_expansion, expansion_limit
 
 _room: ContextVar["_Room | None"] = ContextVar("room", default=None)
-"""Memory that is left for decompression inside a block of `limited_expansion`."""
+"""Remaining memory for decompression inside a block of `limited_expansion`."""
 
 
 class _Room:
@@ -32,7 +35,7 @@ class _Limited:
         return getattr(self._module, name)
 
     def decompress(self, data: bytes) -> bytes:
-        """Return decompressed data; raises ReadError beyond the limit."""
+        """Return decompressed data. Raises ReadError beyond the limit."""
         room = _room.get()
         if room is None:
             return bytes(self._module.decompress(data))

@@ -1,8 +1,8 @@
-"""Names of files that are URLs."""
+"""File names that are URLs."""
 
 import re
 
 
 def is_url(name: object) -> bool:
-    """Test whether a name is a URL; "C://" is a drive."""
+    """Whether a name is a URL. "C://" is a drive."""
     return isinstance(name, str) and re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", name) is not None

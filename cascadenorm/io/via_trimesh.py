@@ -1,4 +1,7 @@
-"""Formats that trimesh reads; they are written in other formats, with what trimesh holds of them."""
+"""Formats that trimesh reads.
+
+Such files can only be written in other formats, with the content that trimesh provides.
+"""
 
 import logging
 from collections.abc import Iterable
@@ -24,28 +27,28 @@ TRIMESH_NEEDS = {
     "xaml": "lxml",
     "zae": "pycollada",
 }
-"""Packages to be installed for a format."""
+"""Packages that a format requires."""
 
 INPUTS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")
 
 
 class TrimeshFile(MeshFile):
-    """A scene of one or more meshes as trimesh holds it; positions are float64, in the frame of each mesh."""
+    """A scene of one or more meshes from trimesh. Positions are float64, in the frame of each mesh."""
 
     def _parse(self) -> tuple[NDArray[np.float64], Polygons]:
         import trimesh
 
         _check_sizes(self.data, self.format)
-        logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else its warnings go to stderr
+        logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise its warnings go to stderr
         try:
             with np.errstate(all="ignore"):
                 self._scene = trimesh.load_scene(BytesIO(self.data), file_type=self.format, process=False)
-        except Exception as error:  # each of its parsers raises what it likes
+        except Exception as error:  # the parsers raise errors of any type
             raise ReadError(f"trimesh cannot read this as {self.format}: {reason(error)}") from None
         self._meshes = [g for g in self._scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
         if not self._meshes:
             raise ReadError(f"trimesh finds no triangle mesh in this {self.format} file")
-        if not self._scene.graph.nodes_geometry:  # it shows none of them: a library
+        if not self._scene.graph.nodes_geometry:  # a library, of which the scene shows nothing
             self._scene = trimesh.Scene(self._meshes)
         sizes = [len(mesh.vertices) for mesh in self._meshes]
         self._first = np.concatenate([[0], np.cumsum(sizes)])
@@ -55,7 +58,7 @@ class TrimeshFile(MeshFile):
         return positions, Polygons.from_rows(np.concatenate(faces))
 
     def _moved(self) -> "TrimeshFile":
-        """Return a file of its own whose scene holds the present positions."""
+        """Return a new file whose scene has the current positions."""
         file = type(self)(self.data, self.folder)
         for mesh, first, stop in zip(file._meshes, self._first[:-1], self._first[1:], strict=True):
             mesh.vertices = self.positions[first:stop]
@@ -65,11 +68,11 @@ class TrimeshFile(MeshFile):
         raise OutputError(f"the format '{self.format}' cannot be written: choose ply, obj or glb")
 
     def content(self) -> Content:
-        """Return what other formats can take over."""
+        """Return the content that other formats can store."""
         return (self._moved() if self.has_moved else self)._read_content().without_out_of_range()
 
     def _read_content(self) -> Content:
-        """Return all meshes, each as often as the scene shows it and where it shows it."""
+        """Return all meshes, once for each time that the scene shows them, and transformed as shown."""
         shown = [(matrix, self._scene.geometry[name]) for matrix, name in map(self._scene.graph.get, self._nodes())]
         shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
         copies = sum(len(mesh.vertices) + len(mesh.faces) for _, mesh in shown)
@@ -90,26 +93,26 @@ class TrimeshFile(MeshFile):
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
-        """Raise OutputError: trimesh is used for reading alone."""
+        """Raise OutputError, since trimesh is only used for reading."""
         raise OutputError(f"the format '{cls.format}' cannot be written: choose ply, obj or glb")
 
 
 def trimesh_kind(format: str) -> type[TrimeshFile] | None:
-    """Return the class for an extension, or None where trimesh does not know it."""
+    """Return the class for an extension, or None if trimesh does not support it."""
     if format not in trimesh_formats():
         return None
     return cast(type[TrimeshFile], type(f"TrimeshFile({format})", (TrimeshFile,), {"format": format}))
 
 
 def trimesh_formats() -> list[str]:
-    """Return the extensions that trimesh knows with the packages installed here."""
+    """Return the extensions that trimesh supports with the installed packages."""
     import trimesh
 
     return sorted({*INPUTS} & {*trimesh.available_formats()})
 
 
 def _check_sizes(data: bytes, format: str) -> None:
-    """Raise ReadError where a file announces more than it can hold."""
+    """Raise ReadError if a file declares more than it can contain."""
     documents: list[bytes] = []
     if format in ("3dxml", "zae"):
         try:
@@ -119,15 +122,15 @@ def _check_sizes(data: bytes, format: str) -> None:
                 documents = [archive.read(name) for name in names if name.lower().endswith(".dae")]
         except ReadError:
             raise
-        except Exception as error:  # of a damaged archive
+        except Exception as error:  # a damaged archive
             raise ReadError(f"this {format} file is a damaged archive: {reason(error)}") from None
     for document in documents:
-        corners = 8 * _corner_count(document)  # of each an index is made, and some copies
+        corners = 8 * _corner_count(document)  # each corner needs an index and some copies
         check_expansion(5 * corners, len(data), "the polygons of this COLLADA file")
 
 
 def _corner_count(document: bytes) -> int:
-    """Return the number of corners that the polygons of a COLLADA document announce."""
+    """Return the number of corners that the polygons of a COLLADA document declare."""
     total = 0
     try:
         for _, element in iterparse(BytesIO(document)):

@@ -1,4 +1,7 @@
-"""VTK in its legacy form and as XML (VTU), Gmsh and Abaqus, through meshio: data of points and cells are kept."""
+"""Formats that meshio reads: VTK grids (legacy and VTU), Gmsh and Abaqus.
+
+The data of points and cells are kept.
+"""
 
 import copy
 import importlib.util
@@ -26,10 +29,10 @@ GRID = re.compile(rb"^[ \t]*DIMENSIONS((?:[ \t]+\d+)+)", re.M | re.I)
 
 
 class MeshioFile(MeshFile):
-    """A grid whose cells are polygons; positions are float32 or float64."""
+    """A grid whose cells are polygons. Positions are float32 or float64."""
 
-    module: ClassVar[str]  # of meshio
-    made_with: ClassVar[dict[str, Any]] = {}  # how content of other formats is written
+    module: ClassVar[str]  # module of meshio
+    made_with: ClassVar[dict[str, Any]] = {}  # options for writing content of other formats
     moving_loses = ("what meshio does not keep (title, layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
@@ -40,7 +43,7 @@ class MeshioFile(MeshFile):
                 self._grid = self._load()
         except ReadError:
             raise
-        except Exception as error:  # its parsers raise what they like
+        except Exception as error:  # the parsers raise errors of any type
             raise ReadError(f"meshio cannot read this as {self.format}: {reason(error)}") from None
         points = np.asarray(self._grid.points)
         if points.ndim != 2 or points.shape[1] != 3:
@@ -61,7 +64,7 @@ class MeshioFile(MeshFile):
     def _load(self) -> Any:
         import meshio
 
-        if grid := GRID.search(self.data[:10_000]):  # whose points and cells are not in the file
+        if grid := GRID.search(self.data[:10_000]):  # a grid whose points and cells are not stored in the file
             points = math.prod(map(int, grid[1].split()))
             check_expansion(100 * points, len(self.data), "the points of this grid")
 
@@ -83,7 +86,7 @@ class MeshioFile(MeshFile):
         return [_written(grid, self.module, self.format, self._options())]
 
     def _renewed_cell_normals(self, blocks: list[Any]) -> list[Any]:
-        """Return normals of cells, a block of them for each block of cells."""
+        """Return cell normals, one block for each block of cells."""
         faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACE_CELLS]
         if any(np.ndim(blocks[i]) != 2 or np.shape(blocks[i])[1] != 3 for i in faces):
             return blocks
@@ -95,7 +98,7 @@ class MeshioFile(MeshFile):
         return [new[i].astype(block.dtype) if i in new else block for i, block in enumerate(blocks)]
 
     def _options(self) -> dict[str, Any]:
-        """Return how to write, as the file was read."""
+        """Return the options that write the file as it was read."""
         return {}
 
     def _read_content(self) -> Content:
@@ -117,7 +120,7 @@ class MeshioFile(MeshFile):
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
-        """Write content with all values of vertices and faces; faces of as many corners follow each other."""
+        """Write content with all values of vertices and faces. Faces are grouped by their number of corners."""
         import meshio
 
         counts, polygons = content.polygons.counts, content.polygons
@@ -138,12 +141,12 @@ class MeshioFile(MeshFile):
 
 
 class VtkFile(MeshioFile):
-    """A legacy VTK file that holds an unstructured grid."""
+    """A legacy VTK file with an unstructured grid."""
 
     format = module = "vtk"
 
     def _options(self) -> dict[str, Any]:
-        """Return the version and the kind that were read."""
+        """Return the version and the encoding of the file that was read."""
         lines = self.data[:1000].splitlines()
         version = re.search(rb"Version (\d+)", lines[0])
         old = version is not None and int(version[1]) < 5
@@ -157,7 +160,7 @@ class VtuFile(MeshioFile):
 
 
 class GmshFile(MeshioFile):
-    """A mesh of Gmsh; it is written in version 2.2, since meshio needs entities for later ones."""
+    """A Gmsh mesh. It is written in version 2.2, since meshio requires entities for later versions."""
 
     format, module = "msh", "gmsh"
     made_with: ClassVar[dict[str, Any]] = {"fmt_version": "2.2"}
@@ -170,13 +173,13 @@ class GmshFile(MeshioFile):
         return grid
 
     def _options(self) -> dict[str, Any]:
-        """Return the version that is written, and the kind that was read."""
+        """Return the version to write and the encoding of the file that was read."""
         found = re.search(rb"\$MeshFormat\s+\d[\d.]*\s+(\d)", self.data)
         return {**self.made_with, "binary": found is None or found[1] == b"1"}
 
 
 class AbaqusFile(MeshioFile):
-    """The nodes and elements of an Abaqus input file; steps and materials are lost where vertices move."""
+    """Nodes and elements of an Abaqus input file. Steps and materials are lost when vertices move."""
 
     format, module = "inp", "abaqus"
     moving_loses = ("what meshio does not keep of an Abaqus file (all but nodes, elements and sets)",)
@@ -192,7 +195,7 @@ MESHIO = {kind.format: kind for kind in (VtkFile, VtuFile, GmshFile, AbaqusFile)
 
 
 def is_installed() -> bool:
-    """Test whether meshio is there."""
+    """Whether meshio is installed."""
     return importlib.util.find_spec("meshio") is not None
 
 
@@ -203,6 +206,6 @@ def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> by
         path = Path(folder) / f"grid.{format}"
         try:
             getattr(meshio, module).write(path, grid, **options)
-        except Exception as error:  # its writers raise what they like
+        except Exception as error:  # the writers raise errors of any type
             raise OutputError(f"meshio cannot write {format}: {reason(error)}: choose ply") from None
         return path.read_bytes()

@@ -1,4 +1,7 @@
-"""The cascade: regress normals, recover vertices, and again from what came out (Wang, Liu, Tong 2016)."""
+"""The cascade of stages (Wang, Liu, Tong 2016).
+
+Each stage regresses normals and moves the vertices to fit them. The next stage starts from the result.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -16,21 +19,22 @@ from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.patches.work import free_derived
 
 CASCADE_FORMATS = ("cascadenorm/7", "cascadenorm/6")
-"""Formats of weights files, the first of which is written. A format stands for the constants in `descriptors` and
-`features` too: add one when a constant changes. The second has the same constants, and other names of weightings."""
+"""Formats of weights files. The first one is written. A format identifies the constants in `descriptors` and
+`features` too: add a format when a constant changes. The second one has the same constants and other names of
+weightings."""
 OLD_WEIGHTINGS = {"heights": "uniform", "angles": "inverse-height"}
 
 
 @dataclass(frozen=True)
 class Cascade:
-    """Regressions applied in turn, each to the vertices recovered from the normals of the one before.
+    """Regressions applied in turn. Each starts from the vertices that the previous one recovered.
 
     Parameters
     ----------
     stages
-        The regressions, in order.
+        Regressions, in order.
     card
-        How it was made and what it reaches: configuration, seed, results; anything that JSON can hold.
+        Model card with configuration, seed and results; any JSON value.
     """
 
     stages: tuple[Regression, ...]
@@ -38,7 +42,7 @@ class Cascade:
 
     @property
     def networks(self) -> dict[str, "Cascade"]:
-        """The only network, without a name; a model with a gate has two."""
+        """The network under an empty name. A model with a gate has two networks."""
         return {"": self}
 
     def steps(self, mesh: Mesh) -> Iterator[Mesh]:
@@ -50,16 +54,16 @@ class Cascade:
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the vertices of the mesh after the last stage, (n, 3)."""
-        for last in self.steps(mesh):  # none is kept once the next one is there
+        for last in self.steps(mesh):  # previous meshes are released
             mesh = last
         return mesh.vertices
 
     def to_bytes(self) -> bytes:
-        """Return the content of a weights file: the same bytes for the same cascade."""
+        """Return the content of a weights file. Equal cascades have equal bytes."""
         return packed({"format": CASCADE_FORMATS[0], **self.header()}, self.tensors())
 
     def header(self) -> dict[str, Any]:
-        """Return everything but the arrays, as JSON can hold it."""
+        """Return everything except the arrays, as JSON values."""
         settings = [asdict(stage.settings) for stage in self.stages]
         return {"stages": settings, "card": self.card}
 
@@ -90,12 +94,12 @@ class Cascade:
         Parameters
         ----------
         source
-            Name of the file, for messages.
+            Name of the file for messages.
 
         Raises
         ------
         ParameterError
-            The cascade needs something that this version lacks, or an array is missing.
+            The cascade has settings that this version does not support, or an array is missing.
         """
         stages = []
         for s, stage in enumerate(header["stages"]):
@@ -111,7 +115,7 @@ class Cascade:
 
 
 def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh) -> Mesh:
-    """Return a mesh after one more stage: its normals regressed from the filtered ones, its vertices moved to them."""
+    """Return a mesh after one more stage: regress its normals and move its vertices to fit them."""
     settings = stage.settings
     normals = stage_normals(stage, mesh, noisy)
     vertices = recover_vertices(

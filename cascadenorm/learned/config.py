@@ -1,4 +1,7 @@
-"""Settings of a training, in Python and as TOML; without torch, so that a mistake in them is reported at once."""
+"""Training settings, in Python and as TOML.
+
+This module does not import torch, so that mistakes in settings are reported at once.
+"""
 
 import sys
 from collections.abc import Mapping
@@ -20,20 +23,20 @@ Config = TypeVar("Config")
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """Settings of the training of one network.
+    """Training settings of one network.
 
     Parameters
     ----------
     hidden
         Widths of the hidden layers.
     epochs
-        Passes over the training part at most.
+        Maximum number of epochs.
     patience
-        Passes without a better validation loss before it stops.
+        Number of epochs without a better validation loss before training stops.
     batch
-        Faces to a step.
+        Number of faces in a batch.
     learning_rate, weight_decay, clip
-        Of AdamW, with a cosine schedule and gradients clipped to this norm.
+        Settings of AdamW with a cosine schedule. Gradients are clipped to the norm `clip`.
     """
 
     hidden: tuple[int, ...] = (128, 64)
@@ -80,12 +83,12 @@ VERTEX_DATA = DatasetConfig(
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """Everything that determines the result of a training; the defaults are those of `configs/vertex.toml`.
+    """Settings that determine the result of a training. The defaults are those of `configs/vertex.toml`.
 
     Parameters
     ----------
     seed
-        Seed for drawing faces, clustering and initialising networks; that of shapes and noise is data.seed.
+        Seed for drawing faces, clustering and initialising networks. `data.seed` is the seed of shapes and noise.
     faces_per_mesh
         Number of faces drawn from each mesh, without repetition.
     clusters
@@ -93,11 +96,11 @@ class TrainConfig:
     context
         Number of principal components of the features that are averaged around a face; 0 disables context features.
     stages
-        The stages, in order.
+        Stages, in order.
     fit
         Settings of each network.
     data
-        The noisy/clean pairs.
+        Settings of the noisy/clean pairs.
     """
 
     seed: int = 0
@@ -117,16 +120,16 @@ class TrainConfig:
 
 
 QUICK = TrainConfig(faces_per_mesh=2500, fit=Fit(epochs=10), data=replace(VERTEX_DATA, count=40))
-"""A training of about a minute, to see that everything works; far from the best result."""
+"""A training of about a minute that tests the setup. Its results are far from the best."""
 
 
 def read_config(path: str | PathLike[str]) -> TrainConfig:
-    """Read settings from a TOML file; what it leaves out keeps its default.
+    """Read settings from a TOML file. Missing settings keep their defaults.
 
     Raises
     ------
     ConfigError
-        The file is missing or no TOML, has a key that does not exist, or a value of the wrong type.
+        The file is missing or not valid TOML, has an unknown key, or a value of the wrong type.
     """
     try:
         with open(path, "rb") as file:
@@ -142,18 +145,18 @@ def read_config(path: str | PathLike[str]) -> TrainConfig:
 
 
 def settings_from(base: Config, table: Mapping[str, Any], *, prefix: str = "") -> Config:
-    """Change settings, a dataclass, by nested tables.
+    """Return settings, a dataclass, with changes from nested tables.
 
     Raises
     ------
     ConfigError
-        An unknown key, or a value of the wrong type.
+        A key is unknown, or a value has the wrong type.
     """
     return replace(base, **_changes(type(base), base, table, prefix))  # type: ignore[type-var]  # always a dataclass
 
 
 def _changes(kind: Any, base: Any, table: Any, prefix: str) -> dict[str, Any]:
-    """Return the fields of a dataclass that a table sets; `base` has their present values, if there are any."""
+    """Return the fields of a dataclass that a table sets; `base` has their current values, if there are any."""
     if not isinstance(table, Mapping):
         raise ConfigError(f"{prefix[:-1]} is {table!r}; it must be a table")
     hints = get_type_hints(kind)

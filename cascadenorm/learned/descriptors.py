@@ -1,4 +1,7 @@
-"""What a stage reads of each face: its normals after filters, B-FND and G-FND (Wang, Liu, Tong 2016) among others."""
+"""Descriptors: the filtered normals of each face that a stage reads.
+
+They include B-FND and G-FND (Wang, Liu, Tong 2016).
+"""
 
 from collections.abc import Callable
 from typing import Literal, NamedTuple
@@ -16,48 +19,48 @@ SIGMA_S = (1.0, 2.0)
 SIGMA_R = (0.1, 0.2, 0.35, 0.5, np.inf)
 """Range spreads of B-FND and G-FND, chords between unit normals."""
 Neighborhood = Literal["distance", "rings"]
-"""Which faces B-FND and G-FND add: those within CUTOFF spatial spreads, or within RINGS rings of faces."""
+"""Neighbourhood of B-FND and G-FND: faces within CUTOFF spatial spreads, or within RINGS rings of faces."""
 CUTOFF = 2.5
 RINGS = 2
 ITERATED_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
 """Range spreads of the iterated bilateral filters."""
 ITERATED_PASSES = (1, 4, 16, 64)
-"""Of the iterated bilateral filters in the first stage."""
+"""Passes of the iterated bilateral filters in the first stage."""
 LATER_ITERATED_PASSES = ITERATED_PASSES[:-1]
-"""In the later ones."""
+"""Passes of the iterated bilateral filters in later stages."""
 SMOOTHING_DIRECTION = 1 + len(ITERATED_SIGMA_R) * ITERATED_PASSES.index(4) + ITERATED_SIGMA_R.index(np.inf)
-"""Number among the iterated normals of those along which vertices are smoothed: plain means, after 4 passes."""
+"""Index of the iterated normals along which vertices are smoothed: unweighted means after 4 passes."""
 SMOOTH_PASSES = (1, 4, 16, 64)
-"""Of smoothing of the vertices in the first stage."""
+"""Passes of vertex smoothing in the first stage."""
 LATER_SMOOTH_PASSES = (1, 2, 8)
-"""In the later ones."""
+"""Passes of vertex smoothing in later stages."""
 SMOOTH_SIGMA_R = 0.35
-"""Where the noisy mesh is smoothed along better normals, it stops at edges of that chord."""
+"""Range spread for smoothing the noisy mesh along better normals, a chord. Smoothing stops at such edges."""
 
 Stack = NDArray[np.float32]
 """(m, k, 3) float32: k filtered unit normals of each of m faces."""
 
 
 def bilateral_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
-    """B-FND: the normal of each face after one bilateral pass for each σ_s and σ_r.
+    """Compute B-FND: the normal of each face after one bilateral pass for each σ_s and σ_r.
 
     Returns
     -------
-    (m, 10, 3) : σ_r ascending within σ_s ascending
+    (m, 10, 3) unit normals, σ_r ascending within σ_s ascending.
     """
     guides = np.broadcast_to(mesh.face_normals, (len(SIGMA_S), *mesh.face_normals.shape))
     return _filtered(mesh, guides, SIGMA_R, neighborhood)
 
 
 def guided_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
-    """B-FND and G-FND together: as `bilateral_descriptor`, then the same guided by Gaussian-filtered normals.
+    """Compute B-FND and G-FND, in which the normals are guided by Gaussian-filtered ones.
 
-    The range weight of G-FND is taken on the guidance, the filter with σ_r = ∞ of the same σ_s. That filter itself is
-    the same in B-FND and in G-FND, and is kept once.
+    The guidance of G-FND, from which the range weights are computed, is the filter with σ_r = ∞ of the same σ_s. That
+    filter itself is the same in B-FND and in G-FND and is included once.
 
     Returns
     -------
-    (m, 10 + 8, 3)
+    (m, 10 + 8, 3) unit normals.
     """
     plain = bilateral_descriptor(mesh, neighborhood)
     guides = plain[:, len(SIGMA_R) - 1 :: len(SIGMA_R)].swapaxes(0, 1).astype(np.float64)
@@ -70,18 +73,18 @@ def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...], neighborh
 
 
 class Descriptor(NamedTuple):
-    """What a stage may read of a mesh and of how it was before the first stage.
+    """Filtered normals computed from a mesh before a stage and from the noisy mesh.
 
     Parameters
     ----------
     size
-        k, the number of filtered normals of each face.
+        k, the number of filtered normals per face.
     fill
-        Writes them to a stack, (m, k, 3).
+        Function that writes them to a stack, (m, k, 3).
     rings
-        Edges around the vertices of a face on which they depend, where filters B and G add rings of faces.
+        Number of edges within which the normals depend on the mesh, if filters B and G use rings of faces.
     filters
-        How many of these follow on each other.
+        Number of filters B and G that are applied one after the other.
     """
 
     size: int
@@ -91,7 +94,7 @@ class Descriptor(NamedTuple):
 
 
 def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, times: int, own: bool = False) -> Descriptor:
-    """B-FND, or with G-FND, behind the normal of the face itself if wanted; so many filters follow on each other."""
+    """Return B-FND, with or without G-FND, optionally preceded by the face normal, as `times` successive filters."""
 
     def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         out[:, int(own) :] = describe(mesh, neighborhood)
@@ -109,7 +112,7 @@ def _iterated(passes: tuple[int, ...]) -> Descriptor:
 
 
 def _smoothing(passes: tuple[int, ...]) -> int:
-    """Edges that smoothed vertices depend on: those of the passes, and those of the normals around them."""
+    """Return the reach of smoothed vertices in edges: their passes plus the reach of the normals around them."""
     return passes[-1] + 1 + ITERATED_PASSES[1]
 
 
@@ -124,7 +127,7 @@ def _first() -> Descriptor:
 
 
 def _later() -> Descriptor:
-    """Filter what the stage before left; and smooth the noisy mesh along its normals, so that detail can come back."""
+    """Filter the current mesh, and smooth the noisy mesh along the current normals, which can restore detail."""
     iterated, passes = _iterated(LATER_ITERATED_PASSES), LATER_SMOOTH_PASSES
 
     def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
@@ -147,7 +150,6 @@ DESCRIPTORS = {
     "iterated-16": _iterated(LATER_ITERATED_PASSES),
     "iterated-16+smoothed": _later(),
 }
-"""By the name in settings and weights.
+"""Descriptors by their names in settings and weights.
 
-B and G are the published filters, n the normal of the face itself, with which the iterated filters begin as well.
-"""
+B and G are the published filters; n is the face normal, which also comes first in the iterated descriptors."""

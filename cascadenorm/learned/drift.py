@@ -1,4 +1,4 @@
-"""Low-frequency drift, which no normal tells of, taken out of the vertices after the last update."""
+"""Remove low-frequency drift from denoised vertices."""
 
 import numpy as np
 
@@ -9,22 +9,22 @@ DRIFT_PASSES = 64
 
 
 def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = DRIFT_PASSES) -> Vectors:
-    """Take back of a displacement along the normals what is smooth.
+    """Remove the smooth part of a displacement along the normals.
 
-    Normals determine vertices up to what varies slowly, and the vertex update leaves such errors. Noise has hardly any:
-    a mean of a displacement over many vertices is drift. It is found by averaging each vertex with its neighbours
-    `passes` times, which keeps waves longer than about ten edges for 64.
+    Normals determine vertices only up to slow variations, so the vertex update leaves such errors. Noise has hardly any
+    low-frequency part: the mean of a displacement over many vertices is drift. It is estimated by averaging each vertex
+    with its neighbours `passes` times. 64 passes keep wavelengths above about ten edges.
 
     Parameters
     ----------
     mesh
-        The input, n vertices.
+        Input mesh with n vertices.
     vertices
-        (n, 3), where they have been moved.
+        (n, 3) denoised vertices.
 
     Returns
     -------
-    (n, 3); a vertex without a face stays where it has been moved
+    (n, 3) corrected vertices. Vertices without a face keep the given position.
     """
     normals = mesh.moved(vertices).vertex_normals
     drift = np.einsum("ij,ij->i", vertices - mesh.vertices, normals)

@@ -1,4 +1,7 @@
-"""Rotation-invariant features of a face: angles between its filtered normals, and their means around it."""
+"""Rotation-invariant features of a face and its surroundings.
+
+The features are the angles between the filtered normals of a face, and their means around it.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,28 +17,28 @@ from cascadenorm.mesh.averages import averaged, averaged_around
 Array = NDArray[np.float32]
 
 CONTEXT_STEPS = (0, 1, 3, 7)
-"""Rounds of averaging over the neighbours of vertices after which context features are taken."""
+"""Numbers of averaging rounds over vertex neighbours after which context features are taken."""
 FLOOR = 1e-4
-"""Added to 1 - cos before the logarithm: angles below half a degree count as equal."""
+"""Added to 1 - cos before the logarithm. Angles below half a degree count as equal."""
 PAIRED_FACES = 128
-"""Faces whose pairs of normals are compared at a time: their normals fit into the first cache."""
+"""Number of faces whose pairs of normals are compared together. Their normals fit into the L1 cache."""
 TILE = 16
-"""Faces whose context is transposed at a time: a row of it is a line of the cache."""
+"""Number of faces whose context is transposed together. One row fills a cache line."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeatureScaler:
-    """Normalisation of the features of a face to mean 0 and deviation 1, and the directions that its context averages.
+    """Normalisation of the features of a face to mean 0 and deviation 1, and principal directions for its context.
 
     Parameters
     ----------
     mean, scale
-        (d,) of the pairwise features x of the face itself: (x - mean) * scale.
+        (d,) parameters of the pairwise features x of the face itself: (x - mean) * scale.
     projection
-        (d, p) principal directions of these features; their means around the face, and how open the mesh is, are its
-        context features; there are none where p is 0.
+        (d, p) principal directions of these features. The context features are the means of the principal components
+        around the face, and the openness of the mesh. There are none if p is 0.
     context_mean, context_scale
-        (5 p + 1,) of the context features.
+        (5 p + 1,) parameters of the context features.
     """
 
     mean: Array
@@ -45,25 +48,25 @@ class FeatureScaler:
     context_scale: Array
 
     def context(self, stack: Stack, mesh: Mesh, sums: "ComponentSums | None" = None) -> "Context":
-        """Average the principal components of the features around each vertex, and say how open the mesh is.
+        """Average the principal components of the features around each vertex, and compute the openness.
 
         Parameters
         ----------
         stack
             (m, k, 3) filtered normals of all faces of the mesh.
         sums
-            Those of the larger mesh of which it is a part; None: its own.
+            Component sums of the larger mesh of which this one is a part. Computed from `mesh` if None.
         """
         if not self.projection.size:
             return Context(mesh.faces, (), np.zeros(len(stack), np.int32), np.empty((1, 0), np.float32))
         components = self._principal(stack)
         sums = sums or component_sums(components, mesh)
         means = averaged_around(components, mesh.topology.vertex_faces)
-        del components  # a hundred bytes a face
+        del components  # about 100 bytes per face
         return context_features(means, mesh, sums)
 
     def sums(self, stack: Stack, mesh: Mesh, among: Bools) -> "ComponentSums":
-        """Add what context features average over connected components, of some faces, (m,) bool."""
+        """Sum the inputs of the context features over the given faces, (m,) bool, of each component."""
         return component_sums(self._principal(stack[among]), mesh, among)
 
     def _principal(self, stack: Stack) -> Array:
@@ -80,7 +83,7 @@ class FeatureScaler:
 
         Returns
         -------
-        (m, d + c)
+        (m, d + c) features.
         """
         features = np.empty((len(self.mean) + len(self.context_mean), len(stack)), np.float32)
         own, around = np.split(features, [len(self.mean)])
@@ -101,16 +104,16 @@ class FeatureScaler:
 
 
 def pairwise_features(stack: Stack) -> NDArray[np.float32]:
-    """Turn k normals of a face into log(1 - <n_i, n_j> + FLOOR) of their pairs, which no rotation changes.
+    """Return log(1 - <n_i, n_j> + FLOOR) for all pairs of the k normals of a face, which is rotation-invariant.
 
     Parameters
     ----------
     stack
-        (m, k, 3).
+        (m, k, 3) filtered normals.
 
     Returns
     -------
-    (m, k (k - 1) / 2), pairs i < j in row order
+    (m, k (k - 1) / 2) features, pairs i < j in row order.
     """
     count = stack.shape[1]
     out = np.empty((count * (count - 1) // 2, len(stack)), np.float32)
@@ -119,21 +122,21 @@ def pairwise_features(stack: Stack) -> NDArray[np.float32]:
 
 
 def _write_pairs(stack: Stack, mean: Array, scale: Array, out: Array) -> None:
-    """Write the pairwise features of faces, (d, m), normalised: along rows of one all loops are vector instructions."""
+    """Write the normalised pairwise features of faces, (d, m). This layout lets all loops be vectorised."""
     parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), mean, scale, out)
 
 
 class ComponentSums(NamedTuple):
-    """Sums over the faces of each connected component.
+    """Sums over the faces of each of c connected components.
 
     Parameters
     ----------
     faces
-        (c,) how many there are.
+        (c,) numbers of faces.
     values
-        (c, p) of features.
+        (c, p) sums of features.
     area_vectors, areas
-        (c, 3), (c,).
+        (c, 3) and (c,) sums.
     """
 
     faces: Ints
@@ -143,7 +146,7 @@ class ComponentSums(NamedTuple):
 
 
 def component_sums(values: NDArray[np.float32], mesh: Mesh, among: Bools | slice = slice(None)) -> ComponentSums:
-    """Add over some faces, (m,) bool, of each connected component; values are those of these faces, in their order."""
+    """Sum values over the given faces, (m,) bool, of each component. There is one row of values per given face."""
     component = mesh.topology.face_components
     count = int(component.max(initial=-1)) + 1
     chosen = component[among]
@@ -156,18 +159,18 @@ def component_sums(values: NDArray[np.float32], mesh: Mesh, among: Bools | slice
 
 
 class Context(NamedTuple):
-    """What features are like around the faces of a mesh.
+    """Context features of the faces of a mesh.
 
     Parameters
     ----------
     faces
-        (m, 3) of the mesh.
+        (m, 3) faces of the mesh.
     averages
-        (n, p) at its vertices, one for each scale.
+        (n, p) averages at the vertices, one array per scale.
     components
-        (m,) the connected component of each face.
+        (m,) connected component of each face.
     whole
-        (c, q) of the components.
+        (c, q) features of the components.
     """
 
     faces: Ints32
@@ -176,11 +179,11 @@ class Context(NamedTuple):
     whole: Array
 
     def of(self, rows: slice | NDArray[np.intp] = slice(None)) -> Array:
-        """Return the context features of some faces: the averages at their corners, what their components have.
+        """Return the context features of some faces: the averages at their corners and those of their component.
 
         Returns
         -------
-        (r, s p + q)
+        (r, s p + q) features.
         """
         faces, whole = self.faces[rows], self.whole[self.components[rows]]
         widths = [average.shape[1] for average in self.averages]
@@ -196,23 +199,23 @@ class Context(NamedTuple):
 def context_features(means: Array, mesh: Mesh, sums: ComponentSums) -> Context:
     """Average features around the vertices, over CONTEXT_STEPS rounds, and over the connected component.
 
-    They tell a face what is around it at several scales, and how noisy the whole is. Between vertices a round takes a
-    quarter of the time that it takes between faces, which have twice the number of rows and of neighbours.
+    The averages describe the surroundings of a face at several scales, and the overall noise. They are computed between
+    vertices, since faces have twice as many rows and neighbours.
 
     Parameters
     ----------
     means
-        (n, p) at each vertex, over its faces.
+        (n, p) means at each vertex over its faces.
     sums
-        Over its components, or those of the larger mesh of which it is a part.
+        Sums over the components of the mesh, or of the larger mesh of which it is a part.
 
     Returns
     -------
-    averages after 0, 1, 3 and 7 rounds, in each of which a vertex takes the mean of itself and its neighbours; of the
-    components the means and how open they are, (c, p + 1)
+    The averages after 0, 1, 3 and 7 rounds, in each of which a vertex takes the mean of itself and its neighbours, and
+    the means and the openness of the components, (c, p + 1).
     """
     kept = [means]
-    spare = np.empty_like(kept[0])  # fresh memory costs more than the average
+    spare = np.empty_like(kept[0])  # reuse memory, since allocation dominates
     for rounds in np.diff(CONTEXT_STEPS).tolist():
         kept.append(averaged(kept[-1], mesh.topology.vertex_neighbors, rounds, spare=spare))
     whole = np.concatenate([component_means(sums), openness(sums)[:, None]], axis=1, dtype=np.float32)
@@ -225,13 +228,13 @@ def component_means(sums: ComponentSums) -> Floats:
 
 
 def openness(sums: ComponentSums) -> Floats:
-    """Return how far each connected component is from closed, |Σ A n| / Σ A.
+    """Return the openness of each connected component, |Σ A n| / Σ A.
 
-    What a depth camera sees from one side has other errors than a closed surface, whose fine detail they resemble.
+    A depth camera sees a surface from one side, and its errors resemble the fine detail of a closed surface.
 
     Returns
     -------
-    (c,), from 0 where the component is closed to 1 where it is a flat sheet
+    (c,) from 0 for a closed component to 1 for a flat sheet.
     """
     share = np.linalg.norm(sums.area_vectors, axis=1) / np.maximum(sums.areas, np.finfo(float).tiny)
     return np.asarray(share)
@@ -239,21 +242,21 @@ def openness(sums: ComponentSums) -> Floats:
 
 @kernel
 def _pair_range(start: int, stop: int, stack: Floats32, mean: Floats32, scale: Floats32, out: Floats32) -> None:
-    """(ln(1 - cos + FLOOR) - mean) * scale, cos by half the squared chord, which keeps its digits where it is near 1.
+    """Write (ln(1 - cos + FLOOR) - mean) * scale for all pairs of normals.
 
-    Iteration f alone writes out[:, f].
+    1 - cos is computed as half the squared chord, which is accurate for cos near 1. Iteration f alone writes out[:, f].
     """
     count = stack.shape[1]
     axes = np.empty((count, 3, PAIRED_FACES), np.float32)
     for first in range(start, stop, PAIRED_FACES):
-        # some faces at a time, those of one axis of one normal beside each other
+        # Transpose a block of faces, so that each component of each normal is contiguous.
         faces = min(PAIRED_FACES, stop - first)
         for f in range(faces):
             for i in range(count):
                 for d in range(3):
                     axes[i, d, f] = stack[first + f, i, d]
 
-        # pair by pair
+        # Compare the normals pair by pair.
         p = 0
         for i in range(count):
             for j in range(i + 1, count):
@@ -267,7 +270,7 @@ def _pair_range(start: int, stop: int, stack: Floats32, mean: Floats32, scale: F
 
 @kernel
 def _normalize(rows: Floats32, mean: Floats32, scale: Floats32) -> None:
-    """(rows[i] - mean[i]) * scale[i], in place; in one pass, which takes a fifth of the time of two of numpy."""
+    """Compute (rows[i] - mean[i]) * scale[i] in place, in a single pass."""
     for i in range(len(rows)):
         row = rows[i]
         for f in range(len(row)):
@@ -276,7 +279,7 @@ def _normalize(rows: Floats32, mean: Floats32, scale: Floats32) -> None:
 
 @kernel
 def _write_corner_means(faces: Ints32, values: Floats32, out: Floats32) -> None:
-    """Write the means of the rows of the three corners of each face, (p, m)."""
+    """Write the means over the three corners of each face, (p, m)."""
     third, width = np.float32(1 / 3), values.shape[1]
     means = np.empty((width, TILE), np.float32)
     for first in range(0, len(faces), TILE):

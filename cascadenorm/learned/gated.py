@@ -1,4 +1,4 @@
-"""Two cascades and the gate that chooses between them for each component of a mesh."""
+"""Two cascades and the gate that chooses between them per component."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ from cascadenorm.mesh import Bools, Mesh, Vectors, part_of
 from cascadenorm.registry import ParameterError
 
 GATED_FORMATS = ("cascadenorm-gated/2", "cascadenorm-gated/1")
-"""Formats of weights files, the first of which is written; cascades within them are as in CASCADE_FORMATS."""
+"""Formats of weights files. The first one is written. Cascades within them have a format in CASCADE_FORMATS."""
 
 
 @dataclass(frozen=True)
 class GatedCascades:
-    """The model behind `auto`.
+    """The model of the method `auto`.
 
     Parameters
     ----------
     vertex
-        Network for noise on the vertices of a shape.
+        Network for vertex noise.
     surface
-        Network for measured surfaces: what volumes, scanners, cameras and point clouds leave.
+        Network for measured surfaces: errors of volumes, scanners, cameras and point clouds.
     gate
-        Chooses between them from how the triangles lie.
+        Gate that chooses between the networks from the triangulation.
     gate_card
-        How the gate was made; anything that JSON can hold.
+        Description of how the gate was trained; any JSON value.
     """
 
     vertex: Cascade
@@ -40,12 +40,12 @@ class GatedCascades:
 
     @property
     def card(self) -> dict[str, Any]:
-        """How the parts were made and what they reach, by their names."""
+        """Model cards of the parts, by name."""
         return {"vertex": self.vertex.card, "surface": self.surface.card, "gate": self.gate_card}
 
     @property
     def networks(self) -> dict[str, Cascade]:
-        """Both networks by their names."""
+        """Both networks by name."""
         return {"vertex": self.vertex, "surface": self.surface}
 
     def judged(self, mesh: Mesh, treat_as: Treatment | None = None) -> Judged:
@@ -61,11 +61,11 @@ class GatedCascades:
         return ChosenNetworks(self.vertex, self.surface, measured)
 
     def vertices(self, mesh: Mesh) -> Vectors:
-        """Return the denoised vertices, (n, 3), of each component from the network that the gate chooses."""
+        """Return the denoised vertices, (n, 3), using the network that the gate chooses for each component."""
         return self.chosen(self.judged(mesh).measured).vertices(mesh)
 
     def to_bytes(self) -> bytes:
-        """Return the content of a weights file: the same bytes for the same model."""
+        """Return the content of a weights file. Equal models have equal bytes."""
         parts = {"vertex": self.vertex.tensors(), "surface": self.surface.tensors(), "gate": self.gate.arrays()}
         tensors: Arrays = {f"{part}.{name}": a for part, arrays in parts.items() for name, a in arrays.items()}
         headers = {"vertex": self.vertex.header(), "surface": self.surface.header(), "gate": self.gate_card}
@@ -73,7 +73,7 @@ class GatedCascades:
 
     @classmethod
     def from_parts(cls, header: Mapping[str, Any], tensors: Arrays, source: str) -> "GatedCascades":
-        """Rebuild a model from its header and its arrays; errors are those of `Cascade.from_parts`."""
+        """Rebuild a model from its header and its arrays. The errors are those of `Cascade.from_parts`."""
         vertex, surface, gate = (_under(tensors, part) for part in ("vertex", "surface", "gate"))
         return cls(
             Cascade.from_parts(header["vertex"], vertex, source),
@@ -84,7 +84,7 @@ class GatedCascades:
 
 
 class ChosenNetworks(NamedTuple):
-    """Two networks, and which components are treated as measured surfaces, (c,)."""
+    """Two networks, and the components that are treated as measured surfaces, (c,)."""
 
     vertex: Cascade
     surface: Cascade
@@ -108,7 +108,7 @@ def _under(tensors: Arrays, part: str) -> Arrays:
 
 
 def read_model(path: str | PathLike[str]) -> Cascade | GatedCascades:
-    """Read a weights file: one cascade, or two with a gate.
+    """Read a weights file with one cascade, or with two and a gate.
 
     Raises
     ------

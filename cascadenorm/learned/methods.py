@@ -1,4 +1,4 @@
-"""The learned methods, `auto` and `cascade`, and the weights that come with the package."""
+"""The learned methods `auto` and `cascade`, and the shipped weights."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -32,22 +32,23 @@ TreatAs = Annotated[
 
 @method("auto", source="after Wang, Liu, Tong 2016", family="learned", converges=True)
 def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vectors:
-    """Regress face normals from iterated bilateral filters and smoothed vertices, fit the vertices, in three stages.
+    """Regress face normals with trained networks and fit the vertices to them, in three stages.
 
-    Two networks share the work. One was trained on noise of vertices, the other on what volumes, scanners, cameras and
-    point clouds leave. A gate chooses between them for each connected component from how its triangles lie.
+    The inputs of the networks are normals after iterated bilateral filters and normals of smoothed vertices. There are
+    two networks: one trained on vertex noise, the other on the errors of volumes, scanners, cameras and point clouds.
+    For each connected component, a gate chooses between them from the triangulation.
 
     Formula
     -------
     n_f ← unit Σ_i c_i(d_f) n_i,f;   n_i: iterated bilateral filters and normals of smoothed vertices
     d_f: log(1 - <n_i, n_j> + 1e-4) for all pairs, and context;   c: a network for each stage
-    then the vertices follow, and the next stage starts from them
+    then the vertices are updated, and the next stage starts from them
 
     Limits
     ------
-    What is smooth at the scale of the edges counts as shape, unless the triangles show that the surface was measured.
-    Segmentations with thick slices, and noise that folds faces over, stay hard. The networks learned from generated
-    shapes: an error of a kind that none of them has may remain.
+    Relief that is smooth at the scale of the edges counts as shape, unless the triangulation indicates a measured
+    surface. Segmentations with thick slices and noise that folds faces over remain difficult. The networks were trained
+    on generated shapes, so errors of a kind that none of these has may remain.
     """
     mesh = without_spikes(mesh)
     start = without_voxel_faces(mesh)
@@ -64,24 +65,24 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
 
 @method("cascade", source="Wang, Liu, Tong 2016", family="learned")
 def cascade(mesh: Mesh, *, model: Model = None) -> Vectors:
-    """Regress the true normal of each face from its filtered normals, move the vertices, and again, in three stages.
+    """Regress face normals from B-FND and G-FND and move the vertices to fit them, in three stages.
 
     Formula
     -------
     n_f ← unit Σ_i c_i(d_f) n_i,f;   n_i: B-FND, G-FND, σ_s = 1, 2 and σ_r = 0.1, 0.2, 0.35, 0.5, ∞
     d_f: log(1 - <n_i, n_j> + 1e-4) for all pairs;   c: a network for each of four clusters
-    then the vertices follow, and the next stage starts from them
+    then the vertices are updated, and the next stage starts from them
 
     Limits
     ------
-    Its filters reach five mean edge lengths far: heavy noise, and errors that are correlated over many edges, are left
-    in part. The vertex update may fold faces over.
+    The filters have a radius of five mean edge lengths. Heavy noise and errors that are correlated over many edges
+    therefore remain in part. The vertex update may fold faces over.
     """
     return loaded(model, "cascade").vertices(mesh)
 
 
 def weights_file(name: str, model: str | Path | None = None) -> Path:
-    """Return the file that a learned method reads its weights from: the given one, else the shipped one."""
+    """Return the weights file of a learned method: the given one, or the shipped one."""
     if model is not None:
         return Path(model)
     return Path(str(resources.files("cascadenorm"))) / "weights" / f"{name}.safetensors"
@@ -89,13 +90,13 @@ def weights_file(name: str, model: str | Path | None = None) -> Path:
 
 @cache
 def shipped(name: str) -> Learned:
-    """Return a model that comes with the package, "auto" or "cascade"."""
+    """Return a shipped model, "auto" or "cascade"."""
     with resources.as_file(resources.files("cascadenorm") / "weights" / f"{name}.safetensors") as path:
         return read_model(path)
 
 
 def loaded(model: Learned | Path | None, name: str) -> Learned:
-    """Return the networks of a learned method: the given model, else the shipped one."""
+    """Return the networks of a learned method: the given model, or the shipped one."""
     if isinstance(model, Learned):
         return model
     if not isinstance(model, str | PathLike | None):
@@ -105,16 +106,16 @@ def loaded(model: Learned | Path | None, name: str) -> Learned:
 
 @dataclass(frozen=True, kw_only=True)
 class Treated:
-    """What `auto` treats a mesh as.
+    """How `auto` treats a mesh.
 
     Parameters
     ----------
     treatment
-        What most of the faces are treated as.
+        Treatment of most of the faces.
     probability
-        Probability that the gate gives to this treatment, averaged over those faces.
+        Probability of this treatment according to the gate, averaged over those faces.
     share
-        Share of the faces that are treated so; the other components are treated the other way.
+        Share of the faces with this treatment. The other components get the other treatment.
     """
 
     treatment: Treatment
@@ -128,14 +129,14 @@ class Treated:
 
 
 def treated(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Treated | None:
-    """Return what `auto` treats a mesh as; None for a model without a gate.
+    """Return how `auto` treats a mesh, or None for a model without a gate.
 
     Parameters
     ----------
     mesh
-        Mesh in which no face is repeated.
+        Mesh without repeated faces.
     model, treat_as
-        As given to `auto`.
+        As for `auto`.
     """
     network = loaded(model, "auto")
     if not isinstance(network, GatedCascades):

@@ -1,4 +1,4 @@
-"""The networks of a stage as an ONNX model: filtered normals and context in, regressed normals out."""
+"""Export the networks of a stage as an ONNX model."""
 
 import json
 import math
@@ -24,16 +24,16 @@ IR_VERSION = 9
 
 
 def stage_model(stage: Regression) -> bytes:
-    """Return a stage as an ONNX model that computes what `Regression.normals` does, but for rounding.
+    """Return a stage as an ONNX model that computes `Regression.normals` up to rounding.
 
-    Inputs, float32: stack (m, k, 3), the filtered normals of m faces as `stage_stack` makes them; and, where the stage
-    has context features, context (m, c), the columns of `FeatureScaler.context` side by side. Output, float32: normals
-    (m, 3), unit; where the weighted sum vanishes, the first of the filtered normals. m is free.
+    The inputs are float32: stack (m, k, 3), the filtered normals of m faces from `stage_stack`, and, if the stage has
+    context features, context (m, c), the columns of `FeatureScaler.context`. The output is normals (m, 3), float32 unit
+    vectors; where the weighted sum vanishes, the first filtered normal. m is a dynamic dimension.
 
     Raises
     ------
     MissingDependencyError
-        Onnx is not installed.
+        The package onnx is not installed.
     """
     graph = _Graph()
     features = _features(graph, stage)
@@ -54,14 +54,14 @@ def stage_model(stage: Regression) -> bytes:
 
 
 class _Graph:
-    """Nodes and constants as they are added, each with a name of its own."""
+    """Nodes and constants of a graph, each with a unique name."""
 
     def __init__(self) -> None:
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
 
     def add(self, operation: str, inputs: Sequence[str], *, output: str = "", **attributes: Any) -> str:
-        """Add a node with one output; return the name of that."""
+        """Add a node with one output; return the name of the output."""
         output = output or f"{operation.lower()}{len(self.nodes)}"
         self.nodes.append(helper.make_node(operation, list(inputs), [output], **attributes))
         return output
@@ -74,7 +74,7 @@ class _Graph:
 
 
 def _normals_of(stage: Regression) -> int:
-    """Return the number k of filtered normals that a stage reads, from its d = k (k - 1) / 2 pairs."""
+    """Return the number k of filtered normals of a stage, from its d = k (k - 1) / 2 pairs."""
     return (1 + math.isqrt(1 + 8 * stage.scaler.mean.size)) // 2
 
 
@@ -98,7 +98,7 @@ def _scaled(graph: _Graph, values: str, mean: NDArray[np.float32], scale: NDArra
 
 
 def _coefficients(graph: _Graph, stage: Regression, features: str) -> str:
-    """Return one coefficient a filtered normal, (m, k), by the network of the nearest centre."""
+    """Return one coefficient per filtered normal, (m, k), from the network of the nearest centre."""
     parts = [_network(graph, stage, features, cluster) for cluster in range(len(stage.centers))]
     if len(parts) == 1:
         return parts[0]
@@ -128,7 +128,7 @@ def _activated(graph: _Graph, activation: str, values: str) -> str:
 
 
 def _weighted_sum(graph: _Graph, coefficients: str) -> str:
-    """Return the sum of the filtered normals with these coefficients, at unit length."""
+    """Return the sum of the filtered normals with these coefficients, normalised."""
     column = graph.add("Unsqueeze", [coefficients, graph.constant([1], np.int64)])
     axis, zero = graph.constant([1], np.int64), graph.constant(0)
     total = graph.add("Squeeze", [graph.add("MatMul", [column, "stack"]), axis])

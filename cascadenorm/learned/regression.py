@@ -1,4 +1,7 @@
-"""One stage of the cascade at run time: nearest cluster centre, that cluster's network, the true normal."""
+"""One stage of the cascade at run time.
+
+The network of the nearest cluster centre predicts the true normal of a face.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -15,22 +18,22 @@ from cascadenorm.mesh import Floats32, Mesh, Vectors, in_blocks, kernel, one_bla
 
 @dataclass(frozen=True, kw_only=True)
 class Regression:
-    """Per-cluster networks, from the descriptor of a face to its normal.
+    """Networks, one per cluster, that map the descriptor of a face to its normal.
 
-    A network puts out one coefficient for each filtered normal of the face; their weighted sum, at unit length, is
-    the answer, which therefore turns with the mesh.
+    A network predicts one coefficient for each filtered normal of the face. The result is their weighted sum,
+    normalised, which therefore rotates with the mesh.
 
     Parameters
     ----------
     settings
-        What it reads, and how the vertices follow.
+        Descriptor of the stage, and settings of the vertex update.
     scaler
-        Normalises the features that centres and networks take.
+        Normalisation of the features for centres and networks.
     centers
         (c, d) cluster centres.
     layers
-        Weights (c, i, o) and biases (c, o) of each layer; the first takes d features, the last gives the coefficients
-        of the k normals.
+        Weights (c, i, o) and biases (c, o) of each layer. The first layer has d inputs, the last one outputs the
+        coefficients of the k normals.
     """
 
     settings: Stage
@@ -39,7 +42,7 @@ class Regression:
     layers: tuple[tuple[Array, Array], ...]
 
     def arrays(self) -> dict[str, Array]:
-        """Return all arrays by name, as `from_arrays` takes them."""
+        """Return all arrays by name, as `from_arrays` expects them."""
         layers = {
             f"{name}{number}": array
             for number, layer in enumerate(self.layers, 1)
@@ -50,7 +53,7 @@ class Regression:
 
     @classmethod
     def from_arrays(cls, settings: Stage, arrays: dict[str, Array]) -> "Regression":
-        """Rebuild a regression from what `arrays` returned; raises KeyError where one is missing."""
+        """Rebuild a regression from the result of `arrays`. Raises KeyError if an array is missing."""
         count = max(1, sum(name.startswith("weight") for name in arrays))
         return cls(
             settings=settings,
@@ -65,17 +68,18 @@ class Regression:
         Parameters
         ----------
         mesh
-            m faces, as the stage before left them.
+            Mesh with m faces after the previous stage.
         stack
-            (m, k, 3) what `stage_stack` makes of them.
+            (m, k, 3) result of `stage_stack` for this mesh.
         sums
-            Over connected components of the larger mesh of which it is a part, as `FeatureScaler.sums` gives them.
+            Sums over the connected components of the larger mesh of which this one is a part, from
+            `FeatureScaler.sums`. Computed from `mesh` if None.
 
         Returns
         -------
-        (m, 3) float64, unit; where the weighted sum vanishes, the first of the filtered normals
+        (m, 3) float64 unit normals. Where the weighted sum vanishes, the first filtered normal is returned.
         """
-        with one_blas_thread():  # the blocks are on several threads already
+        with one_blas_thread():  # the blocks already run on several threads
             context = self.scaler.context(stack, mesh, sums)
 
             def totals(start: int, stop: int) -> Array:
@@ -87,7 +91,7 @@ class Regression:
         return unit(total, otherwise=stack[:, 0])
 
     def _sums(self, stack: Stack, x: Array) -> Array:
-        """Return the weighted sums of the normals of some faces, which x describes, (m, 3)."""
+        """Return the weighted sums of the normals of some faces with features x, (m, 3)."""
         if len(self.centers) == 1:
             return _weighted_sums(self._coefficients(0, x), stack)
         cluster = nearest(x, self.centers)
@@ -108,7 +112,7 @@ class Regression:
 
 
 def _weighted_sums(coefficients: Array, stack: Stack) -> Array:
-    """Add the normals of each face by its coefficients, (m, k): (m, 3)."""
+    """Sum the normals of each face weighted by its coefficients, (m, k), to (m, 3)."""
     out = np.empty((len(stack), 3), np.float32)
     _add_weighted(coefficients, stack, out)
     return out
@@ -117,7 +121,7 @@ def _weighted_sums(coefficients: Array, stack: Stack) -> Array:
 def stage_stack(settings: Stage, mesh: Mesh, noisy: Mesh) -> Stack:
     """Filter the normals of a mesh for a stage, (m, k, 3).
 
-    In memory it is (k, m, 3): so a filter writes what it keeps in a third of the time.
+    The memory layout is (k, m, 3), so that each filter writes contiguously.
     """
     descriptor = DESCRIPTORS[settings.descriptor]
     stack = np.empty((descriptor.size, len(mesh.faces), 3), np.float32).transpose(1, 0, 2)
@@ -126,13 +130,13 @@ def stage_stack(settings: Stage, mesh: Mesh, noisy: Mesh) -> Stack:
 
 
 def nearest(x: Array, centers: Array) -> NDArray[np.intp]:
-    """Return the number of the nearest centre of each row."""
+    """Return the index of the nearest centre of each row."""
     return np.asarray(np.argmin((centers**2).sum(axis=1) - 2 * x @ centers.T, axis=1))
 
 
 @kernel
 def _add_weighted(coefficients: Floats32, stack: Floats32, out: Floats32) -> None:
-    """Write the same as numpy's einsum, in a sixth of the time."""
+    """Compute the sum over k of coefficients[f, k] · stack[f, k]."""
     for f in range(len(out)):
         x = y = z = np.float32(0)
         for k in range(coefficients.shape[1]):
@@ -149,7 +153,7 @@ def _tanh(x: Floats32, bias: Floats32) -> None:
 
 @kernel
 def _silu(x: Floats32, bias: Floats32) -> None:
-    """y / (1 + e^-y), y = x + bias."""
+    """Replace x by y / (1 + e^-y) with y = x + bias."""
     for i in range(len(x)):
         for j in range(x.shape[1]):
             y = x[i, j] + bias[j]
@@ -157,4 +161,4 @@ def _silu(x: Floats32, bias: Floats32) -> None:
 
 
 _ACTIVATIONS: dict[Activation, Callable[[Floats32, Floats32], None]] = {"tanh": _tanh, "silu": _silu}
-"""What is between the layers of a network, computed in place of x from x and bias."""
+"""Activation functions between the layers, computed in place from x and bias."""

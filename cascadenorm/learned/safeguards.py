@@ -1,4 +1,4 @@
-"""Limits on vertex displacement: a model moves no vertex farther than the noise around it explains."""
+"""Limits on vertex displacement, derived from the estimated noise."""
 
 from functools import partial
 from typing import NamedTuple
@@ -13,16 +13,17 @@ from cascadenorm.patches.cutting import MeshPatch
 from cascadenorm.patches.work import moved_in_patches, patching_of
 
 NOISES = 30.0
-"""Times the estimated noise around it that a vertex may move. Of independent noise 4 times are enough; of an error that
-is alike over several edges, or of an edge that a reconstruction has rounded, the estimate sees a fifteenth."""
+"""Bound on the displacement of a vertex, as a multiple of the noise estimated around it. For independent noise a
+factor of 4 is enough. For errors that are spatially correlated, and for edges that a reconstruction has rounded, the
+estimate is only about a fifteenth of the error."""
 FEWEST_COMPONENT_EDGES = 8
-"""Edges with two faces of a component, of which fewer tell nothing of its noise; a tetrahedron has 6."""
+"""Components with fewer edges between two faces are too small for an estimate of their noise; a tetrahedron has 6."""
 FACE_HEIGHTS = 4.0
-"""Times the height of the tallest face around it that a vertex may move."""
+"""Bound on the displacement of a vertex, as a multiple of the height of the tallest face around it."""
 
 
 def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) -> Vectors:
-    """Return vertices with displacements taken back as far as the bounds ask for.
+    """Return vertices whose displacements are limited to the bounds.
 
     No vertex moves farther than `displacement_bounds`, and no face flips, except to undo foldovers in the input (see
     `without_flips`). On measured surfaces no edge folds either (see `without_folds`).
@@ -30,15 +31,15 @@ def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) ->
     Parameters
     ----------
     mesh
-        The input, n vertices.
+        Input mesh with n vertices.
     vertices
-        (n, 3), where a model wants them.
+        (n, 3) denoised vertices.
     measured
-        (m,) faces of measured surfaces; None for none.
+        (m,) faces of measured surfaces. None selects no face.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) limited vertices.
     """
     patching = patching_of(mesh)
     if patching is None:
@@ -50,13 +51,13 @@ def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) ->
 
 
 def _within_bounds_of_patch(bounded: "Bounded", patch: MeshPatch, vertices: Vectors) -> Vectors:
-    """Do what `within_bounds` does on a patch, with the facts about the whole mesh."""
+    """Apply `within_bounds` to a patch, given the facts about the whole mesh."""
     here = Bounded(bounded.untold[patch.component_numbers], bounded.voxel_faces)
     return within_bounds(patch.mesh, vertices, here)
 
 
 def within_bounds(mesh: Mesh, vertices: Vectors, bounded: "Bounded | None" = None) -> Vectors:
-    """Return vertices, (n, 3), of which none has moved farther than `displacement_bounds`."""
+    """Return vertices, (n, 3), with displacements limited to `displacement_bounds`."""
     displacement = vertices - mesh.vertices
     length = row_lengths(displacement)
     bounds = displacement_bounds(mesh, bounded)
@@ -67,7 +68,7 @@ def within_bounds(mesh: Mesh, vertices: Vectors, bounded: "Bounded | None" = Non
 
 
 class Bounded(NamedTuple):
-    """What bounds depend on beyond what is around a vertex.
+    """Facts about the whole mesh that the bounds depend on.
 
     Parameters
     ----------
@@ -82,18 +83,18 @@ class Bounded(NamedTuple):
 
 
 def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
-    """Return how far each vertex may move.
+    """Return the largest displacement allowed at each vertex.
 
-    The bound is the least of NOISES times the noise estimated around the vertex (see `chord_noise`) and FACE_HEIGHTS
-    times the height of its tallest face. On components with fewer than FEWEST_COMPONENT_EDGES edges between two faces,
-    around vertices without such an edge, and on the faces of voxels, there is no estimate, and the height alone counts.
+    The bound is the smaller of NOISES times the noise estimated around the vertex (see `chord_noise`) and FACE_HEIGHTS
+    times the height of its tallest face. Only the height counts where there is no estimate: on components with fewer
+    than FEWEST_COMPONENT_EDGES edges between two faces, around vertices without such an edge, and on voxel faces.
 
     Parameters
     ----------
     mesh
         Mesh with n vertices.
     bounded
-        Facts about the mesh that this one is a part of. Computed from `mesh` if None.
+        Facts about the mesh this one is a part of. Computed from `mesh` if None.
 
     Returns
     -------
@@ -104,7 +105,7 @@ def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
     bounded = bounded or what_is_bounded(mesh)
     noise = chord_noise(mesh, chord_residuals(mesh))
     noise[mesh.faces[bounded.untold[mesh.topology.face_components]]] = np.inf
-    if bounded.voxel_faces:  # along their edges the normals of both ends agree
+    if bounded.voxel_faces:  # along voxel edges, the normals of both ends agree
         noise[:] = np.inf
     return np.minimum(NOISES * noise, FACE_HEIGHTS * tallest)
 

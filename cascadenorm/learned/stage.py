@@ -1,4 +1,4 @@
-"""The declaration of one stage of a cascade, as training configurations and weights files hold it."""
+"""Settings of one stage of a cascade, as in configurations and weights files."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -12,14 +12,14 @@ Activation = Literal["silu", "tanh"]
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """What one stage of a cascade does, beside its arrays: a table `[[stages]]` of a training configuration.
+    """Settings of one stage of a cascade: a table `[[stages]]` of a training configuration.
 
     Parameters
     ----------
     descriptor
         Filtered normals that the stage reads, a name in DESCRIPTORS.
     neighborhood
-        Faces that the filters B and G add, "rings", or "distance" as published; other filters add one ring.
+        Neighbourhood of the filters B and G: "rings", or "distance" as published. Other filters use one ring.
     activation
         Activation of the hidden layers of its networks, "silu" or "tanh".
     weighting, foldovers, sweeps

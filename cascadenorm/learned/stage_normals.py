@@ -1,4 +1,4 @@
-"""The normals that a stage regresses, on a whole mesh or patch by patch."""
+"""Regress the normals of a stage, if necessary patch by patch."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -17,9 +17,9 @@ from cascadenorm.patches.cutting import MeshPatch
 from cascadenorm.patches.work import EXTRA, Patching, each_patch, patching_of, rows_of_faces
 
 BY_DISTANCE = 14
-"""Reach in edges that is tried first where filters have a neighbourhood by distance."""
+"""First halo width in edges that is tried for filters with a neighbourhood by distance."""
 FACTS = ("mean_edge_length", "median_area")
-"""What the filters need to know of the whole mesh."""
+"""Facts about the whole mesh that the filters need."""
 
 
 def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
@@ -28,9 +28,9 @@ def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
     Parameters
     ----------
     stage
-        Regression that is applied.
+        Regression to apply.
     mesh
-        Mesh with m faces as the stage before left it.
+        Mesh with m faces after the previous stage.
     noisy
         The same mesh before the first stage.
 
@@ -48,17 +48,17 @@ def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
 
 
 class _Filtered(NamedTuple):
-    """The filtered normals of a patch, (j, k, 3), whose halo is as wide as context features need."""
+    """Filtered normals of a patch, (j, k, 3), with a halo as wide as the context features need."""
 
     patch: MeshPatch
     stack: Stack
 
 
 def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching) -> Vectors:
-    """Regress normals of which some features are means over connected components, which take a pass of their own.
+    """Regress normals with context features, some of which are means over connected components.
 
-    The filtered normals are kept from the first pass to the second for as many patches as there is memory for. Other
-    patches are filtered twice.
+    The means need a separate first pass over the patches. Its filtered normals are kept for the second pass for as many
+    patches as fit into memory. The other patches are filtered twice.
     """
     reach = _reach(stage.settings) + CONTEXT_STEPS[-1] + EXTRA
     each = partial(each_patch, mesh, patching, reach=reach, facts=FACTS, vertices=[noisy.vertices], components=True)
@@ -88,14 +88,14 @@ def _no_sums(stage: Regression, count: int) -> ComponentSums:
 
 
 def _add(totals: ComponentSums, sums: ComponentSums, places: NDArray[Any]) -> None:
-    """Add sums to the rows of others that have these places, each of which comes once."""
+    """Add sums to the given rows of the totals. Each row occurs once."""
     pairs: Iterable[tuple[NDArray[Any], NDArray[Any]]] = zip(totals, sums, strict=True)
     for total, rows in pairs:
         total[places] += rows
 
 
 def _sums(stage: Regression, keep: bool, patch: MeshPatch, noisy: Vectors) -> tuple[ComponentSums, "_Filtered | None"]:
-    """Return what the faces of a patch add to the sums over components, and their filtered normals if wanted."""
+    """Return the sums over the faces of a patch for each component, and its filtered normals if they are to be kept."""
     filtered = _filtered(stage, patch, noisy)
     own = filtered.patch.own
     part = stage.scaler.sums(filtered.stack, filtered.patch.mesh, own)
@@ -127,7 +127,7 @@ def _without_context(stage: Regression, patch: MeshPatch, noisy: Vectors) -> Vec
 
 
 def _stack(settings: Stage, patch: MeshPatch, noisy: Vectors) -> Stack:
-    """Filter the normals of a patch; raises TooNarrow where filters see beyond the halo."""
+    """Filter the normals of a patch. Raises TooNarrow if filters reach beyond the halo."""
     filters = DESCRIPTORS[settings.descriptor].filters
     if filters and settings.neighborhood == "distance":
         seen = patch.own
@@ -138,6 +138,6 @@ def _stack(settings: Stage, patch: MeshPatch, noisy: Vectors) -> Stack:
 
 
 def _reach(settings: Stage) -> int:
-    """Return within how many edges of a face its filtered normals see the mesh, or how many to try first."""
+    """Return the reach of the filtered normals in edges, or the first reach to try."""
     descriptor = DESCRIPTORS[settings.descriptor]
     return BY_DISTANCE if descriptor.filters and settings.neighborhood == "distance" else descriptor.rings

@@ -1,4 +1,7 @@
-"""Weights files: arrays with a JSON header, as safetensors keep them; reading one executes nothing."""
+"""Weights files: arrays with a JSON header, stored as safetensors.
+
+Reading such a file executes no code.
+"""
 
 import json
 from collections.abc import Mapping
@@ -16,13 +19,13 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def packed(header: Mapping[str, Any], tensors: Arrays) -> bytes:
-    """Return the content of a weights file; equal contents have equal bytes."""
+    """Return the content of a weights file. Equal contents have equal bytes."""
     arrays = {name: np.ascontiguousarray(array) for name, array in tensors.items()}
     return save(arrays, {"cascadenorm": json.dumps(header, sort_keys=True)})
 
 
 def unpacked(path: str | PathLike[str]) -> tuple[dict[str, Any], Arrays]:
-    """Read the header and the arrays of a weights file; the arrays are read-only, since one model serves many.
+    """Read the header and the arrays of a weights file. The arrays are read-only, since callers share the model.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Parts as CAD kernels triangulate them: planar faces by their loops alone, curved ones by a chord tolerance.
+"""Parts as CAD kernels triangulate them.
 
-Triangles are fans, long strips and slivers, their edges differ a hundredfold, and coordinates are rounded. Nothing in
-such a mesh is error.
+Planar faces are triangulated from their loops alone, curved ones with a chord tolerance. Triangles are fans, long
+strips and slivers, edge lengths differ a hundredfold, and coordinates are rounded. None of this is error.
 """
 
 from collections.abc import Callable
@@ -18,22 +18,23 @@ from cascadenorm.mesh import Floats, Mesh, unit
 
 Maker = Callable[[float, np.random.Generator], Mesh]
 WallProfile = list[tuple[float, float]]
-"""Offsets outward and heights of the rings along a wall."""
+"""Outward offsets and heights of the rings along a wall."""
 
 ROUGHEST, FINEST = 0.05, 2e-6
-"""Chord tolerances, of the size of a part, between which one is looked for that gives the wanted number of faces: that
-goes by its root for strips, and by itself for surfaces curved twice, so that the power 1.5 finds both."""
+"""Range of chord tolerances, relative to the size of a part, that is searched for the wanted number of faces. That
+number varies with the inverse square root of the tolerance for strips, and with its inverse for doubly curved
+surfaces, so that a power of 1.5 converges for both."""
 LOW_DIGITS = 0.2
-"""Share of the parts written with four digits after the point in millimetres, as text; the others are float32."""
+"""Share of the parts written as text in millimetres with four decimals. The others are float32."""
 
 
 def cad_part(*, faces: int | None, rng: np.random.Generator) -> Mesh:
-    """Make a random part about the origin, which reaches to 1 from it.
+    """Make a random part about the origin that extends to a distance of 1 from it.
 
     Parameters
     ----------
     faces
-        About how many there should be; None takes any usual tolerance.
+        Approximate number of faces. None draws a usual tolerance instead.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def _made(make: Maker, seed: int, tolerance: float) -> Mesh:
 
 
 def _finished(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
-    """Turn a part at random or not at all, and round its coordinates as a file does."""
+    """Rotate a part at random or not at all, and round its coordinates as a file does."""
     vertices = mesh.vertices @ random_rotation(rng=rng).T if rng.random() < 0.6 else mesh.vertices
     vertices = vertices - 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     millimetres = float(10 ** rng.uniform(1, 2.5)) / np.linalg.norm(vertices, axis=1).max()
@@ -76,7 +77,7 @@ def _finished(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
 
 
 def plate_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
-    """A plate of any outline with chamfered or filleted edges, holes, blind and countersunk ones, pins and domes."""
+    """Return a plate of any outline with worked edges, holes, countersinks, pins and domes."""
     part = PartBuilder(delaunay=bool(rng.random() < 0.6), rng=rng)
     outline, height = sketch(1.0, tolerance=tolerance, rng=rng), float(rng.uniform(0.05, 0.6))
     edge = float(rng.choice([0.0, 0.02, 0.05])) * min(1.0, 3 * height)
@@ -95,8 +96,8 @@ def plate_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
 
 
 def shell_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
-    """A curved sheet between two trimmed freeform surfaces, its inner vertices as dense as the curvature wants them."""
-    part = PartBuilder(delaunay=True, rng=rng)  # ears alone would fold over the hills
+    """Return a curved sheet between two trimmed freeform surfaces, with a vertex density that follows the curvature."""
+    part = PartBuilder(delaunay=True, rng=rng)  # ear clipping alone would fold over the hills
     outline, thickness = sketch(1.0, tolerance=tolerance, rng=rng), float(rng.uniform(0.03, 0.3))
     count, waves = int(rng.integers(1, 4)), rng.normal(size=(3, 2)) * rng.uniform(0.5, 3)
     heights, phases = rng.uniform(0.02, 0.2, 3) * (np.arange(3) < count), rng.uniform(0, 6, 3)
@@ -126,7 +127,7 @@ def shell_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
 
 
 def revolved_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
-    """A profile of lines and arcs turned about an axis, that it may touch; each circle has chords of its own or not."""
+    """Revolve a profile of lines and arcs about an axis, with one chord length for all circles or one for each."""
     part = PartBuilder(delaunay=bool(rng.random() < 0.5), rng=rng)
     count, hollow = int(rng.integers(2, 8)), rng.random() < 0.4
     z = np.cumsum(rng.uniform(0.08, 0.5, count))
@@ -151,7 +152,7 @@ def revolved_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
 
 
 def swept(tolerance: float, rng: np.random.Generator) -> Mesh:
-    """A tube or bar along a coil or a wave, closed by planar faces at both ends, or bent to a torus."""
+    """Return a tube or bar along a helix with planar ends, or closed to a ring."""
     part = PartBuilder(delaunay=bool(rng.random() < 0.5), rng=rng)
     closed, turns = rng.random() < 0.3, float(rng.uniform(0.4, 3.0))
     width = float(rng.uniform(0.06, 0.25))
@@ -183,7 +184,7 @@ MAKERS: tuple[Maker, ...] = (plate_mesh, plate_mesh, plate_mesh, shell_mesh, rev
 
 
 def _edge(size: float, *, tolerance: float, rng: np.random.Generator) -> WallProfile:
-    """Distances inward from the wall and down from the face along a sharp, chamfered or filleted edge, face first."""
+    """Return the offsets inward and downward along a sharp, chamfered or filleted edge, starting at the face."""
     kind = rng.integers(3) if size else 0
     if kind == 0:
         return [(0.0, 0.0)]
@@ -198,7 +199,7 @@ def _rings(part: PartBuilder, loop: Loop, profile: WallProfile) -> list[Ring]:
 
 
 def _places(outline: Loop, *, least: float, rng: np.random.Generator) -> list[tuple[Floats, float]]:
-    """Centers and radii of discs within an outline that do not touch it, or one another."""
+    """Return centres and radii of discs within an outline that touch neither it nor each other."""
     shared = rng.random() < 0.5
     usual = float(rng.uniform(0.03, 0.25))
     found: list[tuple[Floats, float]] = []
@@ -221,7 +222,7 @@ def _inside(loop: Floats, point: Floats) -> bool:
 
 
 def _subdivided(loop: Loop, spacing: float) -> Loop:
-    """Insert vertices so that no side is longer than a spacing."""
+    """Insert vertices so that no side is longer than `spacing`."""
     ends = np.roll(loop.points, -1, axis=0)
     counts = np.maximum(np.ceil(np.linalg.norm(ends - loop.points, axis=1) / spacing), 1).astype(int)
     share = np.concatenate([np.arange(count) / count for count in counts])[:, None]
@@ -230,7 +231,7 @@ def _subdivided(loop: Loop, spacing: float) -> Loop:
 
 
 def _scattered(outline: Loop, taken: list[Floats], spacing: float, *, rng: np.random.Generator) -> Floats:
-    """Floats of a jittered grid within an outline, off its loops."""
+    """Return points of a jittered grid within an outline, away from its loops."""
     steps = np.arange(-1.2, 1.2, max(spacing, 0.02))
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     grid = grid + rng.uniform(-0.25, 0.25, grid.shape) * spacing

@@ -1,4 +1,7 @@
-"""Thinning a mesh out by the collapses that bend it least: many triangles where it curves, few where it is flat."""
+"""Decimate a mesh by the edge collapses with the least quadric error.
+
+Curved regions keep many triangles, flat ones few.
+"""
 
 import numpy as np
 
@@ -22,7 +25,7 @@ from cascadenorm.mesh.vectors import length
 
 
 def thinned(mesh: Mesh, *, faces: int, evenness: float) -> Mesh:
-    """Return a mesh decimated to about so many faces, see `decimate`; UnfitShapeError if it came out bad."""
+    """Return a mesh decimated to about `faces` faces; see `decimate`. Raises UnfitShapeError if it is invalid."""
     if not is_manifold(mesh):
         raise UnfitShapeError("the mesh is not manifold")
     half_edges = half_edges_of(mesh)
@@ -34,10 +37,10 @@ def thinned(mesh: Mesh, *, faces: int, evenness: float) -> Mesh:
 
 
 def decimate(half_edges: HalfEdges, *, faces: int, evenness: float) -> None:
-    """Collapse edges until about so many faces are left, the cheapest first.
+    """Collapse edges until about `faces` faces are left, the cheapest first.
 
-    The cost of a collapse is the squared distance to the planes that a vertex stands for (Garland and Heckbert 1997),
-    plus `evenness` times the squared length of the edge and the area around it, so that flat regions keep triangles.
+    The cost of a collapse is the quadric error of the merged vertex (Garland and Heckbert 1997), plus `evenness` times
+    the squared edge length times the surrounding area, so that flat regions keep triangles.
     """
     quadrics = _quadrics(half_edges)
     share = 0.1
@@ -53,7 +56,7 @@ def decimate(half_edges: HalfEdges, *, faces: int, evenness: float) -> None:
 
 @kernel
 def _quadrics(c: HalfEdges) -> Floats:
-    """Sum over the faces around each vertex of area · (n, d)(n, d)ᵀ, ten numbers, and the area."""
+    """Sum area · (n, d)(n, d)ᵀ, ten numbers, and the area over the faces around each vertex."""
     quadrics = np.zeros((len(c.points), 11))
     for face in range(c.used[1]):
         h = 3 * face
@@ -77,7 +80,7 @@ def _quadrics(c: HalfEdges) -> Floats:
 
 @kernel
 def _miss(q: Floats, r: Floats, p: Floats) -> float:
-    """Value of the sum of two quadrics at a point."""
+    """Evaluate the sum of two quadrics at a point."""
     x, y, z = p[0], p[1], p[2]
     total: float = (q[0] + r[0]) * x * x + (q[4] + r[4]) * y * y + (q[7] + r[7]) * z * z + q[9] + r[9]
     total += 2 * ((q[1] + r[1]) * x * y + (q[2] + r[2]) * x * z + (q[5] + r[5]) * y * z)
@@ -87,7 +90,7 @@ def _miss(q: Floats, r: Floats, p: Floats) -> float:
 
 @kernel
 def _best(c: HalfEdges, quadrics: Floats, evenness: float, h: int) -> tuple[float, float]:
-    """Cheapest place for the merged vertex, as a share of the way along h, and its cost."""
+    """Return the cheapest position of the merged vertex, as a share of the way along h, and its cost."""
     a, b = c.origin[h], c.origin[after(h)]
     best, cost = 1.0, np.inf
     for share in (0.0, 0.5, 1.0):
@@ -119,7 +122,7 @@ def _collapse_cheap(c: HalfEdges, quadrics: Floats, evenness: float, bound: floa
             break
         if c.origin[h] == -1 or c.twin[h] < h:
             continue
-        # the vertex that vanishes must not be a corner
+        # The removed vertex must not be a corner.
         if c.kind[c.origin[h]] == CORNER:
             h = c.twin[h]
         a, b = c.origin[h], c.origin[after(h)]
@@ -128,7 +131,7 @@ def _collapse_cheap(c: HalfEdges, quadrics: Floats, evenness: float, bound: floa
         share, cost = _best(c, quadrics, evenness, h)
         if cost > bound or not collapse_keeps_manifold(c, h, ring, other):
             continue
-        # collapse where no face around turns over or becomes too long; errors of the two vertices add up
+        # Collapse if no surrounding face flips or becomes too long. The quadrics of the two vertices add up.
         place = c.points[a] + share * (c.points[b] - c.points[a])
         longest = 4 * c.length[a]
         if faces_survive(c, a, b, place, longest, ring) and faces_survive(c, b, a, place, longest, ring):

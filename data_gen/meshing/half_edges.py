@@ -1,7 +1,7 @@
-"""A triangle mesh that can be edited: half edges in arrays, and the three operations that collapse, flip and split.
+"""An editable triangle mesh: half-edges in arrays, with collapse, flip and split.
 
-Half edge h of face h // 3 leads from `origin[h]` to the next corner of that face. Faces and vertices that are taken
-away keep their slot (`origin` and `start` become -1) until `mesh_of` packs the rest.
+Half-edge h of face h // 3 goes from `origin[h]` to the next corner of that face. Removed faces and vertices keep their
+slot (`origin` and `start` become -1) until `mesh_of` compacts the arrays.
 """
 
 from typing import NamedTuple
@@ -14,9 +14,9 @@ from cascadenorm.mesh.isolation import compacted
 from cascadenorm.mesh.vectors import Three, Vector, cross, length, subtract
 
 SMOOTH, CREASE, CORNER = 0, 1, 2
-"""Kinds of vertices: free, held on a line of marked edges, held in place (as all vertices of a boundary are)."""
+"""Kinds of vertices: free, constrained to a line of marked edges, and fixed (as all boundary vertices are)."""
 
-RING = 48  # vertices with more neighbours than this are left alone
+RING = 48  # vertices with more neighbours than this are not edited
 
 
 class HalfEdges(NamedTuple):
@@ -28,12 +28,12 @@ class HalfEdges(NamedTuple):
     points: NDArray[np.float64]
     kind: NDArray[np.int8]
     length: NDArray[np.float64]
-    start: NDArray[np.int32]  # a half edge that leaves the vertex
-    used: NDArray[np.int64]  # vertices and faces so far, those taken away included
+    start: NDArray[np.int32]  # a half-edge that leaves the vertex
+    used: NDArray[np.int64]  # numbers of vertices and faces so far, including removed ones
 
 
 def is_manifold(mesh: Mesh) -> bool:
-    """Whether each edge has at most two faces, of one orientation, and each vertex one fan of faces."""
+    """Whether each edge has at most two faces with consistent orientation, and each vertex one fan of faces."""
     count = mesh.topology.vertex_count
     ahead = np.roll(mesh.faces, -1, axis=1)
     directed = mesh.faces.astype(np.int64) * count + ahead
@@ -45,8 +45,9 @@ def is_manifold(mesh: Mesh) -> bool:
 def half_edges_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> HalfEdges:
     """Lay out a mesh for editing, with room for `capacity` times its faces.
 
-    Edges where `creases`, one a topological edge, is true are marked, and those of the boundary always; a vertex on two
-    marked edges that go nearly straight on is on a crease, one with any other number of them is a corner.
+    Edges with a true value in `creases`, one per topological edge, are marked, and so are boundary edges. A vertex with
+    two marked edges in nearly the same direction lies on a crease. A vertex with any other number of marked edges is a
+    corner.
     """
     n, m = len(mesh.vertices), len(mesh.faces)
     rooms = int(capacity * m) + 8
@@ -75,7 +76,7 @@ def half_edges_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capac
 
 
 def mesh_of(half_edges: HalfEdges) -> Mesh:
-    """Pack the faces and vertices that are left."""
+    """Compact the remaining faces and vertices."""
     faces = half_edges.origin[: 3 * half_edges.used[1]].reshape(-1, 3)
     return compacted(half_edges.points, faces[faces[:, 0] >= 0])[0]
 
@@ -94,19 +95,19 @@ def _kinds(mesh: Mesh, marked_edge: NDArray[np.bool_]) -> NDArray[np.int8]:
 
 @kernel
 def after(h: int) -> int:
-    """Next half edge of the face."""
+    """Return the next half-edge of the face."""
     return h - 2 if h % 3 == 2 else h + 1
 
 
 @kernel
 def before(h: int) -> int:
-    """Previous half edge of the face."""
+    """Return the previous half-edge of the face."""
     return h + 2 if h % 3 == 0 else h - 1
 
 
 @kernel
 def leaving(c: HalfEdges, v: int, ring: Ints) -> tuple[int, bool]:
-    """Write the half edges that leave v; their number, 0 if they are too many, and whether they go all around."""
+    """Write the half-edges that leave v; return their number, 0 if too many, and whether they form a closed ring."""
     first = c.start[v]
     h, count = first, 0
     while h != -1:
@@ -141,7 +142,7 @@ def _fans_are_single(c: HalfEdges, n: int) -> bool:
 
 @kernel
 def are_joined(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
-    """Whether an edge joins a and b; True as well where a has too many neighbours to tell."""
+    """Whether an edge joins a and b. True as well if a has too many neighbours to check."""
     count, _ = leaving(c, a, ring)
     for i in range(count):
         if c.origin[after(ring[i])] == b or c.origin[before(ring[i])] == b:
@@ -151,19 +152,19 @@ def are_joined(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
 
 @kernel
 def doubled_area_vector(p: Three, q: Three, r: Three) -> Vector:
-    """Twice the area of a triangle times its normal."""
+    """Return twice the area of a triangle times its normal."""
     return cross(subtract(q, p), subtract(r, p))
 
 
 @kernel
 def distance(p: Three, q: Three) -> float:
-    """Distance of two points."""
+    """Return the distance between two points."""
     return length(subtract(p, q))
 
 
 @kernel
 def shape(p: Three, q: Three, r: Three) -> float:
-    """Quality of a triangle: 1 for an equilateral one, 0 for one without area."""
+    """Return the quality of a triangle: 1 for an equilateral one, 0 for a degenerate one."""
     sides = distance(p, q) ** 2 + distance(q, r) ** 2 + distance(r, p) ** 2
     quality: float = 2 * np.sqrt(3.0) * length(doubled_area_vector(p, q, r)) / max(sides, 1e-300)
     return quality
@@ -171,7 +172,7 @@ def shape(p: Three, q: Three, r: Three) -> float:
 
 @kernel
 def tie(c: HalfEdges, h: int, g: int, mark: bool) -> None:
-    """Make two half edges twins; either may be missing."""
+    """Make two half-edges twins. Either may be missing."""
     if h != -1:
         c.twin[h] = g
         c.marked[h] = mark
@@ -182,7 +183,7 @@ def tie(c: HalfEdges, h: int, g: int, mark: bool) -> None:
 
 @kernel
 def collapse_keeps_manifold(c: HalfEdges, h: int, ring: Ints, other: Ints) -> bool:
-    """Whether the end points of h share two neighbours only, and the vertex to vanish is off the boundary."""
+    """Whether the ends of h share only two neighbours, and the vertex to be removed is not on the boundary."""
     a, b = c.origin[h], c.origin[after(h)]
     g = c.twin[h]
     if g == -1:
@@ -190,7 +191,7 @@ def collapse_keeps_manifold(c: HalfEdges, h: int, ring: Ints, other: Ints) -> bo
     count, closed = leaving(c, a, ring)
     if not closed or count < 3 or count > RING // 2:
         return False
-    # the two vertices beside the edge lose a neighbour each, the merged one has what both had
+    # The two vertices opposite the edge lose one neighbour each; the merged vertex has the neighbours of both ends.
     left, right = c.origin[before(h)], c.origin[before(g)]
     for v in (left, right):
         around, whole = leaving(c, v, other)
@@ -199,7 +200,7 @@ def collapse_keeps_manifold(c: HalfEdges, h: int, ring: Ints, other: Ints) -> bo
     around, whole = leaving(c, b, other)
     if around == 0 or around > RING // 2 or (whole and count + around < 7):
         return False
-    # a third common neighbour would make an edge with four faces
+    # A third common neighbour would create an edge with four faces.
     for i in range(count):
         w = c.origin[after(ring[i])]
         if w in (left, right, b):
@@ -212,7 +213,7 @@ def collapse_keeps_manifold(c: HalfEdges, h: int, ring: Ints, other: Ints) -> bo
 
 @kernel
 def collapse(c: HalfEdges, h: int, ring: Ints) -> None:
-    """Merge the origin of h into its other end; the caller has checked that a manifold stays."""
+    """Merge the origin of h into its other end. The caller has checked that the mesh stays a manifold."""
     g = c.twin[h]
     a, b = c.origin[h], c.origin[after(h)]
     left, right = c.origin[before(h)], c.origin[before(g)]
@@ -233,7 +234,7 @@ def collapse(c: HalfEdges, h: int, ring: Ints) -> None:
 
 @kernel
 def flip(c: HalfEdges, h: int) -> None:
-    """Replace the edge between two faces by the other diagonal; the caller has checked that it is allowed."""
+    """Replace the edge between two faces by the other diagonal. The caller has checked that this is allowed."""
     g = c.twin[h]
     a, b, left, right = c.origin[h], c.origin[after(h)], c.origin[before(h)], c.origin[before(g)]
     sides = (c.twin[after(g)], c.twin[before(h)], c.twin[before(g)], c.twin[after(h)])
@@ -251,13 +252,13 @@ def flip(c: HalfEdges, h: int) -> None:
 
 @kernel
 def split(c: HalfEdges, h: int, m: int) -> None:
-    """Put vertex m, whose data the caller has set, on an edge; both faces become two."""
+    """Insert vertex m, whose data the caller has set, on an edge, which splits both faces."""
     g = c.twin[h]
     mark = c.marked[h]
     a, b, left = c.origin[h], c.origin[after(h)], c.origin[before(h)]
     outer, outer_mark = c.twin[after(h)], c.marked[after(h)]
     inner, inner_mark = c.twin[before(h)], c.marked[before(h)]
-    # the face of h keeps the half up to m, a new face gets the other one
+    # The face of h keeps the half up to m, a new face gets the other one.
     p, r = 3 * (h // 3), 3 * c.used[1]
     c.used[1] += 1
     c.origin[p], c.origin[p + 1], c.origin[p + 2] = a, m, left
@@ -270,7 +271,7 @@ def split(c: HalfEdges, h: int, m: int) -> None:
         tie(c, p, -1, mark)
         tie(c, r, -1, mark)
         return
-    # the same for the face of its twin
+    # The face of the twin is split in the same way.
     right = c.origin[before(g)]
     outer, outer_mark = c.twin[before(g)], c.marked[before(g)]
     inner, inner_mark = c.twin[after(g)], c.marked[after(g)]

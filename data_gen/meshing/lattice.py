@@ -1,4 +1,7 @@
-"""Sampling a field on a lattice of points, which may be jittered and stretched, only near the surface."""
+"""Sample a field on a lattice, only near the surface.
+
+The lattice may be jittered and stretched.
+"""
 
 from typing import NamedTuple
 
@@ -8,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Vectors
 
-BLOCK_CELLS = 4  # lattice cells along a side of the blocks that are skipped or evaluated as one
+BLOCK_CELLS = 4  # lattice cells along a side of the blocks that are skipped or evaluated as a whole
 LARGEST_GRADIENT = 1.6
-"""Assumed bound on the gradient of a field: blocks that cannot hold the surface under it are skipped."""
+"""Assumed bound on the gradient of a field. Blocks that cannot contain the surface under this bound are skipped."""
 
 
 class Lattice(NamedTuple):
-    """Nodes (p, q, r, 3) and the field's values (p, q, r) there; `spacing` is the length of the lattice's edges."""
+    """Nodes (p, q, r, 3) and the values of the field (p, q, r) there; `spacing` is the edge length of the lattice."""
 
     nodes: NDArray[np.float64]
     values: NDArray[np.float64]
@@ -29,17 +32,17 @@ def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing:
     Parameters
     ----------
     lower, upper
-        Corners of the box that has to be covered; with an open boundary the lattice is that box, turned.
+        Corners of the box to be covered. With an open boundary, the lattice is that box, rotated.
     spacing
         Mean length of the lattice's edges.
     jitter
-        Nodes are moved by up to this share of the spacing, at random.
+        Largest random displacement of the nodes, relative to the spacing.
     stretch
         Relative edge lengths along the lattice's axes.
     turn
         Rotation of the lattice's axes about the middle of the box.
     open_boundary
-        Let the surface end at the border of the lattice, instead of closing it there.
+        Whether the surface ends at the border of the lattice instead of being closed there.
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
     steps = np.asarray(stretch, np.float64)
@@ -62,9 +65,12 @@ def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing:
 
 
 def grid(half: NDArray[np.float64], steps: NDArray[np.float64], *, cells: int = 1) -> NDArray[np.float64]:
-    """Nodes about the origin that cover the box from -half to half, (p, q, r, 3), `steps` apart along the axes.
+    """Return nodes about the origin that cover the box from -half to half, (p, q, r, 3), `steps` apart along the axes.
 
-    cells : along each axis there is a multiple of so many
+    Parameters
+    ----------
+    cells
+        Number of which the count of cells along each axis is a multiple.
     """
     counts = cells * np.ceil(2 * half / (cells * steps)).astype(int) + 1
     axes = [step * (np.arange(count) - 0.5 * (count - 1)) for step, count in zip(steps, counts, strict=True)]
@@ -72,7 +78,7 @@ def grid(half: NDArray[np.float64], steps: NDArray[np.float64], *, cells: int = 
 
 
 def _values(field: DistanceField, nodes: NDArray[np.float64], *, reach: float) -> Values:
-    """Evaluate at the corners of blocks, then everywhere in the blocks that the surface may pass through."""
+    """Evaluate at the corners of blocks, then everywhere in the blocks that the surface may cross."""
     corners = nodes[::BLOCK_CELLS, ::BLOCK_CELLS, ::BLOCK_CELLS]
     coarse = field(corners.reshape(-1, 3)).reshape(corners.shape[:3])
     blocks: NDArray[np.int_] = np.array(coarse.shape) - 1

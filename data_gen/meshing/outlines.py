@@ -1,4 +1,4 @@
-"""Plane loops of lines and arcs, as sketches in CAD, with the direction in which each vertex is offset."""
+"""Planar loops of lines and arcs, as in CAD sketches, with offset directions."""
 
 from typing import NamedTuple
 
@@ -8,14 +8,18 @@ from numpy.typing import ArrayLike, NDArray
 Points = NDArray[np.float64]
 
 WIDEST_CHORD = 0.5
-"""Largest angle of a chord, 29°, however large the tolerance: CAD kernels bound both."""
+"""Largest angle of a chord, 29°, regardless of the tolerance, since CAD kernels bound both."""
 
 
 class Loop(NamedTuple):
     """A counterclockwise loop of k points.
 
-    points : (k, 2)
-    outward : (k, 2); point + d · outward is the point of the loop offset by d
+    Parameters
+    ----------
+    points
+        (k, 2) positions.
+    outward
+        (k, 2) offset directions: point + d · outward is the point of the loop offset by d.
     """
 
     points: Points
@@ -26,19 +30,19 @@ class Loop(NamedTuple):
         return self.points + distance * self.outward
 
     def moved(self, by: ArrayLike, *, turn: float = 0.0) -> "Loop":
-        """Rotate about the origin, then shift."""
+        """Rotate about the origin, then translate."""
         rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         return Loop(self.points @ rotation + np.asarray(by), self.outward @ rotation)
 
 
 def chords(radius: float, angle: float, *, tolerance: float) -> int:
-    """How many chords an arc takes, so that none is farther than the tolerance from it."""
+    """Return the number of chords of an arc that keeps them within the tolerance of it."""
     widest = min(WIDEST_CHORD, 2 * np.arccos(max(1 - tolerance / max(radius, 1e-12), 0.0)))
     return max(int(np.ceil(angle / widest - 1e-9)), 1)
 
 
 def circle(radius: float, *, tolerance: float) -> Loop:
-    """A circle about the origin."""
+    """Return a circle about the origin."""
     count = max(chords(radius, 2 * np.pi, tolerance=tolerance), 3)
     angle = 2 * np.pi * np.arange(count) / count
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -46,9 +50,9 @@ def circle(radius: float, *, tolerance: float) -> Loop:
 
 
 def rounded(corners: ArrayLike, radii: ArrayLike, *, tolerance: float) -> Loop:
-    """A counterclockwise polygon whose corners are replaced by arcs; a radius of 0 keeps the corner.
+    """Return a counterclockwise polygon whose corners are replaced by arcs. A radius of 0 keeps the corner.
 
-    Radii are shortened so that the arcs of a side take at most half of it each.
+    Radii are reduced so that each arc takes at most half of a side.
     """
     places = np.asarray(corners, np.float64)
     arcs = np.broadcast_to(np.asarray(radii, np.float64), len(places))
@@ -77,7 +81,7 @@ def rounded(corners: ArrayLike, radii: ArrayLike, *, tolerance: float) -> Loop:
 
 
 def sketch(size: float, *, tolerance: float, rng: np.random.Generator) -> Loop:
-    """A random outline of about a size, as of a printed or milled part."""
+    """Return a random outline of about `size`, as of a printed or milled part."""
     kind = rng.integers(6)
     w, h = size * rng.uniform(0.5, 1.0, 2)
     a, b = w * rng.uniform(0.3, 0.6), h * rng.uniform(0.3, 0.6)
@@ -103,7 +107,7 @@ def sketch(size: float, *, tolerance: float, rng: np.random.Generator) -> Loop:
 
 
 def with_points(loop: Loop, *, rng: np.random.Generator) -> Loop:
-    """Insert vertices on a few sides, some of them hardly apart, as the neighbours of a face leave them there."""
+    """Insert vertices on a few sides, some of them close together, as neighbouring faces leave them there."""
     count = int(rng.choice([0, 0, 1, 4, 12]))
     points, outward = loop
     for _ in range(count):

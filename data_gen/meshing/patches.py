@@ -1,4 +1,4 @@
-"""Large meshes cut to a size to train on."""
+"""Cut large meshes to a size that training can handle."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Mesh
 
 FaceNumbers = NDArray[np.intp]
-"""(k,) numbers of faces, ascending."""
+"""(k,) face numbers, ascending."""
 
 
 def training_patches(mesh: Mesh, *, faces: int) -> list[FaceNumbers]:
-    """Halve a mesh across its longest side, and its halves, until none has more than so many faces."""
+    """Halve a mesh across its longest side, recursively, until no part has more than `faces` faces."""
     done, waiting = [], [np.arange(len(mesh.faces))]
     while waiting:
         chosen = waiting.pop()

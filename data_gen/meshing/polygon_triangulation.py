@@ -1,4 +1,7 @@
-"""Triangles over plane polygons with holes: ears cut off, and flipped to the constrained Delaunay triangulation."""
+"""Triangulate planar polygons with holes by ear clipping.
+
+Edges can be flipped to the constrained Delaunay triangulation.
+"""
 
 import heapq
 from collections.abc import Iterable, Sequence
@@ -11,34 +14,34 @@ from cascadenorm.mesh import Floats
 Triangles = NDArray[np.int64]
 
 FLAT_AREA = 1e-9
-"""Twice the area of a triangle, against the square of its longest side, from which it counts as flat."""
+"""Twice the area of a triangle relative to the square of its longest side, below which it counts as flat."""
 
 
 class PolygonError(ValueError):
-    """Loops that cross or touch, which cannot be triangulated."""
+    """Loops cross or touch, so that they cannot be triangulated."""
 
 
 def triangulated(
     points: Floats, loops: Sequence[NDArray[np.int64]], *, inner: Iterable[int] = (), delaunay: bool = True
 ) -> Triangles:
-    """Triangulate a polygon with holes by its own vertices, and by given ones inside.
+    """Triangulate a polygon with holes by its own vertices and given inner ones.
 
     Parameters
     ----------
     points
-        (n, 2).
+        (n, 2) positions.
     loops
-        Indices of the vertices along each loop; the first is the outline, counterclockwise, the others are holes,
+        Indices of the vertices along each loop. The first is the outline, counterclockwise; the others are holes,
         clockwise.
     inner
         Indices of the vertices inside.
     delaunay
-        Flip edges until the triangulation is Delaunay where the loops allow it; else triangles stay as ears are cut, in
-        the order of the loops, with the fans and slivers that come with it.
+        Whether to flip edges until the triangulation is constrained Delaunay. Otherwise the ears are kept as they were
+        cut, in the order of the loops, with the fans and slivers that this produces.
 
     Returns
     -------
-    (loop vertices + 2 holes - 2 + 2 inner, 3) indices, counterclockwise
+    (loop vertices + 2 holes - 2 + 2 inner, 3) indices, counterclockwise.
 
     Raises
     ------
@@ -55,7 +58,7 @@ def triangulated(
 
 
 def _bridged(points: Floats, order: list[int], hole: NDArray[np.int64], left: list[NDArray[np.int64]]) -> list[int]:
-    """Join a hole to the polygon around it along the shortest segment that crosses neither it nor the holes left."""
+    """Join a hole to the surrounding polygon along the shortest segment that crosses neither it nor other holes."""
     ring = np.array(order)
     first = np.concatenate([ring, *left])
     second = np.concatenate([np.roll(ring, -1), *[np.roll(loop, -1) for loop in left]])
@@ -71,14 +74,14 @@ def _bridged(points: Floats, order: list[int], hole: NDArray[np.int64], left: li
 
 
 def _turn(p: Floats, q: Floats, r: Floats) -> NDArray[np.float64]:
-    """Twice the signed area of triangles, over the last axis."""
+    """Return twice the signed area of triangles, over the last axis."""
     return np.asarray(
         (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
     )
 
 
 def _in_corner(points: Floats, before: int, at: int, after: int, to: int) -> bool:
-    """Whether the way from a vertex of the polygon to a point starts inside."""
+    """Whether the segment from a vertex of the polygon to a point starts inside."""
     p, q, r, x = points[before], points[at], points[after], points[to]
     left, right = _turn(p, q, x) > 0, _turn(q, r, x) > 0
     return bool(left and right if _turn(p, q, r) > 0 else left or right)
@@ -94,7 +97,7 @@ def _crosses(points: Floats, a: int, b: int, first: NDArray[np.int64], second: N
 
 
 def _ears(points: Floats, order: list[int], *, best_first: bool) -> list[tuple[int, int, int]]:
-    """Cut ears off a simple polygon whose bridges are passed twice; by quality, or as they come."""
+    """Clip the ears of a simple polygon that passes each bridge twice, by quality or in order."""
     count = len(order)
     ring, corner = np.array(order), points[np.array(order)]
     before, after = np.arange(count) - 1, np.arange(count) + 1
@@ -129,7 +132,7 @@ def _ears(points: Floats, order: list[int], *, best_first: bool) -> list[tuple[i
 
 
 def _ear_quality(corner: Floats, ring: NDArray[np.int64], alive: NDArray[np.bool_], p: int, k: int, q: int) -> float:
-    """Twice the area over the square of the longest side; 0 where the corner is no ear."""
+    """Return twice the area over the square of the longest side; 0 where the corner is not an ear."""
     a, b, c = corner[p], corner[k], corner[q]
     quality = float(_turn(a, b, c)) / max(((b - a) ** 2).sum(), ((c - b) ** 2).sum(), ((a - c) ** 2).sum(), 1e-300)
     if quality <= FLAT_AREA:
@@ -141,7 +144,7 @@ def _ear_quality(corner: Floats, ring: NDArray[np.int64], alive: NDArray[np.bool
 
 
 def _split(points: Floats, triangles: list[tuple[int, int, int]], inner: list[int]) -> list[tuple[int, int, int]]:
-    """Split the triangle about each inner vertex in three."""
+    """Split the triangle around each inner vertex into three."""
     faces = np.zeros((len(triangles) + 2 * len(inner), 3), np.int64)
     count = len(triangles)
     faces[:count] = triangles
@@ -158,7 +161,7 @@ def _split(points: Floats, triangles: list[tuple[int, int, int]], inner: list[in
 
 
 def _delaunay(points: Floats, triangles: list[tuple[int, int, int]], loops: Sequence[NDArray[np.int64]]) -> Triangles:
-    """Flip edges that are not on a loop while the circle through one triangle holds the corner across (Lawson)."""
+    """Flip edges that are not on a loop while the circumcircle of a triangle contains the opposite corner (Lawson)."""
     faces = [list(triangle) for triangle in triangles]
     fixed = {frozenset(e) for loop in loops for e in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)}
     across: dict[tuple[int, int], int] = {}

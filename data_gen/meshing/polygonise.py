@@ -1,9 +1,9 @@
-"""From a field on a lattice to triangles: marching cubes, and dual contouring, in which sharp edges are real edges.
+"""Polygonise a field by marching cubes or dual contouring.
 
-Both begin with the same crossings of the surface and the lattice's edges. Marching cubes makes them its vertices. Dual
-contouring puts one vertex into each sheet of surface within a cell, where the planes at the sheet's crossings meet
-(Ju et al. 2002), and one quadrangle around each crossing; a cell with two sheets gets two vertices (Nielson 2004), so
-that the result is a manifold nearly always.
+Both methods start from the crossings of the surface with the edges of a lattice. Marching cubes uses them as vertices.
+Dual contouring puts one vertex into each sheet of surface within a cell, where the planes at the crossings of the sheet
+meet (Ju et al. 2002), and one quadrilateral around each crossing, so that sharp edges become edges of the mesh. A cell
+with two sheets gets two vertices (Nielson 2004), so that the result is nearly always a manifold.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 
 FLAT_SCATTER = 0.08
 """Planes whose scatter has an eigenvalue below this share of the largest count as one plane, or one edge."""
-SNAP = 0.02  # values closer to zero than this share of the spacing are pushed away, so that crossings stay off nodes
+SNAP = 0.02  # values closer to zero than this share of the spacing are moved away, so that no crossing is at a node
 
 
 class NoSurfaceError(ValueError):
@@ -26,18 +26,18 @@ class NoSurfaceError(ValueError):
 
 
 class Crossings(NamedTuple):
-    """Where lattice edges pierce the surface, and the triangles of marching cubes over these points."""
+    """Points where lattice edges cross the surface, and the triangles of marching cubes over these points."""
 
     points: Vectors
     triangles: NDArray[np.int32]
-    nodes: NDArray[np.int64]  # (n, 3) lower end of each crossing's lattice edge
-    axes: NDArray[np.int64]  # (n,) its axis; -1 for the rare extra point inside a cell
-    rising: NDArray[np.bool_]  # (n,) whether the field rises along it
+    nodes: NDArray[np.int64]  # (n, 3) lower end of the lattice edge of each crossing
+    axes: NDArray[np.int64]  # (n,) axis of that edge; -1 for the rare extra points inside a cell
+    rising: NDArray[np.bool_]  # (n,) whether the field rises along the edge
     cells: NDArray[np.int64]  # (m, 3) cell of each triangle
 
 
 def gradients(field: DistanceField, points: Vectors, *, step: float) -> Vectors:
-    """Gradients by differences over a tetrahedron (four values a point)."""
+    """Return the gradients by differences over a tetrahedron (four values per point)."""
     corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
     shifted = points[None] + step * corners[:, None]
     values = field(shifted.reshape(-1, 3)).reshape(4, -1)
@@ -45,14 +45,14 @@ def gradients(field: DistanceField, points: Vectors, *, step: float) -> Vectors:
 
 
 def projected(field: DistanceField, points: Vectors, *, size: float, reach: float = 1.0, steps: int = 2) -> Vectors:
-    """Move points along the gradient to where the field vanishes.
+    """Move points along the gradient to the zero level of the field.
 
     Parameters
     ----------
     size
-        A length that is small against the shape, and far larger than what differences are taken over.
+        Length that is small compared with the shape and much larger than the step of the differences.
     reach
-        Of each step at most, in sizes.
+        Largest length of a step, in `size`.
     """
     for _ in range(steps):
         slope = gradients(field, points, step=1e-3 * size)
@@ -64,13 +64,13 @@ def projected(field: DistanceField, points: Vectors, *, size: float, reach: floa
 
 
 def marching_cubes(field: DistanceField, lattice: Lattice) -> Mesh:
-    """Triangles over the crossings of the surface with the lattice's edges."""
+    """Triangulate the crossings of the surface with the edges of the lattice."""
     crossings = find_crossings(field, lattice)
     return Mesh(crossings.points, crossings.triangles)
 
 
 def dual_contouring(field: DistanceField, lattice: Lattice) -> Mesh:
-    """Triangles with a vertex for each piece of surface in a cell, on the shape's edge or corner if one is there."""
+    """Triangulate with one vertex per sheet in a cell, on an edge or corner of the shape if there is one."""
     crossings = find_crossings(field, lattice)
     sheets, count = _sheets(crossings)
     normals = unit(gradients(field, crossings.points, step=1e-4 * lattice.spacing))
@@ -84,13 +84,13 @@ def dual_contouring(field: DistanceField, lattice: Lattice) -> Mesh:
 
 
 def off_nodes(values: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Push values at the nodes of a lattice away from zero, so that no crossing is at a node."""
+    """Move values at the nodes of a lattice away from zero, so that no crossing is at a node."""
     limit = SNAP * spacing
     return np.where(values >= 0, np.maximum(values, limit), np.minimum(values, -limit))
 
 
 def find_crossings(field: DistanceField, lattice: Lattice) -> Crossings:
-    """Run marching cubes on the lattice, then find each crossing on its edge exactly."""
+    """Run marching cubes on the lattice, then locate each crossing exactly on its edge."""
     from skimage.measure import marching_cubes as march
 
     values = lattice.values
@@ -122,7 +122,7 @@ def find_crossings(field: DistanceField, lattice: Lattice) -> Crossings:
 def _facing(
     lattice: Lattice, points: Vectors, triangles: NDArray[np.int32], cells: NDArray[np.int64]
 ) -> tuple[Vectors, Vectors]:
-    """Area vectors of the triangles, and the direction in which the values rise across their cells."""
+    """Return the area vectors of the triangles, and the direction in which the values rise across their cells."""
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     rise = np.zeros((len(triangles), 3))
     for corner in np.ndindex(2, 2, 2):
@@ -135,7 +135,7 @@ def _facing(
 
 
 def _roots(field: DistanceField, start: Vectors, stop: Vectors, low: Values, high: Values) -> Values:
-    """Share of the way from start to stop at which the field vanishes, by the Illinois rule of false position."""
+    """Return the relative position between start and stop of the zero of the field, by the Illinois method."""
     share = np.clip(low / np.where(low == high, 1.0, low - high), 0, 1)
     open_ = np.flatnonzero((low < 0) != (high < 0))
     left, right, low, high = np.zeros(len(open_)), np.ones(len(open_)), low[open_], high[open_]
@@ -158,7 +158,7 @@ def _roots(field: DistanceField, start: Vectors, stop: Vectors, low: Values, hig
 
 
 def _interpolated(lattice: Lattice, at: Vectors) -> Vectors:
-    """Positions between nodes, trilinear."""
+    """Return trilinearly interpolated positions between nodes."""
     low = np.floor(at).astype(np.int64)
     part = at - low
     total = np.zeros(at.shape)
@@ -169,7 +169,7 @@ def _interpolated(lattice: Lattice, at: Vectors) -> Vectors:
 
 
 def _sheets(crossings: Crossings) -> tuple[NDArray[np.int32], int]:
-    """Number the pieces of surface: triangles of one cell that are connected."""
+    """Number the sheets of the surface: connected triangles of one cell."""
     triangles, cells = crossings.triangles, crossings.cells
     sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     keys = sides[:, 0].astype(np.int64) * len(crossings.points) + sides[:, 1]
@@ -186,10 +186,10 @@ def _sheets(crossings: Crossings) -> tuple[NDArray[np.int32], int]:
 def meeting_points(
     points: Vectors, normals: Vectors, group: NDArray[np.int64], count: int, *, reach: float
 ) -> tuple[Vectors, NDArray[np.int64]]:
-    """Point of each group with the least squared distance to its planes, and the rank of the planes (3: a corner).
+    """Return the least-squares point of the planes of each group, and the rank of the planes (3: a corner).
 
-    Planes are given by a point and a unit normal. Of all least points the one nearest to the mean of the group's points
-    is taken, and no further than `reach` from it.
+    Each plane is given by a point and a unit normal. Of all least-squares points, the one nearest to the mean of the
+    group's points is taken, at a distance of at most `reach` from it.
     """
     number = np.maximum(np.bincount(group, minlength=count), 1)[:, None]
     mean = scatter_add(group, points, count) / number
@@ -205,7 +205,7 @@ def meeting_points(
 
 
 def _quads(crossings: Crossings, sheets: NDArray[np.int32]) -> NDArray[np.int32]:
-    """The four sheets around each crossing, in order; crossings at the border of the lattice have none."""
+    """Return the four sheets around each crossing, in order. Crossings at the border of the lattice have none."""
     quads = np.full((len(crossings.points), 2, 2), -1, np.int32)
     vertex = crossings.triangles.ravel()
     cell, sheet = np.repeat(crossings.cells, 3, axis=0), np.repeat(sheets, 3)
@@ -221,7 +221,7 @@ def _quads(crossings: Crossings, sheets: NDArray[np.int32]) -> NDArray[np.int32]
 
 
 def _split(field: DistanceField, vertices: Vectors, quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Cut quadrangles along the diagonal whose middle is nearer to the surface, of two alike the shorter."""
+    """Split quadrilaterals along the diagonal whose midpoint is nearer to the surface, or else the shorter one."""
     a, b, c, d = np.moveaxis(vertices[quads], 1, 0)
     miss = [np.abs(field(0.5 * (p + q))) for p, q in ((a, c), (b, d))]
     length = [np.linalg.norm(p - q, axis=1) for p, q in ((a, c), (b, d))]

@@ -1,4 +1,4 @@
-"""Passes over an editable mesh: split long edges, collapse short ones, flip, and let vertices slide on the surface."""
+"""Passes over an editable mesh: split, collapse, flip, and tangential smoothing."""
 
 from typing import Literal
 
@@ -25,35 +25,35 @@ from cascadenorm.data_gen.meshing.half_edges import (
 from cascadenorm.mesh import Floats, Ints, Vectors, kernel
 from cascadenorm.mesh.vectors import add, dot, length
 
-LONG, SHORT = 4 / 3, 4 / 5  # bounds around the target length (Botsch and Kobbelt 2004)
-THIN_QUALITY = 0.06  # triangles of less quality than this are mended
-TINY_EDGE = 0.12  # edges shorter than this share of the target are noise of the polygoniser, even along creases
+LONG, SHORT = 4 / 3, 4 / 5  # bounds relative to the target length (Botsch and Kobbelt 2004)
+THIN_QUALITY = 0.06  # triangles of lower quality than this are repaired
+TINY_EDGE = 0.12  # edges shorter than this share of the target are artefacts of the polygoniser, even along creases
 
 
 def split_long(half_edges: HalfEdges, *, bound: float = LONG) -> None:
-    """Halve edges longer than `bound` target lengths, as long as there is room."""
+    """Halve edges longer than `bound` target lengths while there is room."""
     _split_long(half_edges, bound)
 
 
 def collapse_short(half_edges: HalfEdges, *, bound: float = SHORT) -> None:
-    """Remove edges shorter than `bound` target lengths where neither creases nor the surface suffer."""
+    """Collapse edges shorter than `bound` target lengths where this preserves creases and the surface."""
     _collapse_short(half_edges, bound)
 
 
 def flip_edges(half_edges: HalfEdges, *, rule: Literal["valence", "delaunay"]) -> None:
-    """Flip unmarked, nearly flat edges: towards six neighbours a vertex, or towards larger angles."""
+    """Flip unmarked, nearly flat edges towards six neighbours per vertex, or towards larger angles."""
     _flip_edges(half_edges, rule == "valence")
 
 
 def mend(half_edges: HalfEdges) -> None:
-    """Remove triangles of nearly no area: needles by a collapse, flat ones by a flip of their long side."""
+    """Remove nearly degenerate triangles: collapse needles and flip the long edge of caps."""
     for _ in range(4):
         if not _mend(half_edges):
             return
 
 
 def slide(half_edges: HalfEdges, *, share: float) -> None:
-    """Move smooth vertices in their tangent plane, crease ones along the crease, towards their neighbours' middle."""
+    """Move smooth vertices within their tangent plane, and crease ones along the crease, to the mean around them."""
     half_edges.points[:] = _slide(half_edges, share)
 
 
@@ -68,13 +68,13 @@ def _split_long(c: HalfEdges, bound: float) -> None:
                 relative = distance(c.points[a], c.points[b]) / (0.5 * (c.length[a] + c.length[b]))
                 if relative > longest:
                     h, longest = k, relative
-        # a face whose edges are short enough is done; one that was split is looked at again
+        # A face whose edges are short enough is finished; a face that was split is checked again.
         if h == -1:
             face += 1
             continue
         if 3 * c.used[1] + 6 > len(c.origin) or c.used[0] == len(c.points):
             return
-        # the new vertex halves the edge, and lies on a crease if the edge does
+        # The new vertex halves the edge, and lies on a crease if the edge does.
         a, b, m = c.origin[h], c.origin[after(h)], c.used[0]
         c.used[0] += 1
         for k in range(3):
@@ -96,7 +96,8 @@ def _collapse_short(c: HalfEdges, bound: float) -> None:
         size = distance(c.points[a], c.points[b])
         if size >= bound * target:
             continue
-        # the vertex that is held more stays; one that is held goes along its crease alone, or where it coincides with b
+        # The more constrained vertex stays. A constrained one moves only along its crease, or if it nearly coincides
+        # with b.
         if c.kind[a] > c.kind[b]:
             h = c.twin[h]
             a, b = b, a
@@ -106,7 +107,7 @@ def _collapse_short(c: HalfEdges, bound: float) -> None:
         if not collapse_keeps_manifold(c, h, ring, other):
             continue
 
-        # to the middle of the edge, or to the one that is held
+        # Move the merged vertex to the middle of the edge, or to the constrained one.
         middle = 0.5 if c.kind[a] == c.kind[b] else 1.0
         place = c.points[a] + middle * (c.points[b] - c.points[a])
         longest = LONG * target if bound > 0.5 else 1e300
@@ -117,7 +118,7 @@ def _collapse_short(c: HalfEdges, bound: float) -> None:
 
 @kernel
 def faces_survive(c: HalfEdges, v: int, gone: int, place: Floats, longest: float, ring: Ints) -> bool:
-    """Whether the faces around v, but for those with `gone`, keep their side and shape when v moves to place."""
+    """Whether the faces around v, except those with `gone`, keep orientation and shape when v moves to `place`."""
     count, _ = leaving(c, v, ring)
     for i in range(count):
         p, q = c.origin[after(ring[i])], c.origin[before(ring[i])]
@@ -152,7 +153,7 @@ def _flip_edges(c: HalfEdges, by_valence: bool) -> None:
         if worst > 0.05 and dot(one, other) < 0.9 * np.sqrt(dot(one, one) * dot(other, other)):
             continue
         new_worst = min(shape(pa, pr, pl), shape(pr, pb, pl))
-        # towards six neighbours, four at a boundary, or for the better of the two triangles
+        # Flip towards six neighbours, three faces at a boundary, or for the better of the two triangles.
         if by_valence:
             gain = 0
             for vertex, change in ((a, -1), (b, -1), (left, 1), (right, 1)):
@@ -173,7 +174,7 @@ def _flip_edges(c: HalfEdges, by_valence: bool) -> None:
 
 @kernel
 def _parted(c: HalfEdges, a: int, b: int, ring: Ints) -> bool:
-    """Move a, which lies upon b and cannot be merged with it, a little along its longest edge."""
+    """Move a, which coincides with b and cannot be merged with it, slightly along its longest edge."""
     count, closed = leaving(c, a, ring)
     longest, far = 0.0, -1
     for i in range(count):
@@ -197,7 +198,7 @@ def _mend(c: HalfEdges) -> int:
             continue
         if shape(c.points[c.origin[h]], c.points[c.origin[h + 1]], c.points[c.origin[h + 2]]) > THIN_QUALITY:
             continue
-        # a triangle without area: either its shortest edge goes, or its longest one is flipped
+        # For a degenerate triangle, either collapse the shortest edge or flip the longest one.
         short, long = h, h
         for k in range(h, h + 3):
             size = distance(c.points[c.origin[k]], c.points[c.origin[after(k)]])
@@ -207,7 +208,7 @@ def _mend(c: HalfEdges) -> int:
                 long = k
         a, b = c.origin[short], c.origin[after(short)]
         longest = distance(c.points[c.origin[long]], c.points[c.origin[after(long)]])
-        # a needle: merge the two vertices that are close, or move one of them away
+        # A needle: merge the two close vertices, or move one of them away.
         if distance(c.points[a], c.points[b]) < 0.2 * longest and c.twin[short] != -1:
             if c.kind[a] > c.kind[b]:
                 short = c.twin[short]
@@ -230,10 +231,10 @@ def _mend(c: HalfEdges) -> int:
             continue
         if leaving(c, a, ring)[0] < 4 or leaving(c, b, ring)[0] < 4:
             continue
-        # a cap: flip its longest edge, since the faces that come out lie on the right side
+        # A cap: flip its longest edge, since the resulting faces have the right orientation.
         mark, p, q = c.marked[long], 3 * (long // 3), 3 * (g // 3)
         flip(c, long)
-        if mark:  # the crease goes on along the two short sides, through the vertex that was beside it
+        if mark:  # the crease continues along the two short sides, through the opposite vertex
             for k in (p + 2, q + 1):
                 c.marked[k] = True
                 if c.twin[k] != -1:
@@ -252,7 +253,7 @@ def _slide(c: HalfEdges, share: float) -> Vectors:
             continue
         count, _ = leaving(c, v, ring)
         p = c.points[v]
-        # towards the area-weighted mean of the centroids around; on a crease, of the neighbours on it
+        # Aim at the area-weighted mean of the surrounding centroids; on a crease, at the mean of the neighbours on it.
         goal, normal, total = np.zeros(3), np.zeros(3), 0.0
         for i in range(count):
             q, r = c.points[c.origin[after(ring[i])]], c.points[c.origin[before(ring[i])]]
@@ -273,7 +274,7 @@ def _slide(c: HalfEdges, share: float) -> Vectors:
         if total == 0.0 or size == 0.0:
             continue
 
-        # within the tangent plane, or along the crease
+        # Move within the tangent plane, or along the crease.
         goal *= share / total
         normal /= size
         along = (goal * normal).sum()

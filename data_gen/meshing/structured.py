@@ -1,7 +1,7 @@
-"""Meshes whose triangles follow parameters: surfaces of revolution, tori, terrains, and subdivided cages.
+"""Meshes over a grid of parameters, and subdivided cages.
 
-Modelling programs and elevation data make such meshes. Their triangles are as regular as those of scanned grids, and
-they carry no error.
+Such meshes come from modelling programs and elevation data: surfaces of revolution, tori, terrains. Their triangles are
+as regular as those of scanned grids, and they have no error.
 """
 
 from collections.abc import Callable
@@ -16,21 +16,21 @@ from cascadenorm.data_gen.noise.relief import log_uniform
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.mesh import Mesh, Vectors
 
-LARGEST_ASPECT = 4.0  # ratio of the sides of a quadrilateral
+LARGEST_ASPECT = 4.0  # largest ratio of the sides of a quadrilateral
 FEWEST_CAGE_FACES = 60
 
 
 def grid_faces(rows: int, columns: int, *, around: tuple[bool, bool], rng: np.random.Generator) -> NDArray[np.int32]:
-    """Cut each quadrilateral of a grid of vertices in two triangles.
+    """Split each quadrilateral of a grid of vertices into two triangles.
 
-    The diagonals lie all one way, alternate, or are drawn.
+    The diagonals all run one way, alternate, or are random.
 
     Parameters
     ----------
     rows, columns
         Numbers of vertices.
     around
-        Whether the last row is followed by the first, and the last column by the first.
+        Whether the rows, and the columns, are cyclic.
     """
     index = np.arange(rows * columns).reshape(rows, columns)
     if around[0]:
@@ -51,7 +51,7 @@ def grid_faces(rows: int, columns: int, *, around: tuple[bool, bool], rng: np.ra
 
 
 def _numbers(faces: int, ratio: float) -> tuple[int, int]:
-    """Split a number of faces into rows and columns of vertices whose spacings have a ratio."""
+    """Split a number of faces into rows and columns of vertices with the given ratio of rows to columns."""
     quadrilaterals = faces / 2
     rows = max(round(np.sqrt(quadrilaterals * ratio)), 6)
     return rows, max(round(quadrilaterals / rows), 6)
@@ -71,7 +71,7 @@ def _torus(faces: int, rng: np.random.Generator) -> Mesh:
 
 
 def _revolved(faces: int, rng: np.random.Generator) -> Mesh:
-    """Turn a profile, smooth or with kinks, around an axis; the ends stay open."""
+    """Revolve a profile, smooth or with kinks, around an axis. The ends stay open."""
     rows, columns = _numbers(faces, log_uniform((0.4, 2.5), rng=rng))
     height = np.linspace(-0.9, 0.9, columns)
     knots = int(rng.integers(3, 9))
@@ -91,7 +91,7 @@ def _revolved(faces: int, rng: np.random.Generator) -> Mesh:
 
 
 def _terrain(faces: int, rng: np.random.Generator) -> Mesh:
-    """Heights over a regular grid: octaves of noise down to a few posts, some rounded to steps."""
+    """Return heights over a regular grid: noise with wavelengths down to a few posts, some rounded to steps."""
     rows, columns = _numbers(faces, log_uniform((0.5, 2.0), rng=rng))
     x, y = np.meshgrid(np.arange(rows, dtype=float), np.arange(columns, dtype=float), indexing="ij")
     y = y * log_uniform((0.5, 2.0), rng=rng)
@@ -114,12 +114,12 @@ STRUCTURED: tuple[Callable[[int, np.random.Generator], Mesh], ...] = (_torus, _r
 
 
 def structured_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
-    """Make a surface over a grid of parameters with about so many faces.
+    """Make a surface over a grid of parameters with about `faces` faces.
 
     Raises
     ------
     UnfitShapeError
-        The surface is not manifold or has faces without area.
+        The surface is not manifold or has degenerate faces.
     """
     mesh = STRUCTURED[rng.integers(len(STRUCTURED))](faces, rng)
     fit(mesh)
@@ -127,19 +127,19 @@ def structured_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
 
 
 def subdivided_cage(mesh: Mesh, *, faces: int, rng: np.random.Generator) -> Mesh:
-    """Decimate a mesh to a cage and subdivide it: smoothly (Loop 1987), or each face in four in its plane.
+    """Decimate a mesh to a cage and subdivide it smoothly (Loop 1987) or within the planes of its faces.
 
     Parameters
     ----------
     mesh
         Closed surface with more faces than the cage.
     faces
-        Wanted number of faces; the cage has a power of four fewer.
+        Wanted number of faces. The cage has fewer by a power of four.
 
     Raises
     ------
     UnfitShapeError
-        The cage came out unfit, or has too few faces.
+        The cage is invalid or has too few faces.
     """
     levels = int(rng.integers(1, 4))
     cage_faces = faces // 4**levels

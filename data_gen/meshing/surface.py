@@ -1,4 +1,4 @@
-"""From a field to a triangle mesh of a wanted size, tessellated as real meshes are."""
+"""Turn a field into a triangle mesh of a wanted size."""
 
 from typing import NamedTuple
 
@@ -12,12 +12,12 @@ from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, part_of
 
-HALF_SIDE = 1.6  # shapes are looked for in a cube of this half side
-ROUGH = 0.09  # spacing of the first look
+HALF_SIDE = 1.6  # shapes are searched for in a cube with this half side
+ROUGH = 0.09  # spacing of the coarse lattice of the first search
 
 
 class Extent(NamedTuple):
-    """Box around a shape, and a first, coarse mesh of its surface (in one cut out: of the part within)."""
+    """Box around a shape and a first, coarse mesh of its surface; for a cut-out, the box and the part within it."""
 
     lower: Vectors
     upper: Vectors
@@ -25,7 +25,7 @@ class Extent(NamedTuple):
 
     @property
     def area(self) -> float:
-        """Area of the surface, nearly."""
+        """Approximate area of the surface."""
         return self.rough.area
 
     @property
@@ -39,11 +39,11 @@ Window = tuple[Vectors, Vectors]
 
 
 class UnfitShapeError(ValueError):
-    """A random shape that came out empty, not manifold, or in another way not as wanted; draw another one."""
+    """A random shape that is empty, not manifold, or otherwise invalid. Callers draw another one."""
 
 
 def extent_of(field: DistanceField, *, rng: np.random.Generator) -> Extent:
-    """Look at a field coarsely."""
+    """Sample a field coarsely."""
     lattice = sample(field, lower=[-HALF_SIDE] * 3, upper=[HALF_SIDE] * 3, spacing=ROUGH, rng=rng)
     inside = lattice.values < 0
     if not inside.any():
@@ -55,7 +55,7 @@ def extent_of(field: DistanceField, *, rng: np.random.Generator) -> Extent:
 
 
 def cut_out(extent: Extent, *, share: float, rng: np.random.Generator) -> tuple[Extent, Window]:
-    """Choose a cube about a point of the surface that holds about a share of its area."""
+    """Choose a cube about a point of the surface that contains about a given share of its area."""
     rough = extent.rough
     middle = rough.centroids[rng.choice(len(rough.areas), p=rough.areas / rough.area)]
     gap = np.abs(rough.centroids - middle).max(axis=1)
@@ -67,14 +67,14 @@ def cut_out(extent: Extent, *, share: float, rng: np.random.Generator) -> tuple[
 
 def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
                 window: Window | None = None, relative_jitter: float = 0.2) -> Mesh:  # fmt: skip
-    """Polygonise a field with about `faces` triangles on a lattice turned and jittered at random.
+    """Polygonise a field with about `faces` triangles on a randomly rotated and jittered lattice.
 
     Parameters
     ----------
     sharp
-        Dual contouring, else marching cubes.
+        Whether to use dual contouring instead of marching cubes.
     window
-        Corners of a box at which the surface is cut open; None for the whole shape.
+        Corners of a box at which the surface is cut open. None keeps the whole shape.
     """
     spacing = float(np.sqrt(2.3 * extent.area / faces))
     lower, upper = (extent.lower, extent.upper) if window is None else window
@@ -103,7 +103,7 @@ def largest_components(mesh: Mesh, *, share: float) -> Mesh:
 
 
 def fit(mesh: Mesh) -> None:
-    """Raise UnfitShapeError where a mesh is not manifold, or has faces without area."""
+    """Raise UnfitShapeError if a mesh is not manifold or has degenerate faces."""
     if not is_manifold(mesh):
         raise UnfitShapeError("the mesh is not manifold")
     if mesh.areas.min() <= 1e-7 * mesh.areas.mean():

@@ -1,4 +1,7 @@
-"""Triangles of a part, face of a CAD model by face: walls as strips between loops, planar faces with holes, fans."""
+"""Triangles of a part, built from the faces of its CAD model.
+
+Walls become strips between loops; planar faces and fans close them.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -10,11 +13,11 @@ from cascadenorm.data_gen.meshing.polygon_triangulation import triangulated
 from cascadenorm.mesh import Floats, Mesh
 
 Ring = NDArray[np.int64]
-"""Indices of the vertices along a loop, counterclockwise as seen from above, or from where a sweep leads to."""
+"""Indices of the vertices along a loop, counterclockwise as seen from above, or from the end of a sweep."""
 
 
 class PartBuilder:
-    """A mesh under construction; faces that share a loop share its vertices, so that it is closed in the end."""
+    """A mesh under construction. Faces that share a loop share its vertices, so that the finished mesh is closed."""
 
     def __init__(self, *, delaunay: bool, rng: np.random.Generator) -> None:
         self._points: list[Floats] = []
@@ -31,7 +34,7 @@ class PartBuilder:
         return np.arange(self._count - len(added), self._count)
 
     def wall(self, rings: Sequence[Ring]) -> None:
-        """Join rings one after the other; the normals point away from what they surround, where they lead upward."""
+        """Join consecutive rings. If they lead upward, the normals point outward."""
         way = self._rng.integers(3)
         for lower, upper in pairwise(rings):
             if len(lower) == 1 or len(upper) == 1:
@@ -42,7 +45,7 @@ class PartBuilder:
                 self._zipped(lower, upper)
 
     def face(self, outline: Ring, holes: Sequence[Ring] = (), inner: ArrayLike = (), *, up: bool = True) -> None:
-        """Triangulate a face over the xy plane; it looks upward, or downward."""
+        """Triangulate a face over the xy plane that faces up or down."""
         points = np.concatenate(self._points)[:, :2]
         loops = [outline, *(hole[::-1] for hole in holes)]
         triangles = triangulated(points, loops, inner=np.asarray(inner, np.int64).tolist(), delaunay=self._delaunay)
@@ -55,7 +58,7 @@ class PartBuilder:
         self._faces.append(triangles if ahead else triangles[:, ::-1])
 
     def mesh(self) -> Mesh:
-        """Return what has been added."""
+        """Return the mesh built so far."""
         return Mesh(np.concatenate(self._points), np.concatenate(self._faces))
 
     def _fan(self, lower: Ring, upper: Ring) -> None:
@@ -66,7 +69,7 @@ class PartBuilder:
         self._faces.append(np.stack([loop, ahead, apex] if len(upper) == 1 else [ahead, loop, apex], axis=1))
 
     def _strip(self, lower: Ring, upper: Ring, *, way: int) -> None:
-        """Two triangles for each pair of sides, the diagonals all one way, the other, or by turns."""
+        """Add two triangles per pair of sides. The diagonals run all one way, all the other way, or alternate."""
         a, b, c, d = lower, np.roll(lower, -1), np.roll(upper, -1), upper
         first = np.stack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)], axis=1)
         other = np.stack([np.stack([a, b, d], axis=1), np.stack([b, c, d], axis=1)], axis=1)
@@ -74,7 +77,7 @@ class PartBuilder:
         self._faces.append(np.where(pick[:, None, None], other, first).reshape(-1, 3))
 
     def _zipped(self, lower: Ring, upper: Ring) -> None:
-        """Join loops of different numbers of vertices, both of which divide the turn evenly and begin together."""
+        """Join loops with different numbers of vertices, both evenly spaced in angle and with the same start."""
         i = k = 0
         faces = []
         while i < len(lower) or k < len(upper):

@@ -1,4 +1,4 @@
-"""How meshes are tessellated: as polygonised, evenly or unevenly remeshed, stretched, subdivided."""
+"""Tessellations: as polygonised, evenly or unevenly remeshed, stretched, subdivided."""
 
 from collections.abc import Callable
 from typing import Literal, get_args
@@ -19,8 +19,8 @@ from cascadenorm.mesh import Mesh, Vectors, unit
 Tessellation = Literal["lattice", "even", "graded", "stretched", "subdivided", "jittered", "decimated"]
 
 
-JUMP = 0.3  # radians by which the normal jumps at an edge of a shape, at least
-ASTRAY = 0.006  # share of the faces that may turn away from the surface's normal
+JUMP = 0.3  # least jump of the normal at an edge of a shape, in radians
+ASTRAY = 0.006  # share of the faces that may deviate from the normal of the surface
 
 
 def tessellate(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
@@ -31,9 +31,9 @@ def tessellate(field: DistanceField, extent: Extent, *, faces: int, sharp: bool,
     Parameters
     ----------
     sharp
-        Keep edges of the shape as edges of the mesh.
+        Whether edges of the shape become edges of the mesh.
     tessellation
-        How; None draws one.
+        Kind of tessellation. None draws one.
     window
         Box at which the surface is cut open.
     """
@@ -66,7 +66,7 @@ def tessellate(field: DistanceField, extent: Extent, *, faces: int, sharp: bool,
 
 
 def settle(field: DistanceField, half_edges: HalfEdges) -> None:
-    """Move vertices onto the surface, and those of creases and corners onto the surface's own."""
+    """Move smooth vertices onto the surface, and crease and corner vertices onto its creases and corners."""
     n = half_edges.used[0]
     alive = half_edges.start[:n] >= 0
     free = alive & (half_edges.kind[:n] == SMOOTH)
@@ -91,9 +91,9 @@ def settle(field: DistanceField, half_edges: HalfEdges) -> None:
 
 
 def creases_of(field: DistanceField, mesh: Mesh) -> NDArray[np.bool_]:
-    """Edges of the mesh that lie on an edge of the shape: the surface's normal jumps within a small part of a triangle.
+    """Mark the edges of the mesh that lie on an edge of the shape, where the normal jumps within part of a triangle.
 
-    So a narrow fillet is none, however much the mesh bends there.
+    A narrow fillet is therefore not marked, however much the mesh bends there.
     """
     inner, pairs = mesh.topology.interior_edges, mesh.topology.face_pairs.T
     bends = np.einsum("ij,ij->i", *mesh.face_normals[pairs]) < np.cos(0.5 * JUMP)
@@ -109,13 +109,13 @@ def creases_of(field: DistanceField, mesh: Mesh) -> NDArray[np.bool_]:
 
 
 def field_normals(field: DistanceField, mesh: Mesh) -> Vectors:
-    """Normals of the surface where it is nearest to the middles of the faces."""
+    """Return the normals of the surface at the points nearest to the face centroids."""
     spacing = mesh.mean_edge_length
     return unit(gradients(field, projected(field, mesh.centroids, size=0.3 * spacing), step=1e-3 * spacing))
 
 
 def _lattice(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
-    """Keep the lattice's stairs and stripes; only slivers go."""
+    """Keep the stairs and stripes of the lattice and remove only slivers."""
     collapse_short(half_edges, bound=float(rng.uniform(0.25, 0.45)))
     flip_edges(half_edges, rule="delaunay")
     for _ in range(rng.integers(0, 3)):
@@ -139,12 +139,12 @@ def _relaxed(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generat
 
 
 def _even(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
-    """Nearly equilateral triangles of one size; the fewer rounds, the less regular."""
+    """Make nearly equilateral triangles of one size. Fewer rounds give less regular ones."""
     _relaxed(field, half_edges, rng, int(rng.integers(2, 6)))
 
 
 def _graded(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
-    """Triangles whose size drifts by factors over the shape."""
+    """Make triangles whose size varies smoothly over the shape."""
     base = half_edges.length[0]
     drift = noise(wavelength=float(rng.uniform(0.2, 1.0)), rng=rng)
     strength = float(rng.uniform(0.3, 0.9))
@@ -154,7 +154,7 @@ def _graded(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generato
 
 
 def _stretched(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
-    """Triangles longer in one direction of space than across it."""
+    """Make triangles that are longer in one direction of space than across it."""
     turn = random_rotation(rng=rng)
     factors = np.exp(rng.uniform(-0.6, 0.6, 3))
     metric = turn @ np.diag(factors / factors.prod() ** (1 / 3)) @ turn.T
@@ -165,7 +165,7 @@ def _stretched(field: DistanceField, half_edges: HalfEdges, rng: np.random.Gener
 
 
 def _jittered(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
-    """Even triangles, then vertices pushed about within the surface."""
+    """Make even triangles, then move vertices randomly within the surface."""
     _relaxed(field, half_edges, rng, 3)
     free = np.flatnonzero(half_edges.kind == SMOOTH)
     amount = float(rng.uniform(0.08, 0.25)) * half_edges.length[0]
@@ -176,7 +176,7 @@ def _jittered(field: DistanceField, half_edges: HalfEdges, rng: np.random.Genera
 
 
 def _decimated(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
-    """Thin out a finer mesh: triangles of all shapes, larger where the surface is flat."""
+    """Decimate a finer mesh into triangles of all shapes, larger where the surface is flat."""
     wanted = 4 / np.sqrt(3) * half_edges.length[0] ** -2 * _area(half_edges)
     collapse_short(half_edges, bound=0.2)
     flip_edges(half_edges, rule="delaunay")
@@ -192,7 +192,7 @@ def _area(half_edges: HalfEdges) -> float:
 
 
 def _halved(field: DistanceField, mesh: Mesh, *, sharp: bool) -> HalfEdges:
-    """Put a vertex on each edge and make four triangles of one."""
+    """Insert a vertex on each edge and split each triangle into four."""
     edges, sides = mesh.topology.edges, mesh.topology.face_edges + len(mesh.vertices)
     vertices = np.concatenate([mesh.vertices, mesh.vertices[edges].mean(axis=1)])
     (a, b, c), (ab, bc, ca) = mesh.faces.T, sides.T

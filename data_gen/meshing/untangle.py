@@ -1,4 +1,7 @@
-"""Make a polygonised surface a manifold where sheets touch: double the edges and the vertices that they share."""
+"""Make a polygonised surface a manifold where sheets touch.
+
+Edges and vertices that sheets share are duplicated.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,15 +10,15 @@ from cascadenorm.mesh import Mesh, Vectors
 
 
 def untangled(mesh: Mesh) -> Mesh:
-    """Give each pair of faces at a crowded edge an edge of its own, and each fan of faces a vertex of its own."""
+    """Give each pair of faces at an edge with four faces its own edge, and each fan of faces its own vertex."""
     vertices, faces = _with_single_edges(mesh)
     return _with_single_fans(Mesh(vertices, faces))
 
 
 def _with_single_edges(mesh: Mesh) -> tuple[Vectors, NDArray[np.int32]]:
-    """Put a new vertex for each pair of faces on edges that have four.
+    """Insert a new vertex for each pair of faces on edges with four faces.
 
-    The pairs are the faces whose middles are close, and their vertex lies a little towards these.
+    The pairs are the faces with the closest centroids, and their vertex is slightly displaced towards them.
     """
     edge_faces = mesh.topology.edge_faces
     crowded = np.flatnonzero(edge_faces.counts == 4)
@@ -49,7 +52,7 @@ def _with_single_edges(mesh: Mesh) -> tuple[Vectors, NDArray[np.int32]]:
 
 
 def _pieces(face: NDArray[np.int32], marks: dict[int, int]) -> list[tuple[int, int, int]]:
-    """Cut a triangle that has new vertices on one, two or three of its sides."""
+    """Split a triangle that has new vertices on one, two or three of its sides."""
     outline: list[int] = []
     for side in range(3):
         outline.append(int(face[side]))
@@ -57,7 +60,7 @@ def _pieces(face: NDArray[np.int32], marks: dict[int, int]) -> list[tuple[int, i
             outline.append(marks[side])
     new = set(marks.values())
     triangles = []
-    while len(outline) > 3:  # clip an old corner between two vertices, of which at least one is new
+    while len(outline) > 3:  # clip an old corner between two vertices, at least one of which is new
         k = next(
             i
             for i in range(len(outline))
@@ -69,7 +72,7 @@ def _pieces(face: NDArray[np.int32], marks: dict[int, int]) -> list[tuple[int, i
 
 
 def _with_single_fans(mesh: Mesh) -> Mesh:
-    """Give each fan of faces at a vertex a vertex of its own; they are connected across edges of two faces."""
+    """Give each fan of faces at a vertex its own vertex; a fan is connected across edges with two faces."""
     fan = mesh.topology.fans(mesh.topology.edge_faces.counts == 2)
     vertices = np.empty((fan.max() + 1, 3))
     vertices[fan] = mesh.vertices[mesh.faces.ravel()]

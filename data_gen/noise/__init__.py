@@ -1,1 +1,1 @@
-"""Errors of measurement."""
+"""Measurement errors."""

@@ -1,4 +1,7 @@
-"""Error of a laser scanner: along the view, correlated over one or two steps of the grid."""
+"""Error of a laser scanner along the viewing direction.
+
+It is correlated over one or two steps of the grid.
+"""
 
 import numpy as np
 
@@ -7,17 +10,17 @@ from cascadenorm.data_gen.noise.sensor import blurred, neighbor_means
 from cascadenorm.mesh import Mesh, Vectors
 
 LEVELS = 0.04, 0.25  # standard deviation in mean edge lengths
-MOST_WHITE = 0.6  # share of the variance that differs from one vertex to the next
-STEEPEST_VIEW = 0.2  # cosine between view and normal; steeper parts err as this one does
-RIM = 1.0, 5.0  # times the error at the boundary, against that within the sheet
-RIM_PASSES = 1, 5  # averages over neighbours by which the larger error of the boundary fades away
+MOST_WHITE = 0.6  # largest share of the variance that is independent per vertex
+STEEPEST_VIEW = 0.2  # least cosine between viewing direction and normal; steeper parts have the same error
+RIM = 1.0, 5.0  # ratio of the error at the boundary to that within the sheet
+RIM_PASSES = 1, 5  # averages over neighbours over which the larger error at the boundary fades out
 
 
 def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
-    """Displace the vertices of a sheet along the direction of view, which is its mean normal.
+    """Displace the vertices of a sheet along the viewing direction, which is its mean normal.
 
-    The errors of triangulating scanners grow where the surface is steep and beside jumps in depth, where only part of
-    the laser stripe meets the surface. Neighbouring samples share part of the stripe (Curless, Levoy 1995).
+    The errors of triangulating scanners grow on steep surfaces and beside jumps in depth, where only part of the laser
+    stripe meets the surface. Neighbouring samples share part of the stripe (Curless, Levoy 1995).
 
     Parameters
     ----------
@@ -28,7 +31,7 @@ def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generato
 
     Returns
     -------
-    (n, 3) displacements, parallel rows.
+    (n, 3) displacements in parallel rows.
     """
     mean = mesh.area_vectors.sum(axis=0)
     toward = mean / max(float(np.linalg.norm(mean)), np.finfo(float).tiny)

@@ -1,4 +1,4 @@
-"""Noise on vertices: along normals, in all directions, impulsive, uniform, varying, correlated, quantised, mixed."""
+"""Kinds of noise on vertices."""
 
 from collections.abc import Callable
 from typing import Literal, get_args
@@ -12,9 +12,9 @@ from cascadenorm.data_gen.shapes.patterns import noise as drift
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors
 
-WIDEST_NOISE = 40  # averages over neighbours of correlated noise, which reaches over some eight edges then
-WHITE_SHARE = 0.15, 0.8  # of the deviation of correlated noise: white noise on top
-FINEST = 0.25  # mean edge lengths: deviation of rounding at most, or triangles collapse
+WIDEST_NOISE = 40  # largest number of neighbour averages of correlated noise, which then extends over eight edges
+WHITE_SHARE = 0.15, 0.8  # deviation of the white noise added to correlated noise, as a share of the latter
+FINEST = 0.25  # largest deviation of rounding, in mean edge lengths; more would collapse triangles
 
 NoiseKind = Literal[
     "normal",
@@ -29,15 +29,20 @@ NoiseKind = Literal[
     "laser",
     "none",
 ]
-"""What noise is like.
+"""Kinds of noise.
 
-`normal`: Gaussian along vertex normals. `gaussian`: Gaussian in each coordinate. `uniform`: the same, flat.
-`impulsive`: a share of the vertices, Gaussian. `varying`: along normals, by a deviation that drifts over the shape.
-`mixed`: two. `correlated`: spatially correlated over several edges, along normals or in each coordinate, with white
-noise on top: an error without any noise at the finest scale could not be told from shape. `quantised`: coordinates
-rounded to a lattice. `sensor`: the error of a depth camera, for sheets seen from one side. `laser`: that of a laser
-scanner. `none`: none.
-"""
+- `normal`: Gaussian along vertex normals.
+- `gaussian`: Gaussian in each coordinate.
+- `uniform`: uniform in each coordinate.
+- `impulsive`: Gaussian at a share of the vertices.
+- `varying`: Gaussian along vertex normals, with a deviation that varies slowly over the shape.
+- `mixed`: a mixture of two of the above.
+- `correlated`: spatially correlated over several edges, along normals or in each coordinate. White noise is added,
+  since an error without noise at the finest scale could not be told from shape.
+- `quantised`: coordinates rounded to a lattice.
+- `sensor`: the error of a depth camera, for sheets seen from one side.
+- `laser`: the error of a laser scanner.
+- `none`: no noise."""
 
 
 def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.Generator) -> Vectors:
@@ -48,12 +53,12 @@ def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.G
     kind
         See NoiseKind.
     level
-        Standard deviation in mean edge lengths: along the normal, or of each coordinate; of impulsive noise that of the
-        vertices that it hits.
+        Standard deviation along the normal or of each coordinate, in mean edge lengths. For impulsive noise, the
+        deviation at the affected vertices.
 
     Returns
     -------
-    (n, 3) float64
+    (n, 3) displacements, float64.
     """
     if kind not in _KINDS:
         raise ValueError(f"noise kind is {kind!r}; it must be one of {', '.join(get_args(NoiseKind))}")
@@ -101,7 +106,7 @@ def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
 
 
 def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    """White noise averaged over neighbours up to WIDEST_NOISE times, scaled back to its deviation."""
+    """Average white noise over neighbours up to WIDEST_NOISE times, rescale it, and add white noise along normals."""
     along = bool(rng.random() < 0.6)
     white = rng.normal(size=(len(mesh.vertices), 1 if along else 3))
     spread = blurred(white, neighbor_means(mesh), round(float(WIDEST_NOISE ** rng.random())))
@@ -111,7 +116,7 @@ def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vecto
 
 
 def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    """Rounding to a lattice, turned and shifted at random, whose spacing is √12 deviations."""
+    """Return the error of rounding to a randomly rotated and shifted lattice with a spacing of √12 deviations."""
     spacing = np.sqrt(12) * min(deviation, FINEST * mesh.mean_edge_length)
     if spacing == 0:
         return np.zeros(mesh.vertices.shape)

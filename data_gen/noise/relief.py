@@ -1,4 +1,4 @@
-"""Smooth relief that belongs to the shape: what is smooth at the scale of the edges is not error."""
+"""Smooth relief that belongs to the shape rather than the error."""
 
 import math
 
@@ -9,9 +9,9 @@ from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors
 
-WAVELENGTHS = 3.5, 16.0  # of patterns and sines, in mean edge lengths
-STEEPNESS = 0.01, 0.16  # height of patterns and sines, of their wavelength
-RELIEF_PASSES = 2.0, 40.0  # averages over neighbours of white noise
+WAVELENGTHS = 3.5, 16.0  # wavelengths of patterns and sines, in mean edge lengths
+STEEPNESS = 0.01, 0.16  # ratio of the height of patterns and sines to their wavelength
+RELIEF_PASSES = 2.0, 40.0  # averages of white noise over neighbours
 RELIEF_HEIGHTS = 0.05, 1.0  # root mean square of averaged white noise, in mean edge lengths
 
 

@@ -1,4 +1,4 @@
-"""Error of a depth camera: noise that reaches over several pixels, and depths rounded in disparity."""
+"""Error of a depth camera: correlated noise and rounded disparities."""
 
 import numpy as np
 from scipy import sparse
@@ -7,30 +7,32 @@ from cascadenorm.data_gen.shapes.fields import Values
 from cascadenorm.data_gen.shapes.placement import random_direction
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-WIDEST_SENSOR_NOISE = 60  # passes of neighbour means that spread noise: over about six pixels
-LEAST_SHARE = 0.05  # of the variance, for each of white noise, spread noise and rounding
-LEAST_FACING = 1e-3  # of the area of a sheet that faces the camera
-HIGHEST_STEPS = 5.0  # rounding steps are up to so many times as high as for terraces of a pixel
+# largest number of neighbour averages that spread the noise, which then extends over about six pixels
+WIDEST_SENSOR_NOISE = 60
+LEAST_SHARE = 0.05  # least share of the variance of white noise, of spread noise and of rounding
+LEAST_FACING = 1e-3  # a sheet faces the camera if its mean area vector exceeds this share of its area
+HIGHEST_STEPS = 5.0  # largest height of rounding steps, relative to terraces one pixel wide
 
 
 def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
-    """Displace vertices along the direction of view: the mean normal of a sheet, any direction for a closed surface.
+    """Displace vertices along the viewing direction.
 
-    Neighbours err alike, since a camera matches windows of pixels, and where a surface is steep against the view,
-    rounding of the disparity makes terraces (Khoshelham, Elberink 2012; Barron, Malik 2013). So the whole error may be
-    several times larger than it is from one pixel to the next.
+    The viewing direction is the mean normal of a sheet, or random for a closed surface. Errors of neighbours are
+    correlated, since a camera matches windows of pixels. Where the surface is steep to the view, rounding of the
+    disparity makes terraces (Khoshelham, Elberink 2012; Barron, Malik 2013). The whole error can therefore be several
+    times larger than its difference between neighbouring pixels.
 
     Parameters
     ----------
     mesh
-        A sheet seen from one side, or a surface from all.
+        Mesh with n vertices: a sheet seen from one side, or a closed surface.
     deviation
-        About that of the error from one vertex to the next, a length; white noise of this standard deviation differs as
-        much between neighbours.
+        Approximate deviation of the error between neighbouring vertices, in mesh units: white noise of this standard
+        deviation differs as much between neighbours.
 
     Returns
     -------
-    (n, 3) float64, parallel rows
+    (n, 3) displacements, float64, in parallel rows.
     """
     mean = mesh.area_vectors.sum(axis=0)
     closed = np.linalg.norm(mean) < LEAST_FACING * mesh.area
@@ -41,7 +43,7 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
 
 
 def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.random.Generator) -> Values:
-    """Errors toward the camera, (n,), of the distances that the n pixels see, which are the vertices of a sheet."""
+    """Return the errors toward the camera, (n,), of the distances at n pixels, the vertices of a sheet."""
     if deviation == 0:
         return np.zeros(len(distance))
     blur = neighbor_means(pixels)
@@ -51,7 +53,7 @@ def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.r
     ends = wide[pixels.topology.edges]
     wide /= np.sqrt(0.5 * np.mean((ends[:, 0] - ends[:, 1]) ** 2))
     seen = blurred(distance, blur, int(rng.integers(0, 3))) + white * rng.normal(size=len(distance)) + spread * wide
-    # of the disparity 1 / distance
+    # The rounding step applies to the disparity, 1 / distance.
     step = np.sqrt(12) * rounding * HIGHEST_STEPS ** rng.uniform() / np.mean(distance) ** 2
     phase = float(rng.random())
     rounded = 1 / (step * np.maximum(np.round(1 / (seen * step) + phase) - phase, 0.5))
@@ -59,14 +61,14 @@ def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.r
 
 
 def blurred(values: Values, means: sparse.csr_matrix, passes: int) -> Values:
-    """Average values, one row a vertex, over neighbours so many times."""
+    """Average values, one row per vertex, over neighbours `passes` times."""
     for _ in range(passes):
         values = means @ values
     return values
 
 
 def neighbor_means(mesh: Mesh) -> sparse.csr_matrix:
-    """Matrix that averages each vertex with its neighbours."""
+    """Return the matrix that averages each vertex with its neighbours."""
     neighbors = mesh.topology.vertex_neighbors
     count = len(mesh.vertices)
     matrix = sparse.csr_matrix((np.ones(len(neighbors.indices)), neighbors.indices, neighbors.indptr), (count, count))

@@ -1,1 +1,1 @@
-"""Surfaces as they come out of measurements, before errors are added or with them."""
+"""Surfaces as measurements produce them, with or without errors."""

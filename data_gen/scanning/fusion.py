@@ -1,4 +1,7 @@
-"""Scans as out of a volume into which depth images were fused: stairs, slivers, and the error in the triangles too."""
+"""Scans as extracted from a volume into which depth images were fused.
+
+Such meshes have stairs and slivers, and the error also determines the triangles.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,30 +18,30 @@ from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, angles_between, unit
 
-LIT = 0.45, 0.85  # share of a closed surface that cameras on one side of it, or all around, see, about
-IMAGES = 8  # at most, from one side; from all around at least, and at most twice as many
-TURNED = np.pi / 3  # angle between the cameras on one side and the middle one of them, at most
-FOLDED = np.radians(5)  # mean angle between the clean mesh and the surface under it, at most
+LIT = 0.45, 0.85  # approximate share of a closed surface seen by cameras on one side of it, and all around
+IMAGES = 8  # largest number of images from one side; all around, the least number, and at most twice as many
+TURNED = np.pi / 3  # largest angle between the cameras on one side and the middle one
+FOLDED = np.radians(5)  # largest mean angle between the clean mesh and the surface under it
 
 
 def fused(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
-    """Fuse what cameras on one side or all around measure of a field (Curless, Levoy 1996; Newcombe et al. 2011).
+    """Fuse depth images of a field (Curless, Levoy 1996; Newcombe et al. 2011).
 
-    Unlike noise on the vertices of a mesh, the error decides where triangles are: vertices stay on the edges of the
-    lattice, and those of a sliver err alike.
+    The cameras are on one side or all around. Unlike noise on the vertices of a mesh, the error determines where
+    triangles are: vertices stay on the edges of the lattice, and those of a sliver have similar errors.
 
     Parameters
     ----------
     faces
-        About so many, which give the spacing of the lattice.
+        Approximate number of faces, which determines the spacing of the lattice.
     level
-        Deviation of the error of an image from one pixel to the next, in spacings of the lattice; half of that all
-        around, since where many images meet the surface folds.
+        Deviation of the error between neighbouring pixels, in spacings of the lattice. For cameras all around it is
+        halved, since the surface folds where many images meet.
 
     Raises
     ------
     UnfitShapeError
-        Little is seen, or the detail of the shape drowns in the error or between the nodes.
+        Little is seen, or the detail of the shape is lost in the error or between the nodes.
     """
     around = bool(rng.random() < 0.5)
     spacing = float(np.sqrt(2.3 * LIT[around] * extent.area / faces))
@@ -67,7 +70,7 @@ def fused(field: DistanceField, extent: Extent, *, faces: int, level: float, rng
 
 
 def _tilt(spread: float, *, rng: np.random.Generator) -> Vectors:
-    """Rotation that rolls about z and tilts z by up to an angle, uniform over that part of the sphere."""
+    """Draw a roll about z followed by a tilt of z by up to an angle, uniform over that part of the sphere."""
     tilt = np.arccos(1 - rng.random() * (1 - np.cos(spread)))
     around, roll = rng.uniform(0, 2 * np.pi, 2)
     axis = tilt * np.array([np.cos(around), np.sin(around), 0.0])
@@ -75,7 +78,7 @@ def _tilt(spread: float, *, rng: np.random.Generator) -> Vectors:
 
 
 def _measured(image: DepthImage, deviation: float, *, rng: np.random.Generator) -> Values:
-    """Depths with the error of a camera, (p * p,), or NaN."""
+    """Return depths with the error of a camera, (p * p,), or NaN."""
     faces = image.faces
     if len(faces) < FEWEST_SHEET_FACES:
         raise UnfitShapeError("a camera sees next to nothing")
@@ -89,9 +92,12 @@ def _measured(image: DepthImage, deviation: float, *, rng: np.random.Generator) 
 def _distances(
     images: list[tuple[DepthImage, Values]], nodes: NDArray[np.float64], *, truncation: float, smooth: bool
 ) -> NDArray[np.float64]:
-    """Average over the images of how far nodes are before the surface, (p, q, r); NaN far behind it.
+    """Average the signed distances of the nodes over the images, (p, q, r); NaN far behind the surface.
 
-    smooth : depths between pixels are interpolated, not taken from the nearest one
+    Parameters
+    ----------
+    smooth
+        Whether depths between pixels are interpolated instead of taken from the nearest pixel.
     """
     points = nodes.reshape(-1, 3)
     total, count = np.zeros(len(points)), np.zeros(len(points), np.int64)
@@ -113,7 +119,7 @@ def _distances(
 
 
 def _meshed(distances: NDArray[np.float64], nodes: NDArray[np.float64], spacing: float) -> Mesh:
-    """Marching cubes, linear along edges, of the cells whose nodes all have a distance."""
+    """Run marching cubes, linear along edges, on the cells whose nodes all have a distance."""
     from skimage.measure import marching_cubes
 
     seen = ~np.isnan(distances)

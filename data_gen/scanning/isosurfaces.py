@@ -1,4 +1,4 @@
-"""Level surfaces of exact fields, whose triangles are those of a measured volume although nothing was measured."""
+"""Level surfaces of exact fields, meshed like measured volumes."""
 
 import numpy as np
 
@@ -22,16 +22,17 @@ MESHERS = {
     "nets": (surface_nets, 3.0, 0.2),
     "tetrahedra": (marching_tetrahedra, FACES_PER_VOXEL_SIDE, 0.2),
 }
-"""What meshes a volume, its faces for a surface whose area is that of a voxel's side, and its share."""
+"""Function that meshes a volume, its number of faces per area of a voxel's side, and the share of meshes that use
+it."""
 
 
 def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator) -> Mesh:
-    """Mesh the level of a field without any error but that of the interpolation between the nodes of a lattice.
+    """Mesh the level of an exact field, whose only error is the interpolation between the nodes of a lattice.
 
     Parameters
     ----------
     faces
-        About so many, which give the edge of a voxel.
+        Approximate number of faces, which determines the edge of a voxel.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Meshes of measured surfaces, with the points of the shape beneath their vertices and their true normals."""
+"""Meshes of measured surfaces with their ground truth."""
 
 from typing import NamedTuple
 
@@ -8,14 +8,21 @@ from cascadenorm.data_gen.meshing.polygonise import gradients, projected
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-CONVERGED = 0.02  # of the size of a cell: how far from the surface a point that was moved to it may end
-FARTHEST_CELLS = 3.0  # cells between a face and the part of the surface that it stands for
+CONVERGED = 0.02  # largest distance from the surface, in cells, of a point that was projected onto it
+FARTHEST_CELLS = 3.0  # largest distance, in cells, between a face and its part of the surface
 
 
 class Measured(NamedTuple):
-    """The same faces over vertices as they were measured, and over the points of the shape beneath them.
+    """A measured mesh and its ground truth.
 
-    normals : (m, 3), what the normal of each face of the noisy mesh should be; zero where that is not known
+    Parameters
+    ----------
+    noisy
+        Mesh with m faces.
+    clean
+        Mesh with the same faces over the points of the shape beneath the vertices.
+    normals
+        (m, 3) true normal of each face of the noisy mesh; zero where it is unknown.
     """
 
     noisy: Mesh
@@ -24,22 +31,22 @@ class Measured(NamedTuple):
 
     @classmethod
     def on_surface(cls, noisy: Mesh, clean: Mesh) -> "Measured":
-        """Pair meshes of which each face of the clean one is the truth of the noisy one's."""
+        """Pair two meshes with the same faces. The normals of the clean mesh are the true ones."""
         return cls(noisy, clean, clean.face_normals)
 
 
 def beneath(field: DistanceField, noisy: Mesh, *, cell: float) -> Measured:
-    """Find the truth of a mesh that does not share its triangles with the shape, as one of voxels.
+    """Find the ground truth of a mesh whose triangles differ from those of the shape, such as one made of voxels.
 
-    The truth of a vertex is the nearest point of the shape, found by following the gradient of its field. That of a
-    face is the direction of the gradient at the point nearest to its centroid.
+    The true position of a vertex is the nearest point of the shape, found by following the gradient of its field. The
+    true normal of a face is the direction of the gradient at the point nearest to its centroid.
 
     Parameters
     ----------
     field
-        The shape, a signed distance near its surface.
+        Shape, a signed distance near its surface.
     noisy
-        m faces about it.
+        Mesh with m faces near the shape.
     cell
         Length of the details that the measurement resolves, such as the edge of a voxel.
     """

@@ -1,4 +1,4 @@
-"""Surfaces reconstructed from noisy oriented points: screened Poisson reconstruction on a regular grid."""
+"""Screened Poisson reconstructions from noisy oriented points."""
 
 from collections.abc import Callable
 
@@ -16,32 +16,32 @@ from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.data_gen.shapes.placement import random_direction
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-CELLS = 2.3  # faces of marching cubes, for a surface whose area is that of a cell's side
+CELLS = 2.3  # faces of marching cubes per area of a cell's side
 MARGIN_CELLS = 6  # cells around the shape
-OUTLIER_POINTS = 0.01  # share of the points, at most
-SOLVER_ROUNDS = 12  # of conjugate gradients
-STIFFNESS = 0.05  # of the pull of a point on the grid, at screening 1
-FEWEST, MOST = 1_500, 60_000  # points
-SPARSEST, DENSEST = 0.1, 4.0  # points, in halves of the faces: down to one point for 20 faces
-NOISIER = 0.3  # share of the clouds whose error is up to twice the level
+OUTLIER_POINTS = 0.01  # largest share of outliers among the points
+SOLVER_ROUNDS = 12  # iterations of conjugate gradients
+STIFFNESS = 0.05  # weight of a point in the system at screening 1
+FEWEST, MOST = 1_500, 60_000  # numbers of points
+SPARSEST, DENSEST = 0.1, 4.0  # points per two faces: at the least one point for 20 faces
+NOISIER = 0.3  # share of the point clouds whose error is up to twice the level
 
 
 def reconstruction(
     field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator
 ) -> Measured:
-    """Reconstruct a shape from points on it with error in place and normal, some of them outliers.
+    """Reconstruct a shape from points with errors in position and normal, including outliers.
 
     Parameters
     ----------
     faces
-        About so many, which give the cells of the grid.
+        Approximate number of faces, which determines the cells of the grid.
     level
         Deviation of the points along the normals, in mean distances between points.
 
     Raises
     ------
     UnfitShapeError
-        The points hold no closed surface.
+        The points do not define a closed surface.
     """
     cell = float(np.sqrt(CELLS * extent.area / faces))
     count = int(np.clip(0.5 * faces * np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST))), FEWEST, MOST))
@@ -51,7 +51,7 @@ def reconstruction(
     half = 0.5 * (extent.upper - extent.lower) + MARGIN_CELLS * cell
     nodes = grid(half, np.full(3, cell)) + extent.middle
     screening = float(np.exp(rng.uniform(np.log(0.2), np.log(10))))
-    gap = float(np.sqrt(extent.area / count) / cell)  # between points, in cells
+    gap = float(np.sqrt(extent.area / count) / cell)  # distance between points, in cells
     width = max(0.6, gap * float(rng.uniform(0.4, 1.0)))
     volume = poisson(nodes, points, normals, cell=cell, screening=screening, width=width)
     mesh = volume_surface(volume)
@@ -68,11 +68,11 @@ def reconstruction(
 def sampled_points(
     field: DistanceField, rough: Mesh, *, count: int, level: float, size: float, rng: np.random.Generator
 ) -> tuple[Vectors, Vectors]:
-    """Draw points on a shape as scanners leave them: denser in places, off along the normals, some far off.
+    """Draw points on a shape with uneven density, errors along the normals, and some outliers, as scanners do.
 
     Returns
     -------
-    two of (n, 3) : points, and unit normals that err by up to some 20 degrees
+    (n, 3) points and (n, 3) unit normals that err by up to about 20 degrees.
     """
     axis = random_direction(rng=rng)
     density = np.exp(float(rng.uniform(0, 1.2)) * (rough.face_normals @ axis))  # one side is seen better
@@ -95,24 +95,24 @@ def poisson(
 ) -> NDArray[np.float64]:
     """Solve for the indicator whose gradient is the field of normals (Kazhdan, Hoppe 2013), on a regular grid.
 
-    It minimises ∫ |∇χ - V|² + screening · Σ χ(p)²: V are the normals, spread over the cells around their points, and
-    the second sum draws the surface, where χ = 0, to the points. Conjugate gradients solve the normal equations; the
-    Laplacian, which the Fourier transform inverts, is the preconditioner.
+    It minimises ∫ |∇χ - V|² + screening · Σ χ(p)². V are the normals, spread over the cells around their points. The
+    second sum draws the surface χ = 0 to the points. Conjugate gradients solve the normal equations, preconditioned by
+    the Laplacian, which the Fourier transform inverts.
 
     Parameters
     ----------
     nodes
         (p, q, r, 3), `cell` apart.
     points, normals
-        (n, 3), outward.
+        (n, 3); normals point outward.
     screening
-        Weight of the points against the normals.
+        Weight of the points relative to the normals.
     width
         Deviation of the kernel that spreads the normals, in cells.
 
     Returns
     -------
-    (p, q, r), above 0.5 inside
+    (p, q, r) values, above 0.5 inside.
     """
     shape = nodes.shape[:3]
     interpolation = _trilinear((points - nodes[0, 0, 0]) / cell, shape)
@@ -127,11 +127,12 @@ def poisson(
     def inverse(transform: NDArray[np.complex128]) -> Values:
         return np.asarray(fft.irfftn(transform, shape).ravel())
 
-    # each point stands for the same area, so that dense regions do not weigh more
+    # Each point stands for the same area, so that dense regions have no larger weight.
     density = inverse(kernel * transformed(interpolation.T @ np.ones(len(points))))
     share = 1 / np.maximum(interpolation @ density, 1e-9)
 
-    # V is spread over a layer √(2π) · width thick, across which it integrates to one; its divergence is the right side
+    # V is spread over a layer √(2π) · width thick, across which it integrates to one. Its divergence is the right-hand
+    # side.
     divergence = np.zeros(squares.shape, np.complex128)
     for k, wave in enumerate(waves):
         divergence += 1j * wave * kernel * transformed(interpolation.T @ (-share * normals[:, k]))
@@ -150,7 +151,7 @@ def poisson(
 def _conjugate_gradients(
     applied: Callable[[Values], Values], conditioned: Callable[[Values], Values], right: Values
 ) -> Values:
-    """Solve a system in SOLVER_ROUNDS steps from zero, preconditioned by an approximate inverse."""
+    """Solve a system by SOLVER_ROUNDS steps of preconditioned conjugate gradients from zero."""
     solution, residual = np.zeros(right.size), right
     search: Values = np.zeros(right.size)
     product = 1.0
@@ -165,7 +166,7 @@ def _conjugate_gradients(
 
 
 def _trilinear(at: Vectors, shape: tuple[int, ...]) -> sparse.csr_array:
-    """Matrix (n, p q r) that interpolates values at nodes to points, given in cells."""
+    """Return the matrix (n, p q r) that interpolates values at nodes to points given in cells."""
     low = np.clip(np.floor(at).astype(np.int64), 0, np.array(shape) - 2)
     part = at - low
     rows, columns, values = [], [], []

@@ -12,10 +12,10 @@ from cascadenorm.data_gen.scanning.volumes import Volume, measured_surface, rand
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.mesh import Mesh
 
-FACES_PER_VOXEL_SIDE = 8.9  # of marching tetrahedra, for a surface whose area is that of a voxel's side
+FACES_PER_VOXEL_SIDE = 8.9  # faces of marching tetrahedra per area of a voxel's side
 GRAIN = 0.0, 1.0  # voxels over which the error of the distances is spread
 CUTS = {1: ((0, 1), (0, 2), (0, 3)), 3: ((3, 0), (3, 2), (3, 1))}
-"""Edges cut where one or three corners of a tetrahedron lie inside; corners inside come first."""
+"""Edges cut where one or three corners of a tetrahedron lie inside. Corners inside come first."""
 QUADRILATERAL = ((0, 2), (0, 3), (1, 3), (1, 2))
 """Edges cut where two corners lie inside, in order around the quadrilateral."""
 
@@ -28,7 +28,7 @@ def tetrahedral_surface(
     Parameters
     ----------
     faces
-        About so many, which give the edge of a voxel.
+        Approximate number of faces, which determines the edge of a voxel.
     level
         Standard deviation of the error of the distances, in thirds of a voxel.
 
@@ -46,7 +46,7 @@ def tetrahedral_surface(
 
 
 def marching_tetrahedra(volume: Volume) -> Mesh:
-    """Mesh where the values pass 0.5, each cell cut in six tetrahedra (Doi, Koide 1991).
+    """Mesh the level 0.5 of a volume, with each cell cut into six tetrahedra (Doi, Koide 1991).
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def marching_tetrahedra(volume: Volume) -> Mesh:
 
     Returns
     -------
-    Mesh in units of voxels; normals point to lower values.
+    Mesh in units of voxels. Normals point to lower values.
     """
     numbers = np.arange(volume.size).reshape(volume.shape)
     values = volume.ravel()

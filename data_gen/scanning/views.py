@@ -1,4 +1,4 @@
-"""What depth cameras see of a field: a distance for each ray of a grid, and the open sheet of triangles over it."""
+"""Depth images of a field, and the open sheets of triangles over them."""
 
 from typing import NamedTuple
 
@@ -12,10 +12,10 @@ from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 VIEW_STEPS = 70
-SEEN = 4.5  # a closed surface has about so many times the area that a view of it covers
-STEEP = 3.5  # triangles with a side longer than this many steps of the grid span a gap in depth and are left out
-FEWEST_SHEET_FACES = 100  # faces of a sheet that shows something
-DISTANCES = 4.0, 6.0, 30.0  # of cameras; rays from the last are nearly parallel
+SEEN = 4.5  # approximate ratio of the area of a closed surface to that seen in a view
+STEEP = 3.5  # triangles with a side longer than this many grid steps span a gap in depth and are left out
+FEWEST_SHEET_FACES = 100  # fewest faces of a usable sheet
+DISTANCES = 4.0, 6.0, 30.0  # distances of cameras; rays from the last are nearly parallel
 
 
 class DepthImage(NamedTuple):
@@ -25,21 +25,21 @@ class DepthImage(NamedTuple):
     """
 
     eye: Vectors  # (3,)
-    turn: Vectors  # (3, 3), its columns: along the grid's sides, and from what is seen toward the eye
+    turn: Vectors  # (3, 3) columns: along the grid's sides, and from the scene toward the eye
     distance: float
     pixels: Values  # (p,)
-    ratio: float  # of the step along the second side of the grid to that along the first
-    depth: Values  # (p * p,) along the ray; infinite where it meets nothing
-    points: Vectors  # (p * p, 3) where the rays end; at the eye if they meet nothing
+    ratio: float  # ratio of the step along the second side of the grid to that along the first
+    depth: Values  # (p * p,) along the ray; infinite if it meets nothing
+    points: Vectors  # (p * p, 3) end points of the rays; the eye if they meet nothing
 
     @property
     def gap(self) -> float:
-        """Length of a side that spans a gap in depth."""
+        """Return the length above which a side spans a gap in depth."""
         return float(STEEP * (self.pixels[1] - self.pixels[0]) * self.ratio)
 
     @property
     def faces(self) -> NDArray[np.int32]:
-        """Two triangles for each four pixels, (m, 3), but none across gaps in depth."""
+        """Return two triangles for each four pixels, (m, 3), except across gaps in depth."""
         index = np.arange(len(self.depth)).reshape(len(self.pixels), -1)
         points = self.points
         a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
@@ -55,7 +55,7 @@ class DepthImage(NamedTuple):
 def depth_image(
     field: DistanceField, middle: Vectors, turn: Vectors, *, distance: float, step: float, ratio: float = 1.0
 ) -> DepthImage:
-    """Look at a field from a direction, with rays so far apart where they pass the middle."""
+    """Trace a field from a direction; `step` is the distance between rays at the middle of the scene."""
     eye = middle + distance * turn[:, 2]
     count = int(2 * HALF_SIDE / step)
     pixels = step * (np.arange(count, dtype=np.float64) - 0.5 * (count - 1))
@@ -67,7 +67,7 @@ def depth_image(
 
 
 def view(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator, ratio: float = 1.0) -> Mesh:
-    """Mesh what is visible of a field from a random direction, a vertex a ray; `ratio` is that of the grid's steps."""
+    """Mesh what is visible of a field from a random direction, one vertex per ray, on a grid of steps with `ratio`."""
     step = float(np.sqrt(extent.area / SEEN / (0.5 * faces) / ratio))
     turn = random_rotation(rng=rng)
     distance = float(rng.choice(DISTANCES))
@@ -76,7 +76,7 @@ def view(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Gen
 
 
 def traced(field: DistanceField, eye: Vectors, directions: Vectors, *, start: float, stop: float) -> Values:
-    """Distance along each ray to where the field first vanishes; infinite where it does not."""
+    """Return the distance along each ray to the first zero of the field; infinite where there is none."""
     depth = np.full(len(directions), np.inf)
     going = np.arange(len(directions))
     reached = np.full(len(directions), start)
@@ -93,7 +93,7 @@ def traced(field: DistanceField, eye: Vectors, directions: Vectors, *, start: fl
 
 
 def largest_sheets(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
-    """Make a manifold of the larger parts of what is seen."""
+    """Return the larger components of a sheet as a manifold."""
     if len(faces) < FEWEST_SHEET_FACES:
         raise UnfitShapeError("the view shows next to nothing")
     return largest_components(untangled(largest_components(Mesh(vertices, faces), share=0.05)), share=0.05)

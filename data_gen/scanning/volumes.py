@@ -1,4 +1,4 @@
-"""Surfaces out of volumes of voxels: segmentations, whose error is their steps, and blurred, grainy tomograms."""
+"""Surfaces from volumes: stair-stepped segmentations and blurred, grainy tomograms."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,31 +17,31 @@ from cascadenorm.mesh import Mesh, Vectors, scatter_add
 from cascadenorm.mesh.averages import averaged
 
 Volume = NDArray[np.float64]
-"""(p, q, r), one value a voxel, above 0.5 inside."""
+"""(p, q, r), one value per voxel, above 0.5 inside."""
 
 MARGIN_VOXELS = 3  # voxels around the shape
-SMALLEST_COMPONENT = 0.05  # share of the faces of the largest component that others have at least: grain makes islands
-STEPPED = 3.2  # faces of marching cubes on a mask, for a surface whose area is that of a voxel's side
+SMALLEST_COMPONENT = 0.05  # smaller components, relative to the largest one, are dropped: grain makes islands
+STEPPED = 3.2  # faces of marching cubes on a mask per area of a voxel's side
 GREY = 2.3  # the same on grey values
-NETS = 0.7  # the same for surface nets, against marching cubes
-TILT = 0.5, 15.0  # degrees; so little makes long, low steps on planes
-VOXEL_FACES = 0.06  # share of the segmentations that are the faces of voxels
-SMOOTHED = 0.1  # share of the other segmentations that are smoothed a little, as before an export
+NETS = 0.7  # number of faces of surface nets relative to marching cubes
+TILT = 0.5, 15.0  # degrees; small angles make long, low steps on planes
+VOXEL_FACES = 0.06  # share of the segmentations that consist of voxel faces
+SMOOTHED = 0.1  # share of the other segmentations that are slightly smoothed, as before an export
 DECIMATED = 0.15  # share of the meshes that are decimated
-ENLARGED = 0.15  # share of the segmentations whose labels or distances are looked up at half the resolution
+ENLARGED = 0.15  # share of the segmentations whose labels or distances are sampled at half the resolution
 
 
 def segmentation(
     field: DistanceField, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator
 ) -> Measured:
-    """Mesh a binary mask of the shape: its steps are as high as a voxel.
+    """Mesh a binary mask of the shape, whose steps are one voxel high.
 
     Parameters
     ----------
     faces
-        About so many, which give the edge of a voxel.
+        Approximate number of faces, which determines the edge of a voxel.
     slices
-        Voxels are 1.5 to 4 times as long along one axis of the lattice as along the others.
+        Whether voxels are 1.5 to 4 times as long along one axis of the lattice as along the others.
 
     Raises
     ------
@@ -65,13 +65,13 @@ def segmentation(
 
 
 def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume:
-    """Label voxels by signed distances, in voxels; a share with ragged boundaries, uneven slices or soft steps."""
+    """Label voxels by signed distances, in voxels. Some masks get ragged boundaries, uneven slices or soft steps."""
     if not slices and rng.random() < ENLARGED:
         return _enlarged(distance, binary=bool(rng.random() < 0.6))
-    if rng.random() < 0.3:  # the boundary is uncertain: a threshold of a noisy image, or a hand that draws
+    if rng.random() < 0.3:  # an uncertain boundary, as from a noisy image or manual segmentation
         grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(0.5, 1.5)))
         distance = distance + float(rng.uniform(0.1, 0.6)) * grain / grain.std()
-    if slices and rng.random() < 0.3:  # each slice is labelled for itself
+    if slices and rng.random() < 0.3:  # each slice is segmented independently
         distance = distance + float(rng.uniform(0.1, 0.5)) * rng.normal(size=distance.shape[2])
     volume = (distance < 0).astype(np.float64)
     if rng.random() < 0.25:  # an antialiased or smoothed mask
@@ -80,7 +80,7 @@ def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume
 
 
 def _enlarged(distance: Volume, *, binary: bool) -> Volume:
-    """Give the eight nodes of a block one value: that of a volume of half the resolution, enlarged without blending."""
+    """Give the eight nodes of a block one value, as in a volume upsampled from half the resolution."""
     p, q, r = (length // 2 for length in distance.shape)
     means = distance[: 2 * p, : 2 * q, : 2 * r].reshape(p, 2, q, 2, r, 2).mean(axis=(1, 3, 5))
     values = (means < 0).astype(np.float64) if binary else 0.5 - means
@@ -88,7 +88,7 @@ def _enlarged(distance: Volume, *, binary: bool) -> Volume:
 
 
 def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
-    """Mesh a level of a grey volume, in which a point is spread over voxels and the grain is alike in neighbours.
+    """Mesh a level of a grey volume with a point spread and grain that is correlated between neighbours.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, 
     voxel = float(np.sqrt(GREY * extent.area / (faces / kept) / stretch**0.6))
     steps = voxel * np.array([1.0, 1.0, stretch])
     nodes, axes = random_lattice(extent, steps, rng=rng)
-    share = np.clip(0.5 - sampled(field, nodes) / voxel, 0, 1)  # of a voxel that the shape fills, nearly
+    share = np.clip(0.5 - sampled(field, nodes) / voxel, 0, 1)  # approximate share of a voxel that the shape fills
     spread = float(rng.uniform(0.4, 1.4))
     blurred = gaussian_filter(share, spread / np.array([1.0, 1.0, stretch]))
     grain = gaussian_filter(rng.normal(size=blurred.shape), float(rng.uniform(0.3, 1.3)))
@@ -112,13 +112,13 @@ def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, 
 
 
 def _mesher(*, rng: np.random.Generator) -> tuple[bool, float]:
-    """Draw whether surface nets mesh a volume, not marching cubes, and the share of the faces that are kept."""
+    """Draw whether surface nets mesh a volume instead of marching cubes, and the share of faces that are kept."""
     nets = bool(rng.random() < 0.25)
     return nets, float(rng.uniform(0.3, 0.8)) if rng.random() < DECIMATED else 1.0
 
 
 def volume_surface(volume: Volume) -> Mesh:
-    """Mesh where the values pass 0.5, in units of voxels; normals point to lower values."""
+    """Mesh the level 0.5 of a volume, in units of voxels. Normals point to lower values."""
     from skimage.measure import marching_cubes
 
     if not volume.min() < 0.5 < volume.max():
@@ -128,19 +128,19 @@ def volume_surface(volume: Volume) -> Mesh:
 
 
 def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
-    """Mesh where the values pass 0.5 by a vertex in each cell and a quadrangle around each crossing (Gibson 1998).
+    """Mesh the level 0.5 with one vertex per cell and one quadrilateral per crossing (Gibson 1998).
 
     Parameters
     ----------
     centered
-        Vertices are the centres of their cells, so that quadrangles are the faces of voxels.
+        Whether vertices are the centres of their cells, so that the quadrilaterals are voxel faces.
 
     Returns
     -------
-    in units of voxels; a vertex is the mean of the crossings of its cell's edges
+    Mesh in units of voxels. Each vertex is the mean of the crossings on the edges of its cell, unless `centered`.
     """
     inside = volume > 0.5
-    number = np.full(np.array(volume.shape) - 1, -1, np.int64)  # of the vertex of a cell
+    number = np.full(np.array(volume.shape) - 1, -1, np.int64)  # number of the vertex of each cell
     crossings, cells, places = [], [], []
     for axis in range(3):
         low, high = (np.moveaxis(volume, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
@@ -186,7 +186,7 @@ def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
 
 
 def random_lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random.Generator) -> tuple[Volume, Vectors]:
-    """Nodes (p, q, r, 3) of a lattice turned and shifted at random, and its three edges as rows."""
+    """Return the nodes (p, q, r, 3) of a randomly rotated and shifted lattice, and its three edges as rows."""
     turn = _orientation(rng=rng)
     half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + MARGIN_VOXELS * steps
     middle = extent.middle + turn @ (rng.uniform(-0.5, 0.5, 3) * steps)
@@ -194,7 +194,7 @@ def random_lattice(extent: Extent, steps: NDArray[np.float64], *, rng: np.random
 
 
 def _orientation(*, rng: np.random.Generator) -> Vectors:
-    """Rotation of a lattice: any, none, or the slight one of a part that is put into a scanner by hand."""
+    """Draw the rotation of a lattice: any, none, or a slight one, as of a part placed in a scanner by hand."""
     chance = rng.random()
     if chance < 0.35:
         return random_rotation(rng=rng)
@@ -217,7 +217,7 @@ def measured_surface(
     kept: float,
     rng: np.random.Generator,
 ) -> Measured:
-    """Place a mesh in units of voxels on its lattice, drop islands, decimate it, and find its truth."""
+    """Place a mesh in units of voxels on its lattice, drop islands, decimate it, and find its ground truth."""
     placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
     placed = largest_components(
         untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT

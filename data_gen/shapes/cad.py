@@ -1,4 +1,7 @@
-"""Machine parts: random fields with flat, cylindrical and conical faces, sharp edges, fillets, chamfers and holes."""
+"""Machine parts with flat, cylindrical and conical faces, and worked edges.
+
+The edges are sharp, filleted or chamfered.
+"""
 
 import numpy as np
 
@@ -21,15 +24,15 @@ from cascadenorm.mesh import Vectors, unit
 
 
 def blend_of(rng: np.random.Generator, *, edge: float, largest: float = 0.15) -> tuple[Blend, float]:
-    """Draw what becomes of an edge of the shape: half of them stay sharp, others get two triangles wide or more."""
+    """Draw how an edge is finished: half stay sharp, most fillets and chamfers are at least two triangles wide."""
     blend: Blend = rng.choice(["sharp", "round", "chamfer"], p=[0.5, 0.32, 0.18])
     return blend, float(rng.uniform(min(2 * edge, 0.8 * largest), largest))
 
 
 def assembly(edge: float, rng: np.random.Generator) -> DistanceField:
-    """A solid to which others are joined, and from which others are cut, at random."""
+    """Join and cut random solids."""
     total = _solid(rng, size=float(rng.uniform(0.6, 0.85)))
-    upright = rng.random() < 0.6  # parts along the axes of the first, as machined ones are, or askew
+    upright = rng.random() < 0.6  # parts along the axes of the first solid, as machined ones are, or tilted
     for _ in range(rng.integers(2, 8)):
         part = _solid(rng, size=float(rng.uniform(0.2, 0.6)))
         turn = np.eye(3)[rng.permutation(3)] if upright else random_rotation(rng=rng)
@@ -69,7 +72,7 @@ def _convex_corners(rng: np.random.Generator, *, radius: float) -> Vectors:
 
 
 def bracket(edge: float, rng: np.random.Generator) -> DistanceField:
-    """Plates at right angles with ribs, bosses and rows of holes, walls thin or thick."""
+    """Return plates at right angles with ribs, bosses and rows of holes; the walls are thin or thick."""
     wall = max(1.5 * edge, float(rng.uniform(0.06, 0.18)))
     width, depth, height = rng.uniform(0.5, 0.95, 3)
     blend, radius = blend_of(rng, edge=edge)
@@ -106,7 +109,7 @@ def bracket(edge: float, rng: np.random.Generator) -> DistanceField:
 
 
 def wheel(edge: float, rng: np.random.Generator) -> DistanceField:
-    """Gears, pulleys, flanges and knobs: a toothed or lobed disc with hub, bore, keyway, spokes or a ring of holes."""
+    """Return a gear, pulley, flange or knob: a toothed or lobed disc with hub, bore, keyway, spokes or holes."""
     radius, thick = float(rng.uniform(0.75, 1.1)), float(rng.uniform(0.1, 0.4))
     teeth = int(rng.integers(5, 1 + min(28, int(2 * np.pi * radius / (8 * edge)))))
     if rng.random() < 0.75:
@@ -146,7 +149,7 @@ def wheel(edge: float, rng: np.random.Generator) -> DistanceField:
 
 
 def turned(edge: float, rng: np.random.Generator) -> DistanceField:
-    """Lathe work: a stepped, tapered, grooved profile about an axis, with flats, flutes or cross holes."""
+    """Return a turned part: a stepped, tapered, grooved profile about an axis, with flats, flutes or cross holes."""
     count = int(rng.integers(3, 8))
     heights = np.linspace(-1, 1, count) + rng.uniform(-0.6, 0.6, count) / count
     heights[[0, -1]] = -1.05, 1.05
@@ -178,7 +181,7 @@ def turned(edge: float, rng: np.random.Generator) -> DistanceField:
 
 
 def plate(edge: float, rng: np.random.Generator) -> DistanceField:
-    """A random outline pulled to a height, with pockets, holes and worked boundaries; sometimes bent or tapered."""
+    """Return an extruded random outline with pockets, holes and worked edges; sometimes bent or tapered."""
     kind = rng.integers(4)
     if kind == 0:
         count = int(rng.integers(5, 14))
@@ -212,7 +215,7 @@ def plate(edge: float, rng: np.random.Generator) -> DistanceField:
 
 
 def _steps(rng: np.random.Generator) -> Profile:
-    """Outline of a stepped profile, as of rails and extrusions."""
+    """Return the outline of a stepped profile, as of rails and extrusions."""
     count = int(rng.integers(2, 6))
     x = np.linspace(-0.9, 0.9, count + 1)
     y = rng.uniform(0, 0.9, count)
@@ -221,7 +224,7 @@ def _steps(rng: np.random.Generator) -> Profile:
 
 
 def fan(edge: float, rng: np.random.Generator) -> DistanceField:
-    """Curved sheet-like parts: blades on a hub, scoops, wedges cut by cylinders."""
+    """Return curved sheet-like parts: blades on a hub, scoops, wedges cut by cylinders."""
     blades = int(rng.integers(2, 6))
     blade = bent(
         box([0.55, max(1.3 * edge, float(rng.uniform(0.04, 0.13))), float(rng.uniform(0.25, 0.5))]),
@@ -251,7 +254,7 @@ def _tilt(angle: float) -> Vectors:
 
 
 def tabletop(edge: float, rng: np.random.Generator) -> DistanceField:
-    """A few plain solids, cones and pyramids among them, some standing on a slab."""
+    """Return a few plain solids, among them cones and pyramids, some of them standing on a slab."""
     parts = []
     count = int(rng.integers(1, 4))
     for k in range(count):

@@ -1,4 +1,4 @@
-"""Plain bodies with cut or raised detail, down to a few edge lengths wide."""
+"""Plain solids with engraved or embossed detail."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from cascadenorm.mesh import Vectors
 
 
 def engraved(edge: float, rng: np.random.Generator) -> DistanceField:
-    """A plain body with cut or raised lines, steps and dimples, down to a few edge lengths wide."""
+    """Return a plain solid with engraved or embossed lines, steps and dimples, down to a few edge lengths wide."""
     body, skin = _plain_body(edge, rng)
     for _ in range(rng.integers(2, 7)):
         width = edge * float(rng.uniform(1.5, 3.5))
@@ -45,7 +45,7 @@ def engraved(edge: float, rng: np.random.Generator) -> DistanceField:
 
 
 def _within(tool: DistanceField, skin: DistanceField, depth: float) -> DistanceField:
-    """The part of a tool that is less than a depth below the skin."""
+    """Return the part of a tool that lies less than a depth below the surface."""
     return lambda points: np.maximum(tool(points), -skin(points) - depth)
 
 

@@ -1,4 +1,7 @@
-"""Signed-distance fields: primitives, negative inside, and the operators that combine and deform them."""
+"""Signed-distance fields: primitives and operators that combine and deform them.
+
+The values are negative inside.
+"""
 
 from collections.abc import Callable
 from typing import Literal
@@ -10,27 +13,27 @@ from cascadenorm.mesh import Floats, Vectors, kernel
 from cascadenorm.mesh.vectors import dot, length, row, subtract
 
 Values = NDArray[np.float64]
-"""(n,) float64, one value a point."""
+"""(n,) float64, one value per point."""
 
 DistanceField = Callable[[Vectors], Values]
-"""Positions to signed distances; deformed fields are distances only near the surface, and only roughly."""
+"""Positions to signed distances. Deformed fields approximate distances, and only near the surface."""
 
 Blend = Literal["sharp", "round", "chamfer"]
-"""What becomes of the edge where two surfaces meet."""
+"""How the edge between two surfaces is finished."""
 
 
 def norm(vectors: NDArray[np.float64]) -> Values:
-    """Length of each row."""
+    """Return the length of each row."""
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def sphere(*, radius: float) -> DistanceField:
-    """Ball around the origin."""
+    """Return a ball around the origin."""
     return lambda points: norm(points) - radius
 
 
 def box(half: ArrayLike) -> DistanceField:
-    """Box around the origin with half edge lengths `half`."""
+    """Return a box around the origin with half edge lengths `half`."""
     half = np.asarray(half, np.float64)
 
     def distance(points: Vectors) -> Values:
@@ -42,7 +45,7 @@ def box(half: ArrayLike) -> DistanceField:
 
 
 def ellipsoid(radii: ArrayLike) -> DistanceField:
-    """Ellipsoid around the origin; a distance to first order near its surface."""
+    """Return an ellipsoid around the origin. The distance is correct to first order near its surface."""
     radii = np.asarray(radii, np.float64)
 
     def distance(points: Vectors) -> Values:
@@ -54,7 +57,7 @@ def ellipsoid(radii: ArrayLike) -> DistanceField:
 
 
 def superquadric(radii: ArrayLike, *, exponent: float) -> DistanceField:
-    """Points with sum |x / r| ** exponent = 1: 2 is an ellipsoid, 1 an octahedron, large ones near a box."""
+    """Return the points with sum |x / r| ** exponent = 1: 2 gives an ellipsoid, 1 an octahedron."""
     radii = np.asarray(radii, np.float64)
 
     def distance(points: Vectors) -> Values:
@@ -68,7 +71,7 @@ def superquadric(radii: ArrayLike, *, exponent: float) -> DistanceField:
 
 
 def cylinder(*, radius: float, half_height: float) -> DistanceField:
-    """Capped cylinder around the z axis."""
+    """Return a capped cylinder around the z axis."""
 
     def distance(points: Vectors) -> Values:
         excess = np.stack([norm(points[:, :2]) - radius, np.abs(points[:, 2]) - half_height], axis=1)
@@ -78,17 +81,17 @@ def cylinder(*, radius: float, half_height: float) -> DistanceField:
 
 
 def torus(*, major: float, minor: float) -> DistanceField:
-    """Tube of radius `minor` around a circle of radius `major` in the xy plane."""
+    """Return a tube of radius `minor` around a circle of radius `major` in the xy plane."""
     return lambda points: np.hypot(norm(points[:, :2]) - major, points[:, 2]) - minor
 
 
 def limb(start: ArrayLike, end: ArrayLike, *, radii: tuple[float, float]) -> DistanceField:
-    """Segment thickened by a radius that goes linearly from one end to the other."""
+    """Return a segment thickened by a radius that varies linearly from one end to the other."""
     return tube(np.stack([np.asarray(start, np.float64), np.asarray(end, np.float64)]), radius=np.array(radii))
 
 
 def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> DistanceField:
-    """Polyline thickened by a radius, or by one radius a point of the path."""
+    """Return a polyline thickened by one radius, or by one radius per point of the path."""
     ends = np.roll(path, -1, axis=0) if closed else path[1:]
     starts = path if closed else path[:-1]
     thickness = np.broadcast_to(np.asarray(radius, np.float64), len(path)).copy()
@@ -105,7 +108,7 @@ def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> Dist
 
 
 def polytope(normals: Vectors, offsets: Values) -> DistanceField:
-    """Intersection of half spaces with unit `normals`, each at its offset from the origin."""
+    """Return the intersection of half spaces with unit `normals`, each at its offset from the origin."""
 
     def distance(points: Vectors) -> Values:
         values = np.empty(len(points))
@@ -116,12 +119,12 @@ def polytope(normals: Vectors, offsets: Values) -> DistanceField:
 
 
 def complement(field: DistanceField) -> DistanceField:
-    """Outside becomes inside."""
+    """Swap inside and outside."""
     return lambda points: -field(points)
 
 
 def union(*fields: DistanceField, blend: Blend = "sharp", radius: float = 0.0) -> DistanceField:
-    """Points of any of the fields; the concave edge is left sharp, filled round or filled flat."""
+    """Return the points of any of the fields. The concave edge is sharp, rounded or chamfered."""
 
     def distance(points: Vectors) -> Values:
         total = fields[0](points)
@@ -133,14 +136,14 @@ def union(*fields: DistanceField, blend: Blend = "sharp", radius: float = 0.0) -
 
 
 def intersection(*fields: DistanceField, blend: Blend = "sharp", radius: float = 0.0) -> DistanceField:
-    """Points of all the fields; the convex edge is left sharp, rounded or chamfered."""
+    """Return the points of all fields. The convex edge is sharp, rounded or chamfered."""
     return complement(union(*map(complement, fields), blend=blend, radius=radius))
 
 
 def difference(
     field: DistanceField, *removed: DistanceField, blend: Blend = "sharp", radius: float = 0.0
 ) -> DistanceField:
-    """Points of the first field and of none of the others."""
+    """Return the points of the first field that are in none of the others."""
     return intersection(field, *map(complement, removed), blend=blend, radius=radius)
 
 
@@ -154,7 +157,7 @@ def _join(a: Values, b: Values, blend: Blend, radius: float) -> Values:
 
 
 def melted(*fields: DistanceField, radius: float) -> DistanceField:
-    """Union with a soft, curvature-continuous transition about `radius` wide, as between metaballs."""
+    """Return the union with a curvature-continuous transition about `radius` wide, as between metaballs."""
 
     def distance(points: Vectors) -> Values:
         total = fields[0](points)
@@ -168,17 +171,17 @@ def melted(*fields: DistanceField, radius: float) -> DistanceField:
 
 
 def offset(field: DistanceField, *, by: float) -> DistanceField:
-    """Grow the shape by a distance: convex edges become round."""
+    """Grow the shape by a distance, which rounds convex edges."""
     return lambda points: field(points) - by
 
 
 def shell(field: DistanceField, *, thickness: float) -> DistanceField:
-    """Only the skin of the shape, half of `thickness` to either side of the surface."""
+    """Keep only a shell, half of `thickness` to either side of the surface."""
     return lambda points: np.abs(field(points)) - 0.5 * thickness
 
 
 def pushed_out(field: DistanceField, pattern: DistanceField, *, amplitude: float) -> DistanceField:
-    """Push the surface outward by a pattern times the amplitude."""
+    """Displace the surface outward by a pattern times the amplitude."""
     return lambda points: field(points) - amplitude * pattern(points)
 
 

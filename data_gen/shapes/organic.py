@@ -1,4 +1,7 @@
-"""Grown and carved shapes: bodies melted from limbs, and skins of folds, hair, scales, bumps and pores on them."""
+"""Organic shapes: bodies blended from limbs, with detailed surfaces.
+
+The detail consists of folds, hair, scales, bumps and pores.
+"""
 
 import numpy as np
 
@@ -35,7 +38,7 @@ from cascadenorm.mesh import Vectors
 
 
 def skin(body: DistanceField, *, finest: float, layers: int, rng: np.random.Generator) -> DistanceField:
-    """Lay detail of several kinds and scales over a body; `finest` is the shortest wavelength."""
+    """Add detail of several kinds and scales to a body; `finest` is the shortest wavelength."""
     for _ in range(layers):
         wavelength = float(np.exp(rng.uniform(np.log(finest), np.log(8 * finest))))
         pattern, steepest = _pattern(rng, wavelength)
@@ -47,7 +50,7 @@ def skin(body: DistanceField, *, finest: float, layers: int, rng: np.random.Gene
 
 
 def _pattern(rng: np.random.Generator, wavelength: float) -> tuple[DistanceField, float]:
-    """Draw a pattern, and the largest amplitude, in wavelengths, that still looks like something carved or grown."""
+    """Draw a pattern and the largest amplitude, in wavelengths, that still looks carved or grown."""
     kind = rng.integers(9)
     if kind <= 2:
         form: Form = rng.choice(["smooth", "ridged", "billowed"])
@@ -67,7 +70,7 @@ def _pattern(rng: np.random.Generator, wavelength: float) -> tuple[DistanceField
 
 
 def creature(edge: float, rng: np.random.Generator) -> DistanceField:
-    """A trunk with limbs, a head and some lumps, melted together; half of them mirror-symmetric; smooth skin."""
+    """Return a trunk with limbs, a head and some lumps, blended; half of them mirror-symmetric; smooth surface."""
     trunk = ellipsoid(rng.uniform([0.3, 0.35, 0.3], [0.5, 0.65, 0.55]))
     parts = [trunk]
     for _ in range(rng.integers(2, 8)):
@@ -85,13 +88,13 @@ def creature(edge: float, rng: np.random.Generator) -> DistanceField:
 
 
 def statue(edge: float, rng: np.random.Generator) -> DistanceField:
-    """A creature or a lump under folds, hair, scales and pores."""
+    """Return a creature or a lump covered with folds, hair, scales and pores."""
     body = creature(edge, rng) if rng.random() < 0.6 else _lump(rng)
     return skin(body, finest=4 * edge, layers=int(rng.integers(2, 6)), rng=rng)
 
 
 def mounted(edge: float, rng: np.random.Generator) -> DistanceField:
-    """A statue on a base with sharp edges, or with a flat cut."""
+    """Return a statue on a base with sharp edges, or with a planar cut."""
     body = statue(edge, rng)
     height = float(rng.uniform(0.1, 0.25))
     if rng.random() < 0.3:
@@ -111,7 +114,7 @@ def _lump(rng: np.random.Generator) -> DistanceField:
 
 
 def bust(edge: float, rng: np.random.Generator) -> DistanceField:
-    """Head-like: skull, jaw, nose, brows, eyes, lips, ears, neck, with hair on top and fine skin."""
+    """Return a head with skull, jaw, nose, brows, eyes, lips, ears, neck, hair and fine skin."""
     wide, tall, deep = rng.uniform([0.42, 0.55, 0.5], [0.55, 0.7, 0.6])
     skull = ellipsoid([wide, tall, deep])
     jaw = moved(ellipsoid([0.75 * wide, 0.5 * tall, 0.7 * deep]), by=[0, -0.55 * tall, 0.15 * deep])
@@ -140,7 +143,7 @@ def bust(edge: float, rng: np.random.Generator) -> DistanceField:
 
 
 def bumpy(edge: float, rng: np.random.Generator) -> DistanceField:
-    """A plain closed surface under one strong, regular or random relief."""
+    """Return a plain closed surface with one strong relief, regular or random."""
     kind = rng.integers(4)
     if kind == 0:
         body = torus(major=0.75, minor=float(rng.uniform(0.2, 0.42)))
@@ -165,7 +168,7 @@ def _knot(rng: np.random.Generator) -> DistanceField:
 
 
 def smooth(edge: float, rng: np.random.Generator) -> DistanceField:
-    """Soft shapes without detail: knots, rings melted together, twisted and tapered superquadrics."""
+    """Return a soft shape without detail: a knot, blended rings, or a twisted and tapered superquadric."""
     kind = rng.integers(4)
     if kind == 0:
         body = _knot(rng)
@@ -188,7 +191,7 @@ def _ring(angle: float, rng: np.random.Generator) -> DistanceField:
 
 
 def rock(edge: float, rng: np.random.Generator) -> DistanceField:
-    """Fractured stone: a few planes through a lump, and noise of many octaves."""
+    """Return fractured stone: a lump cut by a few planes, with noise of many octaves."""
     body = _lump(rng)
     cuts = [(random_direction(rng=rng), float(rng.uniform(0.3, 0.7))) for _ in range(rng.integers(0, 7))]
 

@@ -1,4 +1,7 @@
-"""Scalar patterns over space, of about unit size: noise in octaves, ridges, cells, stripes, spots and labyrinths."""
+"""Scalar patterns in space: noise, ridges, cells, stripes, spots and labyrinths.
+
+The values are of about unit size.
+"""
 
 from typing import Literal
 
@@ -8,17 +11,18 @@ from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Floats, Vectors, kernel
 
 Form = Literal["smooth", "ridged", "billowed"]
-"""Octaves as they are, with sharp crests (folds of cloth, wrinkles), or with sharp valleys (clouds, pebbles)."""
+"""How octaves are combined: unchanged, with sharp crests (folds of cloth, wrinkles), or with sharp valleys (clouds,
+pebbles)."""
 
 
 def seed_of(rng: np.random.Generator) -> int:
-    """Draw the number that makes one noise field different from another."""
+    """Draw the number that distinguishes one noise field from another."""
     return int(rng.integers(1, 2**31 - 1))
 
 
 def noise(*, wavelength: float, octaves: int = 1, gain: float = 0.5, form: Form = "smooth",
           rng: np.random.Generator) -> DistanceField:  # fmt: skip
-    """Gradient noise; each octave has half the wavelength and `gain` times the size of the one before."""
+    """Return gradient noise. Each octave has half the wavelength and `gain` times the size of the previous one."""
     seed, code = seed_of(rng), ("smooth", "ridged", "billowed").index(form)
 
     def pattern(points: Vectors) -> Values:
@@ -30,7 +34,7 @@ def noise(*, wavelength: float, octaves: int = 1, gain: float = 0.5, form: Form 
 
 
 def cells(*, wavelength: float, kind: Literal["bumps", "cracks"], rng: np.random.Generator) -> DistanceField:
-    """Round bumps about scattered points (scales, warts, pebbles), or the cracks half way between them."""
+    """Return round bumps about scattered points (scales, warts, pebbles), or the cracks between their cells."""
     seed = seed_of(rng)
 
     def pattern(points: Vectors) -> Values:
@@ -44,7 +48,7 @@ def cells(*, wavelength: float, kind: Literal["bumps", "cracks"], rng: np.random
 
 
 def stripes(*, wavelength: float, wander: float, sharpness: float, rng: np.random.Generator) -> DistanceField:
-    """Grooves across a random direction that wander like hair or grain; `sharpness` turns waves into narrow cuts."""
+    """Return wavy grooves across a random direction, like hair or grain; `sharpness` turns waves into narrow cuts."""
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
     bend = noise(wavelength=float(rng.uniform(4, 12)) * wavelength, octaves=2, rng=rng)
@@ -57,9 +61,10 @@ def stripes(*, wavelength: float, wander: float, sharpness: float, rng: np.rando
 
 
 def labyrinth(*, wavelength: float, spots: float, steepness: float, rng: np.random.Generator) -> DistanceField:
-    """Plateaus of one width with steep sides, as reaction and diffusion leave them.
+    """Return plateaus of one width with steep sides, as in reaction-diffusion patterns.
 
-    A sum of waves of one length and all directions, cut at a level: `spots` = 0 gives a labyrinth, towards ±1 islands.
+    The pattern is a sum of waves of one length in all directions, cut at a level: `spots` = 0 gives a labyrinth, values
+    towards ±1 give islands.
     """
     count = 14
     axes = rng.normal(size=(count, 3))
@@ -77,7 +82,7 @@ def labyrinth(*, wavelength: float, spots: float, steepness: float, rng: np.rand
 
 
 def crate(*, wavelength: float, rng: np.random.Generator) -> DistanceField:
-    """Regular bumps and pits, as of an egg crate: a product of waves at right angles, from a random start."""
+    """Return regular bumps and pits, as in an egg crate: a product of perpendicular waves with random phases."""
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] * (2 * np.pi / wavelength)
     phases = rng.uniform(0, 2 * np.pi, 3)
     flat = rng.random() < 0.5  # two waves make columns, three make cells
@@ -90,7 +95,7 @@ def crate(*, wavelength: float, rng: np.random.Generator) -> DistanceField:
 
 
 def masked(pattern: DistanceField, mask: DistanceField, *, width: float = 0.2) -> DistanceField:
-    """Keep a pattern where another is positive, fading out over `width`."""
+    """Keep a pattern where another one is positive, and fade it out over `width`."""
     return lambda points: pattern(points) * np.clip(mask(points) / width + 0.5, 0, 1)
 
 
@@ -104,7 +109,7 @@ def _hash(x: int, y: int, z: int, seed: int) -> int:
 
 @kernel
 def _slope(h: int, dx: float, dy: float, dz: float) -> float:
-    """Product of the offset with one of 12 directions to the edges of a cube (Perlin 2002)."""
+    """Return the product of the offset and one of 12 directions to the edges of a cube (Perlin 2002)."""
     side = h % 12
     a = dx if side < 8 else dy
     b = dy if side < 4 else dz
@@ -138,14 +143,14 @@ def _octaves(points: Vectors, seed: int, octaves: int, gain: float, code: int, v
                 value = 3 * abs(value) - 1
             total += size * value
             size *= gain
-            # the turn keeps the lattices of the octaves from lining up
+            # The rotation keeps the lattices of the octaves from aligning.
             x, y, z = 2 * (0.8 * x - 0.6 * y) + 17.3, 2 * (0.6 * x + 0.8 * y) - 5.1, 2 * z + 9.7
         values[n] = total
 
 
 @kernel
 def _nearest(points: Vectors, seed: int, nearest: Floats) -> None:
-    """Distances to the nearest and second nearest of points scattered one a unit cell."""
+    """Return the distances to the nearest and second nearest of scattered points, one per unit cell."""
     for n in range(len(points)):
         i, j, k = int(np.floor(points[n, 0])), int(np.floor(points[n, 1])), int(np.floor(points[n, 2]))
         first = second = 9.0

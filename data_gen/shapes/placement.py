@@ -1,4 +1,7 @@
-"""Where a field sits and how space is bent around it: rigid motions, repetition, twisting, bending, warping."""
+"""Rigid motions and deformations of fields.
+
+The deformations are repetition, mirroring, stretching, twisting, bending, tapering and warping.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,19 +12,19 @@ from cascadenorm.mesh.vectors import row, subtract
 
 
 def random_rotation(*, rng: np.random.Generator) -> Vectors:
-    """Rotation matrix, uniform over all rotations."""
+    """Return a rotation matrix, uniform over all rotations."""
     matrix, triangle = np.linalg.qr(rng.normal(size=(3, 3)))
     matrix = matrix * np.sign(np.diag(triangle))
     return np.asarray(matrix * np.sign(np.linalg.det(matrix)))
 
 
 def random_direction(*, rng: np.random.Generator) -> Values:
-    """Unit vector, uniform over the sphere."""
+    """Return a unit vector, uniform over the sphere."""
     return np.asarray(unit(rng.normal(size=(1, 3)))[0])
 
 
 def moved(field: DistanceField, *, by: ArrayLike = (0.0, 0.0, 0.0), rotation: Vectors | None = None) -> DistanceField:
-    """Rotate the shape about the origin, then shift it."""
+    """Rotate the shape about the origin, then translate it."""
     shift = np.asarray(by, np.float64)
     if rotation is None:
         return lambda points: field(points - shift)
@@ -36,14 +39,14 @@ def moved(field: DistanceField, *, by: ArrayLike = (0.0, 0.0, 0.0), rotation: Ve
 
 
 def aligned(field: DistanceField, axis: ArrayLike, *, by: ArrayLike = (0.0, 0.0, 0.0)) -> DistanceField:
-    """Turn the shape's z axis to `axis`, then shift it."""
+    """Rotate the z axis of the shape to `axis`, then translate the shape."""
     z = unit(np.asarray(axis, np.float64)[None])[0]
     x = unit(np.cross(z, np.eye(3)[np.abs(z).argmin()])[None])[0]
     return moved(field, by=by, rotation=np.stack([x, np.cross(z, x), z], axis=1))
 
 
 def stretched(field: DistanceField, factors: ArrayLike) -> DistanceField:
-    """Stretch the shape along the axes; with unequal factors the distance is a lower bound."""
+    """Stretch the shape along the axes. With unequal factors, the distance is a lower bound."""
     factors = np.broadcast_to(np.asarray(factors, np.float64), 3)
     return lambda points: field(points / factors) * factors.min()
 
@@ -67,7 +70,7 @@ def mirrored(field: DistanceField) -> DistanceField:
 
 
 def twisted(field: DistanceField, *, rate: float) -> DistanceField:
-    """Turn cross sections about z by `rate` radians a unit of height."""
+    """Rotate cross sections about z by `rate` radians per unit of height."""
 
     def twist(points: Vectors) -> Values:
         cos, sin = np.cos(rate * points[:, 2]), np.sin(rate * points[:, 2])
@@ -93,7 +96,7 @@ def bent(field: DistanceField, *, curvature: float) -> DistanceField:
 
 
 def tapered(field: DistanceField, *, rate: float) -> DistanceField:
-    """Make cross sections grow with height, by exp(rate · z)."""
+    """Scale cross sections by exp(rate · z)."""
 
     def taper(points: Vectors) -> Values:
         growth = np.exp(rate * points[:, 2])
@@ -105,7 +108,7 @@ def tapered(field: DistanceField, *, rate: float) -> DistanceField:
 def warped(
     field: DistanceField, warps: tuple[DistanceField, DistanceField, DistanceField], *, amplitude: float
 ) -> DistanceField:
-    """Shift space by three scalar patterns before the field looks at it."""
+    """Displace the positions at which the field is evaluated by three scalar patterns."""
     return lambda points: field(points + amplitude * np.stack([warp(points) for warp in warps], axis=1))
 
 

@@ -1,4 +1,4 @@
-"""Random fields with plane faces: convex solids, stellations, crossed solids."""
+"""Random fields with planar faces: convex solids, stellations, crossed solids."""
 
 import numpy as np
 
@@ -17,11 +17,11 @@ from cascadenorm.data_gen.shapes.placement import aligned, random_rotation
 from cascadenorm.mesh import Vectors, unit
 
 GOLDEN = (1 + 5**0.5) / 2
-IRREGULAR = 0.06  # deviation of the faces of a polyhedron from those of a regular one, radians in each direction
+IRREGULAR = 0.06  # deviation of the faces of a polyhedron from those of a regular one, in radians per direction
 
 
 def polyhedron(edge: float, rng: np.random.Generator) -> DistanceField:
-    """Convex solids, nearly regular or random, and star-shaped ones; sharp or slightly rounded."""
+    """Return a convex solid, nearly regular or random, or a star-shaped one, with sharp or slightly rounded edges."""
     kind = rng.integers(5)
     if kind == 0:
         normals = _regular(rng)
@@ -45,9 +45,9 @@ def polyhedron(edge: float, rng: np.random.Generator) -> DistanceField:
 
 
 def _regular(rng: np.random.Generator) -> Vectors:
-    """Face normals near those of a cube, octahedron, dodecahedron, icosahedron, rhombic dodecahedron or tetrahedron.
+    """Return face normals near those of a Platonic solid or a rhombic dodecahedron.
 
-    Each is turned by IRREGULAR or so: regular solids serve as models on which methods are compared.
+    Each normal is rotated by about IRREGULAR, since exactly regular solids are common test models.
     """
     signs = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1
     cyclic = [np.roll(np.eye(3), k, axis=1) for k in range(3)]
@@ -63,7 +63,7 @@ def _regular(rng: np.random.Generator) -> Vectors:
 
 
 def _star(rng: np.random.Generator) -> DistanceField:
-    """Stellations, which are the points beyond at most one of the planes of a convex solid, and crossed solids."""
+    """Return a stellation, the points beyond at most one plane of a convex solid, or crossed solids."""
     normals = _regular(rng)
     if len(normals) < 8 or rng.random() < 0.4:
         sizes = 0.6 * rng.uniform(0.93, 1.07, (2, len(normals)))

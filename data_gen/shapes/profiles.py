@@ -1,4 +1,4 @@
-"""Flat shapes as two-dimensional distance fields, and the solids made by extruding and revolving them."""
+"""Profiles as two-dimensional distance fields, and their extrusions and revolutions."""
 
 from collections.abc import Callable
 
@@ -13,12 +13,12 @@ Profile = Callable[[NDArray[np.float64]], Values]
 
 
 def disc(*, radius: float) -> Profile:
-    """Disc around the origin."""
+    """Return a disc around the origin."""
     return lambda points: norm(points) - radius
 
 
 def rectangle(*, half: tuple[float, float]) -> Profile:
-    """Rectangle around the origin."""
+    """Return a rectangle around the origin."""
 
     def distance(points: NDArray[np.float64]) -> Values:
         excess = np.abs(points) - np.asarray(half)
@@ -28,7 +28,7 @@ def rectangle(*, half: tuple[float, float]) -> Profile:
 
 
 def polygon(corners: NDArray[np.float64]) -> Profile:
-    """Simple polygon, of either orientation; an exact distance."""
+    """Return a simple polygon of either orientation, with exact distances."""
     corners = np.array(corners, np.float64, order="C")
 
     def distance(points: NDArray[np.float64]) -> Values:
@@ -40,7 +40,7 @@ def polygon(corners: NDArray[np.float64]) -> Profile:
 
 
 def gear(*, teeth: int, radius: float, depth: float, slope: float) -> Profile:
-    """Toothed wheel; `slope` from 0 (a sine) to large (square teeth)."""
+    """Return a toothed wheel; `slope` ranges from 0 (a sine) to large values (square teeth)."""
 
     def distance(points: NDArray[np.float64]) -> Values:
         angle = np.arctan2(points[:, 1], points[:, 0])
@@ -53,7 +53,7 @@ def gear(*, teeth: int, radius: float, depth: float, slope: float) -> Profile:
 
 
 def lobed(*, radii: Values) -> Profile:
-    """Smooth closed curve whose radius follows a Fourier series: mean, then cosine and sine of each order."""
+    """Return a smooth closed curve whose radius is a Fourier series: mean, then cosine and sine of each order."""
 
     def distance(points: NDArray[np.float64]) -> Values:
         angle = np.arctan2(points[:, 1], points[:, 0])
@@ -68,7 +68,7 @@ def lobed(*, radii: Values) -> Profile:
 
 
 def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", radius: float = 0.0) -> DistanceField:
-    """Pull a profile along z; the two boundaries are left sharp, rounded or chamfered."""
+    """Extrude a profile along z. The two boundaries are sharp, rounded or chamfered."""
 
     def side(points: Vectors) -> Values:
         return profile(points[:, :2])
@@ -80,7 +80,7 @@ def extruded(profile: Profile, *, half_height: float, blend: Blend = "sharp", ra
 
 
 def revolved(profile: Profile) -> DistanceField:
-    """Turn a profile, drawn in radius and height, about the z axis."""
+    """Revolve a profile, given in radius and height, about the z axis."""
     return lambda points: profile(np.stack([norm(points[:, :2]), points[:, 2]], axis=1))
 
 

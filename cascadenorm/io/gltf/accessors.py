@@ -1,4 +1,4 @@
-"""Places of the numbers of glTF accessors in the buffers."""
+"""Byte offsets of the numbers of glTF accessors in the buffers."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -18,22 +18,22 @@ STORED = [
     *((kind, 1) for kind in INTEGER_TYPES),
     *((kind, int(np.iinfo(kind).max)) for kind in INTEGER_TYPES),
 ]
-"""How vectors of three may be stored: the type, and the number of it that stands for 1."""
+"""Supported storage of 3-vectors: the component type, and its value that represents 1."""
 COMPONENT_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 Data = bytes | bytearray | memoryview
 
 ByteOffsets = range | NDArray[np.int64]
-"""Bytes at which vectors begin; a range where the steps are equal."""
+"""Byte offsets of vectors; a range if the steps are equal."""
 
 
 class StoredVectors(NamedTuple):
-    """Vectors of three numbers: where they lie in the buffers, and how each is stored.
+    """Vectors of three numbers: their byte offsets in the buffers and their storage types.
 
     Parameters
     ----------
     at
-        (k,) byte at which each begins, ascending.
+        (k,) byte offset of each vector, ascending.
     kinds
         (k,) row of STORED.
     """
@@ -43,8 +43,8 @@ class StoredVectors(NamedTuple):
 
     @classmethod
     def joined(cls, parts: list["StoredVectors"]) -> "StoredVectors":
-        """Return all vectors once; raises ReadError if some overlap."""
-        if len(parts) == 1 and (parts[0].at[1:] > parts[0].at[:-1]).all():  # most files, read in a fifth less time
+        """Return all vectors once. Raises ReadError if some overlap."""
+        if len(parts) == 1 and (parts[0].at[1:] > parts[0].at[:-1]).all():  # most files have one ascending part
             return parts[0]
         kinds = np.concatenate([np.zeros(0, np.int8), *(part.kinds for part in parts)])
         at, first, inverse = np.unique(
@@ -57,20 +57,20 @@ class StoredVectors(NamedTuple):
         return cls(at, kinds[first])
 
     def rows_of(self, part: "StoredVectors", corners: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return corners that are rows of a part of these vectors as rows of all of them."""
+        """Convert corners from rows of a part of these vectors to rows of all of them."""
         return corners if part is self else np.searchsorted(self.at, part.at)[corners]
 
     @property
     def ends(self) -> NDArray[np.int64]:
-        """(k,) the byte after each."""
+        """(k,) byte offset of the end of each vector."""
         return np.asarray(self.at + 3 * np.array([kind.itemsize for kind, _ in STORED])[self.kinds], np.int64)
 
     def overlap(self, places: ByteOffsets, size: int) -> bool:
-        """Whether one of these bytes is also in a span of a size that begins at one of the places, which ascend."""
+        """Whether a vector overlaps a span of `size` bytes that begins at one of the ascending offsets."""
         if not len(places):
             return False
         begin, end = np.searchsorted(self.at, [int(places[0]), int(places[-1]) + size])
-        near = slice(max(int(begin) - 1, 0), int(end))  # one that begins before may end within
+        near = slice(max(int(begin) - 1, 0), int(end))  # a vector that begins before may end within
         spans = each(places)
         next_span = np.searchsorted(spans, self.at[near], "right")
         before = (next_span > 0) & (spans[next_span - 1] + size > self.at[near])
@@ -86,7 +86,7 @@ class StoredVectors(NamedTuple):
         return vectors
 
     def put(self, data: bytearray, vectors: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
-        """Replace the chosen vectors; integers are rounded and clamped to the range of their type."""
+        """Replace the chosen vectors. Integers are rounded and clamped to the range of their type."""
         for rows, kind, largest in self._alike(chosen):
             stored = vectors[rows]
             if kind.kind != "f":
@@ -100,13 +100,13 @@ class StoredVectors(NamedTuple):
             np.frombuffer(data, np.uint8)[self.at[rows, None] + np.arange(cells.shape[1])] = cells
 
     def raw(self, data: Data) -> NDArray[Any]:
-        """Return the numbers as they are stored, (k, 3); all vectors are stored alike."""
+        """Return the numbers as they are stored, (k, 3). All vectors must have the same storage type."""
         return gathered(data, self.at, STORED[int(self.kinds[0])][0] if len(self.kinds) else STORED[0][0], 3)
 
     def _alike(
         self, chosen: NDArray[np.bool_] | None = None
     ) -> Iterator[tuple[NDArray[np.int64] | slice, np.dtype[Any], int]]:
-        """Return the chosen rows that are stored alike, their type, and the number that stands for 1."""
+        """Yield the chosen rows with the same storage type, that type, and its value that represents 1."""
         for number in np.flatnonzero(np.bincount(self.kinds)).tolist():
             alike = self.kinds == number
             if chosen is not None:
@@ -120,18 +120,18 @@ class Accessors:
     Parameters
     ----------
     document
-        As JSON gives it, unchecked.
+        Document from JSON, unchecked.
     buffers
-        Those that accessors lie in are loaded.
+        Buffers. Those that accessors use are loaded.
     size
-        Bytes of the file, without buffers that are files of their own.
+        Bytes of the file, without buffers in separate files.
     """
 
     def __init__(self, document: dict[str, Any], buffers: Buffers, size: int) -> None:
         self._document, self._buffers, self._size, self._claimed = document, buffers, size, 0
 
     def claim(self, count: int) -> None:
-        """Note that numbers are copied out of the buffers; raises ReadError where these are far fewer.
+        """Count numbers that are copied out of the buffers. Raises ReadError if they exceed the limit.
 
         Any number of primitives may share an accessor, and any number of nodes a mesh.
         """
@@ -139,7 +139,7 @@ class Accessors:
         check_expansion(self._claimed, self._size + len(self._buffers.data), "the meshes of this glTF file")
 
     def places(self, number: int) -> ByteOffsets:
-        """Return the byte of the buffers at which each vector begins; raises ReadError where one lies nowhere."""
+        """Return the byte offset of each vector in the buffers. Raises ReadError if one is undefined."""
         accessor = self._document["accessors"][number]
         size, count = self._type(accessor).itemsize * COMPONENT_COUNTS[accessor["type"]], accessor["count"]
         sparse = accessor.get("sparse")
@@ -164,7 +164,7 @@ class Accessors:
         return found
 
     def spans(self, number: int) -> list[tuple[ByteOffsets, int]]:
-        """Return where the parts of an accessor begin, with their size; but in buffers not loaded."""
+        """Return the offsets and sizes of the parts of an accessor that lie in loaded buffers."""
         accessor = self._document["accessors"][number]
         sparse = accessor.get("sparse")
         width = self._type(accessor).itemsize * COMPONENT_COUNTS.get(accessor["type"], 1)
@@ -181,7 +181,7 @@ class Accessors:
         ]
 
     def vectors(self, number: int) -> StoredVectors:
-        """Return where the vectors of an accessor lie, which have to be of three numbers."""
+        """Return the stored vectors of an accessor, which must have three components."""
         accessor = self._document["accessors"][number]
         kind, largest = self._type(accessor), self._largest(accessor)
         if accessor["type"] != "VEC3" or (kind, largest) not in STORED:
@@ -194,14 +194,14 @@ class Accessors:
         return StoredVectors(places, np.full(len(places), STORED.index((kind, largest)), np.int8))
 
     def values(self, number: int) -> NDArray[Any]:
-        """Return the numbers of an accessor, one vector a row."""
+        """Return the numbers of an accessor, one vector per row."""
         accessor = self._document["accessors"][number]
         places = self.places(number)  # loads the buffer
         self.claim(len(places))
         return gathered(self._buffers.data, places, self._type(accessor), COMPONENT_COUNTS[accessor["type"]])
 
     def fractions(self, number: int) -> NDArray[np.float32] | None:
-        """Return the numbers of an accessor in floating point; None where they are whole and stand for themselves."""
+        """Return the numbers of an accessor in floating point, or None if they are integers that are not normalized."""
         values, largest = self.values(number), self._largest(self._document["accessors"][number])
         if values.dtype.kind == "f":
             return values
@@ -209,7 +209,7 @@ class Accessors:
 
     @classmethod
     def _largest(cls, accessor: dict[str, Any]) -> int:
-        """Return the number that stands for 1."""
+        """Return the value that represents 1."""
         kind = cls._type(accessor)
         return int(np.iinfo(kind).max) if accessor.get("normalized") and kind.kind != "f" else 1
 
@@ -218,7 +218,7 @@ class Accessors:
         return np.dtype(COMPONENT_TYPES[accessor["componentType"]])
 
     def _range(self, part: dict[str, Any], count: int, size: int) -> range:
-        """Return the bytes at which the vectors of a buffer view begin, each of the given size."""
+        """Return the byte offsets of the vectors of a buffer view, each of the given size."""
         view = self._document["bufferViews"][part["bufferView"]]
         begin, end = self._buffers.place(view["buffer"])
         start, step = view.get("byteOffset", 0) + part.get("byteOffset", 0), view.get("byteStride", size)
@@ -235,12 +235,12 @@ class Accessors:
 
 
 def each(places: ByteOffsets) -> NDArray[np.int64]:
-    """Return places one by one."""
+    """Return offsets as an array."""
     return np.arange(places.start, places.stop, places.step) if isinstance(places, range) else places
 
 
 def gathered(data: Data, places: ByteOffsets, kind: np.dtype[Any], width: int = 1) -> NDArray[Any]:
-    """Return the vectors that begin at these bytes, one a row; they may be a view of the data."""
+    """Return the vectors that begin at these offsets, one per row. They may be a view of the data."""
     vectors = _strided(data, places, kind, width)
     if vectors is None:
         vectors = np.frombuffer(data, np.uint8)[each(places)[:, None] + np.arange(width * kind.itemsize)].view(kind)
@@ -248,7 +248,7 @@ def gathered(data: Data, places: ByteOffsets, kind: np.dtype[Any], width: int = 
 
 
 def _strided(data: Data, places: ByteOffsets, kind: np.dtype[Any], width: int) -> NDArray[Any] | None:
-    """View vectors that lie one after another at equal steps, in a tenth of the time of an index; else None."""
+    """Return a view of equally spaced vectors, or None if they are not equally spaced."""
     if len(places) < 2:
         return None
     step = int(places[1] - places[0])

@@ -1,4 +1,7 @@
-"""The buffers of a glTF document: in the file, as text in its JSON, or in files beside it."""
+"""The buffers of a glTF document.
+
+A buffer is a chunk of a GLB file, text in the JSON, or a separate file.
+"""
 
 import base64
 import binascii
@@ -18,21 +21,21 @@ EMBEDDED = "data:application/octet-stream;base64,"
 
 
 class Buffers:
-    """The buffers that hold vertices, end to end in the order in which they are asked for.
+    """The buffers that contain vertices, concatenated in the order in which they are requested.
 
     Parameters
     ----------
     declared
-        As the document lists them.
+        Buffers as the document lists them.
     chunk
-        The buffer that a GLB file carries, if it does.
+        Buffer in a GLB file, if there is one.
     folder
-        Where buffers lie that are files of their own; None for a stream.
+        Folder of buffers in separate files; None for a stream.
 
     Attributes
     ----------
     data
-        The buffers, end to end.
+        Concatenated buffers.
     """
 
     def __init__(self, declared: list[dict[str, Any]], chunk: Piece | None, folder: Path | None) -> None:
@@ -47,7 +50,7 @@ class Buffers:
         self._places: dict[int, tuple[int, int]] = {}
 
     def place(self, number: int) -> tuple[int, int]:
-        """Return where a buffer begins and ends in `data`; raises ReadError where it is not to be had."""
+        """Return where a buffer begins and ends in `data`. Raises ReadError if it is not available."""
         if number not in self._places:
             found = self._load(number)
             self._places[number] = len(self.data), len(self.data) + len(found)
@@ -59,7 +62,7 @@ class Buffers:
         return number in self._places
 
     def replaced(self, data: bytearray, numbers: list[int]) -> dict[int, Piece]:
-        """Return by number the buffers that differ in other data, and those of these numbers, as views of it."""
+        """Return by number the buffers that differ in other data, and those with these numbers, as views of it."""
         before, after, places = memoryview(self.data), memoryview(data), self._places.items()
         return {
             n: after[begin:end]
@@ -68,7 +71,7 @@ class Buffers:
         }
 
     def files_with(self, places: NDArray[np.int64]) -> list[int]:
-        """Return the numbers of those that are files of their own and hold one of these bytes; places ascending."""
+        """Return the numbers of buffers in separate files that contain one of these ascending byte offsets."""
         return sorted(
             number
             for number, (begin, end) in self._places.items()
@@ -104,7 +107,7 @@ class Buffers:
 
 
 def relative_name(uri: str | None) -> str | None:
-    """Return the name, relative to the document, of the file that a URI stands for; None if for something else."""
+    """Return the file name of a URI relative to the document, or None if it does not denote such a file."""
     if uri is None:
         return None
     try:
@@ -117,12 +120,12 @@ def relative_name(uri: str | None) -> str | None:
 
 
 def _differ(one: memoryview, other: memoryview) -> bool:
-    """Whether equally long views differ; a block at a time, as most that do differ in the first."""
+    """Whether views of equal length differ, compared block by block."""
     return any(bytes(one[block]) != bytes(other[block]) for block in blocks(len(one)))
 
 
 def embedded(data: Piece, like: str = "") -> str:
-    """Return the URI that holds data as text, of the same kind as another one."""
+    """Return a URI that embeds data, with the same header as another one."""
     head = like.partition(",")[0] + "," if like.startswith("data:") else EMBEDDED
     return head + base64.b64encode(data).decode()
 

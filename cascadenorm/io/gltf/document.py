@@ -1,4 +1,4 @@
-"""The JSON document of glTF: read, written, checked, and made from a mesh."""
+"""Parse, check, create and encode the JSON document of glTF."""
 
 import json
 from typing import Any
@@ -14,21 +14,21 @@ from cascadenorm.mesh import box_of
 from cascadenorm.mesh.polygons import triangulate
 
 LISTS = ("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes")
-"""Names in a document under which there are lists of objects."""
+"""Names in a document with lists of objects."""
 
 
 def parsed(data: bytes) -> Any:
-    """Parse a document; bytes that are not UTF-8 are kept. Raises ValueError or RecursionError for invalid JSON."""
+    """Parse a document, keeping bytes that are not UTF-8. Raises ValueError or RecursionError for invalid JSON."""
     return json.loads(data.decode("utf-8", "surrogateescape").removeprefix("\ufeff"))
 
 
 def encoded(document: dict[str, Any]) -> bytes:
-    """Return the text of a document; letters beyond ASCII are escaped, so that any text can be written."""
+    """Return the text of a document. Non-ASCII characters are escaped, so that any text can be written."""
     return json.dumps(document, separators=(",", ":")).encode()
 
 
 def check_lists(document: dict[str, Any]) -> None:
-    """Raise ReadError where what has to be a list of objects in a document, or of names, is something else."""
+    """Raise ReadError if an entry of a document that must be a list of objects or names is something else."""
     for name in LISTS:
         parts = document.get(name, [])
         if not (isinstance(parts, list) and all(isinstance(part, dict) for part in parts)):
@@ -43,7 +43,7 @@ def check_lists(document: dict[str, Any]) -> None:
 
 
 def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
-    """Return a document of one mesh with colours and texture coordinates of vertices, its buffer, and what is lost."""
+    """Return a document of one mesh with vertex colours and texture coordinates, its buffer, and what is lost."""
     triangles, _ = triangulate(content.positions, content.polygons)
     positions = content.single_positions().astype("<f4", copy=False)
     arrays = {"POSITION": positions}
@@ -61,7 +61,7 @@ def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
 
 
 def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
-    """Return a document whose one mesh has these attributes, and its buffer."""
+    """Return a document with one mesh of these attributes, and its buffer."""
     parts = [*arrays.values(), indices]
     numbers = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
     types = {count: name for name, count in COMPONENT_COUNTS.items()}

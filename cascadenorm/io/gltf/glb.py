@@ -1,4 +1,7 @@
-"""GLB, the binary container of glTF: the JSON, and the first buffer behind it."""
+"""GLB, the binary container of glTF.
+
+It contains the JSON, followed by the first buffer.
+"""
 
 import struct
 from collections.abc import Iterable
@@ -14,12 +17,12 @@ JSON, BIN = b"JSON", b"BIN\0"
 
 
 class GlbFile(GltfContainer):
-    """A GLB file; chunks of other kinds are kept."""
+    """A GLB file. Chunks of other types are kept."""
 
     format = "glb"
 
     def _unpacked(self) -> tuple[bytes, Piece | None]:
-        chunks = dict(reversed(list(_chunks(self.data))))  # of equal ones the first counts
+        chunks = dict(reversed(list(_chunks(self.data))))  # the first of several chunks with one name counts
         if JSON not in chunks:
             raise ReadError("this GLB file has no JSON chunk: it is damaged; get a complete copy")
         return bytes(chunks[JSON]), chunks.get(BIN)
@@ -44,7 +47,7 @@ def _header(body: list[Piece]) -> bytes:
 
 
 def _chunks(data: bytes) -> Iterable[tuple[bytes, memoryview]]:
-    """Return the chunks of a GLB file by their names; raises ReadError where it is cut or of another version."""
+    """Yield the chunks of a GLB file by name. Raises ReadError if it is truncated or has another version."""
     if data[:4] != GLB_MAGIC or len(data) < 20:
         raise ReadError("this is not a GLB file: it does not begin with 'glTF', or ends within its header")
     version, length = struct.unpack_from("<II", data, 4)

@@ -1,7 +1,7 @@
-"""glTF 2: positions and normals are replaced in its buffers, all else stays.
+"""glTF 2: replace positions and normals in the buffers and keep everything else.
 
-Positions are those of the meshes themselves, before the transforms of the nodes that show them; skins, morph
-targets and animations apply to the moved vertices as they did before.
+Positions are those of the meshes themselves, before the transforms of nodes. Skins, morph targets and animations apply
+to the moved vertices as before.
 """
 
 import copy
@@ -31,7 +31,8 @@ from cascadenorm.mesh.polygons import Polygons, strips
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
-"""Beside which positions may lie uncompressed as well; who moves these alone changes nothing that is shown."""
+"""Extensions that store compressed geometry. The file may also contain uncompressed positions, but moving only these
+would not change what is shown."""
 
 
 class Primitive(NamedTuple):
@@ -40,13 +41,13 @@ class Primitive(NamedTuple):
     Parameters
     ----------
     mesh
-        Number of the mesh that it belongs to.
+        Number of its mesh.
     material
-        Number of its material; None where it has none.
+        Number of its material, or None.
     attributes
         Name -> accessor.
     positions, normals
-        Where they are in the buffers; no normals, or one for each position.
+        Byte offsets in the buffers. There are either no normals or one for each position.
     triangles
         (m, 3) rows of both.
     """
@@ -60,20 +61,20 @@ class Primitive(NamedTuple):
 
 
 class GltfContainer(MeshFile):
-    """A glTF document of any number of meshes, in one of its containers; positions are float32."""
+    """A glTF document with any number of meshes, in one of its containers. Positions are float32."""
 
     @abstractmethod
     def _unpacked(self) -> tuple[bytes, Piece | None]:
-        """Return the JSON, and the buffer that the container carries, if it does; raises ReadError."""
+        """Return the JSON, and the buffer in the container, if there is one. Raises ReadError."""
 
     @abstractmethod
     def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
-        """Return the container with other JSON, and another buffer, in pieces."""
+        """Return the container with other JSON and another buffer, in pieces."""
 
     @classmethod
     @abstractmethod
     def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
-        """Return a container, in pieces, for a document and its first buffer where that has no content of its own."""
+        """Return a container, in pieces, for a document and its first buffer if that has no content of its own."""
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         text, chunk = self._unpacked()
@@ -99,12 +100,12 @@ class GltfContainer(MeshFile):
         self._stored = StoredVectors.joined([p.positions for p in self._primitives])
         self._stored_normals = StoredVectors.joined([p.normals for p in self._primitives])
         places = np.concatenate([self._stored.at, self._stored_normals.at])
-        order = np.argsort(places, kind="stable")  # merges the two, each of which ascends
+        order = np.argsort(places, kind="stable")  # merges two ascending sequences
         self._moving_files = self._buffers.files_with(places[order])
         if (places[order][1:] < np.concatenate([self._stored.ends, self._stored_normals.ends])[order][:-1]).any():
             raise ReadError("positions and normals of this glTF file overlap in their buffer: export it again")
         self._check_others()
-        if (self._stored.kinds != 0).any():  # whole numbers
+        if (self._stored.kinds != 0).any():  # integers
             self.moving_loses = ("precision beyond that of the integers that store the positions",)
         self.parts, kinds = self._meshes_of_positions(), self._stored.kinds
         mixed = bool((kinds[1:] != kinds[:-1]).any())
@@ -126,10 +127,10 @@ class GltfContainer(MeshFile):
         return self._stored.read(self._buffers.data), Polygons.from_rows(triangles)
 
     def _check_others(self) -> None:
-        """Raise ReadError where bytes of positions or normals are those of indices or of other attributes as well."""
+        """Raise ReadError if positions or normals share bytes with indices or other attributes."""
         for accessor in self._other_accessors():
             spans: list[tuple[ByteOffsets, int]] = []
-            with suppress(ReadError, KeyError, IndexError):  # one that cannot be read is kept as it is
+            with suppress(ReadError, KeyError, IndexError):  # accessors that cannot be read are kept unchanged
                 spans = self._accessors.spans(accessor)
             for places, size in spans:
                 if any(vectors.overlap(places, size) for vectors in (self._stored, self._stored_normals)):
@@ -139,7 +140,7 @@ class GltfContainer(MeshFile):
                     )
 
     def _other_accessors(self) -> list[int]:
-        """Return the numbers of the accessors of primitives that hold neither positions nor normals that move."""
+        """Return the numbers of the accessors of primitives that do not store positions or normals to be moved."""
         moving = {p.attributes.get(name) for p in self._primitives for name in ("POSITION", "NORMAL")}
         primitives = [primitive for mesh in self._document.get("meshes", []) for primitive in mesh["primitives"]]
         found: set[int] = set()
@@ -150,7 +151,7 @@ class GltfContainer(MeshFile):
         return sorted(found - moving)
 
     def _meshes_of_positions(self) -> NDArray[np.int64] | None:
-        """Return (k,) the mesh that each position belongs to, of those that share it the first; None for one mesh."""
+        """Return (k,) the first mesh that each position belongs to, or None if there is only one mesh."""
         if len({primitive.mesh for primitive in self._primitives}) < 2:
             return None
         meshes = np.zeros(len(self._stored.at), np.int64)
@@ -200,7 +201,7 @@ class GltfContainer(MeshFile):
         return self._stored.rows_of(primitive.positions, np.arange(len(primitive.positions.at)))
 
     def _storable(self, positions: Positions) -> Positions:
-        """Return positions rounded to the whole numbers in which the file stores them, if it does."""
+        """Return positions rounded to the integers in which the file stores them, if it does."""
         if (self._stored.kinds == 0).all():
             return positions
         finite = all_in_rows(np.isfinite(positions))
@@ -212,9 +213,9 @@ class GltfContainer(MeshFile):
         return self._replaced({})[0]
 
     def _replaced(self, names: dict[int, str]) -> tuple[Iterable[Piece], dict[int, Piece]]:
-        """Return the container, in pieces, and the buffers with vertices that are files, which get these names.
+        """Return the container, in pieces, and the buffers with vertices in separate files, under these names.
 
-        Buffers that are files and get no name are put into the JSON.
+        Buffers in separate files that get no name are embedded in the JSON.
         """
         data = bytearray(self._buffers.data)
         self._stored.put(data, self.positions, any_in_rows(self._changed))
@@ -235,7 +236,7 @@ class GltfContainer(MeshFile):
         return self._packed(encoded(document), chunk), files
 
     def _with_new_bounds(self, data: bytearray) -> dict[str, Any]:
-        """Return the document with the bounds of positions and normals that have changed; its buffers are copies."""
+        """Return the document with the new bounds of positions and normals. Its buffers are copies."""
         lists = {name: [dict(part) for part in self._document.get(name, [])] for name in ("accessors", "buffers")}
         for primitive in self._primitives:
             for name, places in ("POSITION", primitive.positions), ("NORMAL", primitive.normals):
@@ -251,7 +252,7 @@ class GltfContainer(MeshFile):
         return {**self._document, **{name: parts for name, parts in lists.items() if parts}}
 
     def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
-        """Return what is written for this file at a path: buffers with vertices that are files get files beside it."""
+        """Return the files to write at a path. Buffers with vertices in separate files get files beside it."""
         if not self.has_moved:
             return super().files(path)
         names = {n: beside.with_name(part_name.format(beside.name)) for n, beside in self._buffer_names(path).items()}
@@ -259,11 +260,11 @@ class GltfContainer(MeshFile):
         return {**{names[number]: [content] for number, content in buffers.items()}, path: pieces}
 
     def may_write(self, path: Path) -> list[Path]:
-        """Return the paths that `files` may have, for other positions as well."""
+        """Return the paths that `files` may return, also for other positions."""
         return [*self._buffer_names(path).values(), path]
 
     def _buffer_names(self, path: Path) -> dict[int, Path]:
-        """Return where buffers with vertices are written: under names that no other file of the document has."""
+        """Return where buffers with vertices are written, under names that no other file of the document has."""
         numbers, found = self._moving_files, dict[int, Path]()
         kept = {name.casefold() for name in self._references(without=numbers)}
         for number in numbers:
@@ -273,11 +274,11 @@ class GltfContainer(MeshFile):
         return found
 
     def refers_to(self) -> dict[str, bool]:
-        """Return the names of images, and of buffers, which are needed, that are files and stay as they are."""
+        """Return the names of separate files that are not changed: images, and buffers, which are required."""
         return self._references(without=self._moving_files if self.has_moved else [])
 
     def _references(self, *, without: list[int]) -> dict[str, bool]:
-        """Return what `refers_to` returns where buffers of these numbers are written anew."""
+        """Return the result of `refers_to` if the buffers with these numbers are rewritten."""
         document = self._document
         buffers = [part for number, part in enumerate(document.get("buffers", [])) if number not in without]
         images = {relative_name(part.get("uri")): False for part in document.get("images", [])}
@@ -299,7 +300,7 @@ class GltfContainer(MeshFile):
         return labels
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
-        """Return this file in the other container, with all that is in it; None for other formats."""
+        """Return this file in the other container without loss, or None for other formats."""
         if not issubclass(kind, GltfContainer):
             return None
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
@@ -311,10 +312,10 @@ class GltfContainer(MeshFile):
         return kind(b"".join(kind._made(document, chunk)), self.folder)
 
     def with_patches(self, patches: HolePatches) -> "GltfContainer":
-        """Return this file with a further primitive for each patch, in the mesh and of the material around it.
+        """Return this file with an additional primitive for each patch, with the mesh and material of its surroundings.
 
-        Texture coordinates, colours and other values are blended between those around. Where these cross a seam of the
-        texture coordinates, the material has no texture. Existing primitives and buffers stay.
+        Texture coordinates, colours and other values are interpolated from the surroundings. If a patch crosses a seam
+        of the texture coordinates, its material has no texture. Existing primitives and buffers are kept.
         """
         stored = np.zeros((len(self.positions), 3))
         for primitive in self._primitives:
@@ -367,13 +368,13 @@ class GltfContainer(MeshFile):
 
 
 def _stacked(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Put parts, (m, 3) each, one behind the other; a single one is returned as it is."""
+    """Concatenate parts, (m, 3) each. A single part is returned without a copy."""
     return parts[0] if len(parts) == 1 else np.concatenate([np.zeros((0, 3), np.int64), *parts])
 
 
 @contextmanager
 def _explained() -> Iterator[None]:
-    """Turn what goes wrong in a document of an unexpected form into a ReadError."""
+    """Convert errors from documents of an unexpected form to ReadError."""
     try:
         yield
     except ReadError:
@@ -385,7 +386,7 @@ def _explained() -> Iterator[None]:
 
 
 class GltfFile(GltfContainer):
-    """A glTF file of JSON, with buffers in it or beside it."""
+    """A glTF file in JSON, with embedded or separate buffers."""
 
     format = "gltf"
 

@@ -1,4 +1,7 @@
-"""Patches that close holes of a glTF document: primitives of their own, with values like those around them."""
+"""Add patches that close holes to a glTF document.
+
+Patches are separate primitives whose values are interpolated from their surroundings.
+"""
 
 import copy
 from typing import Any, NamedTuple
@@ -12,7 +15,7 @@ from cascadenorm.mesh import box_of, connected_components
 
 COMPRESSED_IN = ("KHR_draco_mesh_compression",)
 COPIED = ("JOINTS_", "WEIGHTS_", "TANGENT")
-"""Attributes of which the nearest vertex is taken, since means of them are no values of them."""
+"""Attributes that are copied from the nearest vertex, since their means would not be valid."""
 UNSIGNED, ALIGNMENT = 5125, 4
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
@@ -23,9 +26,9 @@ class PrimitivePlace(NamedTuple):
     Parameters
     ----------
     mesh, number
-        Of its mesh, and its own in it.
+        Number of its mesh, and its number within that mesh.
     rows
-        (c,) the positions of the file that its vertices are.
+        (c,) rows of its vertices in the positions of the file.
     triangles
         Number of its triangles, which are polygons of the file.
     """
@@ -46,28 +49,28 @@ class Patching:
     Parameters
     ----------
     document
-        As JSON gives it.
+        Document from JSON.
     accessors
-        Of the document.
+        Accessors of the document.
     places
-        The primitives of the file, in the order of its polygons.
+        Primitives of the file, in the order of its polygons.
     positions, welds, normals
-        Of the file; normals are (k, 3), zero where it has none.
+        Arrays of the file. Normals are (k, 3), zero where it has none.
     patches
-        What is added.
+        Patches to add.
     begin
-        Byte of a buffer from which on the values are put.
+        Byte offset in a buffer from which the values are stored.
     buffer
         Number of that buffer.
 
     Attributes
     ----------
     document
-        The document with the primitives, accessors, buffer views and materials of the patches.
+        Document with the primitives, accessors, buffer views and materials of the patches.
     data
-        What the buffer gets.
+        Bytes to add to the buffer.
     untextured
-        How many patches got no texture, since they cross a seam of the texture coordinates.
+        Number of patches without texture, since they cross a seam of the texture coordinates.
     """
 
     def __init__(
@@ -105,7 +108,7 @@ class Patching:
         self.document = {**document, "meshes": meshes, **lists}
 
     def _part(self, chosen: NDArray[np.bool_], owners: NDArray[np.int64]) -> "_Part":
-        """Return one patch; it belongs to the primitive with most of the faces nearest to it."""
+        """Return one patch. It is assigned to the primitive that owns most of its nearest faces."""
         number = int(np.bincount(owners[chosen]).argmax())
         place = self._places[number]
         vertices, corners = np.unique(self._patches.triangles[chosen], return_inverse=True)
@@ -140,7 +143,7 @@ class Patching:
         return f"{declared['componentType']} {declared['type']} {bool(declared.get('normalized'))}"
 
     def _blended(self, parts: list["_Part"]) -> dict[Key, NDArray[np.float64]]:
-        """Return the values of further vertices, (a, w), by attribute."""
+        """Return the values of additional vertices, (a, w), by attribute."""
         known: dict[Key, NDArray[np.float64]] = {}
         for part in parts:
             for key, values in part.values.items():
@@ -156,7 +159,7 @@ class Patching:
         return found
 
     def _primitive(self, part: "_Part", further: dict[Key, NDArray[np.float64]]) -> dict[str, Any]:
-        """Return the primitive of a patch, whose accessors are added."""
+        """Return the primitive of a patch, and add its accessors."""
         place = self._places[part.place]
         like = self._document["meshes"][place.mesh]["primitives"][place.number]
         new = part.vertices[len(part.own) :] - self._count
@@ -190,7 +193,7 @@ class Patching:
         return made
 
     def _add_normals(self, attributes: dict[str, int], part: "_Part", new: NDArray[np.int64], accessor: int) -> None:
-        """Add the normals of a patch: those stored at the boundary, computed ones within."""
+        """Add the normals of a patch: stored ones at the boundary, computed ones inside."""
         stored = self._accessors.fractions(accessor)
         if stored is None or stored.shape[1] != 3:
             return
@@ -198,7 +201,7 @@ class Patching:
         attributes["NORMAL"] = self._add(np.concatenate([own, self._normals[self._count + new]]).astype("<f4"))
 
     def _untextured(self, number: int) -> int:
-        """Add a copy of a material without its textures; the number of it."""
+        """Add a copy of a material without its textures; return its number."""
         self.untextured += 1
         material = _without_textures(copy.deepcopy(self._lists["materials"][number]))
         if material in self._lists["materials"]:
@@ -215,7 +218,7 @@ class Patching:
         bounds: bool = False,
         indices: bool = False,
     ) -> int:
-        """Append an accessor with its values, each vector at a multiple of four bytes; the number of it."""
+        """Append an accessor with its values, each vector aligned to four bytes; return its number."""
         self.data += bytes(-(self._begin + len(self.data)) % ALIGNMENT)
         raw = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
         step = raw.shape[1] + (0 if indices else -raw.shape[1] % ALIGNMENT)
@@ -252,17 +255,17 @@ class _Part:
     Attributes
     ----------
     place
-        Number of the primitive that it is like.
+        Number of the primitive whose properties it gets.
     vertices, own
-        Positions of the file and further ones behind them, ascending; and those of the file alone.
+        Ascending positions, those of the file before additional ones, and those of the file only.
     corners
-        (b, 3) rows of the vertices.
+        (b, 3) rows of `vertices`.
     local
-        For each of `own` the vertex of the primitive, -1 where it has none there.
+        For each of `own` the vertex of the primitive; -1 if there is none.
     values
-        Of `own`, by attribute.
+        Values of `own`, by attribute.
     seams
-        Names of texture coordinates of which a vertex has several, or none.
+        Names of texture coordinates for which a vertex has several values, or none.
     """
 
     def __init__(
@@ -279,7 +282,7 @@ class _Part:
 
 
 def _parts(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (b,) the patch of each triangle: those that share edges."""
+    """Return (b,) the patch of each triangle. Triangles of a patch are connected by shared edges."""
     sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     _, side = np.unique(sides, axis=0, return_inverse=True)
     order = np.argsort(side.ravel(), kind="stable")

@@ -1,4 +1,4 @@
-"""The meshes that a glTF scene shows, joined into one mesh for other formats."""
+"""Join the meshes that a glTF scene shows into one mesh."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from cascadenorm.io.gltf.accessors import Accessors
 from cascadenorm.mesh.polygons import Polygons
 
 KEPT_ELSEWHERE = ("materials", "textures", "animations", "skins", "cameras")
-LARGEST_TRANSFORM = 1e30  # of the numbers of a transform
+LARGEST_TRANSFORM = 1e30  # upper bound on the numbers of a transform
 
 Matrix = NDArray[np.float64]
 
@@ -28,16 +28,16 @@ class ShownPrimitive(NamedTuple):
 
 
 def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[ShownPrimitive]) -> Content:
-    """Return the shapes, once for each time that the scene shows their mesh, and transformed as shown.
+    """Return the shapes, transformed, once for each time that the scene shows their mesh.
 
     Parameters
     ----------
     document
-        As JSON gives it, unchecked.
+        Document from JSON, unchecked.
     accessors
-        Of the document, for colours and texture coordinates.
+        Accessors of the document, for colours and texture coordinates.
     shapes
-        Of all meshes.
+        Primitives of all meshes.
     """
     filled = [shape for shape in shapes if len(shape.triangles)]
     of_mesh: dict[int, list[ShownPrimitive]] = {}
@@ -45,7 +45,7 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Show
         of_mesh.setdefault(shape.mesh, []).append(shape)
     meshes = of_mesh.keys()
     places = [(mesh, matrix) for mesh, matrix in _shown(document) if mesh in meshes]
-    places = places or [(mesh, np.eye(4)) for mesh in meshes]  # a library of meshes, without a scene
+    places = places or [(mesh, np.eye(4)) for mesh in meshes]  # a library of meshes without a scene
     accessors.claim(sum(shape.positions.size + shape.triangles.size for mesh, _ in places for shape in of_mesh[mesh]))
     shown = [_placed(shape, matrix) for mesh, matrix in places for shape in of_mesh[mesh]]
     left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
@@ -75,7 +75,7 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Show
 
 
 def _joined(shapes: list[ShownPrimitive]) -> list[ShownPrimitive]:
-    """Join primitives of a mesh that share vertices; usually they differ in their materials."""
+    """Join primitives of a mesh that share vertices. They usually differ in their materials."""
     alike: dict[tuple[Any, ...], list[ShownPrimitive]] = {}
     for shape in shapes:
         alike.setdefault((shape.mesh, *sorted(shape.attributes.items())), []).append(shape)
@@ -85,7 +85,7 @@ def _joined(shapes: list[ShownPrimitive]) -> list[ShownPrimitive]:
 
 
 def _placed(shape: ShownPrimitive, matrix: Matrix) -> ShownPrimitive:
-    """Return a shape where the scene shows it."""
+    """Return a shape with the transform of the scene applied."""
     if np.array_equal(matrix, np.eye(4)):
         return shape
     mirrored = np.linalg.det(matrix[:3, :3]) < 0
@@ -96,7 +96,7 @@ def _placed(shape: ShownPrimitive, matrix: Matrix) -> ShownPrimitive:
 
 
 def _values(shown: list[ShownPrimitive], name: str, read: Callable[[int], NDArray[Any] | None]) -> NDArray[Any] | None:
-    """Return an attribute of all shapes, one vector a row; None if one lacks it or stores another type."""
+    """Return an attribute of all shapes, one vector per row; None if one lacks it or stores another type."""
     if not shown or any(name not in shape.attributes for shape in shown):
         return None
     parts = [part for shape in shown if (part := read(shape.attributes[name])) is not None]
@@ -121,7 +121,7 @@ def _shown(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
     found, waiting, seen = [], [(root, np.eye(4)) for root in reversed(roots)], set()
     while waiting:
         number, outer = waiting.pop()
-        if number in seen:  # a node has one parent
+        if number in seen:  # a node has only one parent
             continue
         seen.add(number)
         node = nodes[number]
@@ -130,7 +130,7 @@ def _shown(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
         if not (np.abs(matrix) < LARGEST_TRANSFORM).all():
             raise ReadError(f"the transform of node {number} is not finite: export the file again")
         if "mesh" in node:
-            found.append((node["mesh"], np.eye(4) if "skin" in node else matrix))  # a skin places its mesh itself
+            found.append((node["mesh"], np.eye(4) if "skin" in node else matrix))  # a skin places its mesh
         waiting += [(child, matrix) for child in reversed(node.get("children", []))]
     return found
 

@@ -1,1 +1,1 @@
-"""PLY, as text and binary."""
+"""PLY, in text and binary."""

@@ -1,4 +1,4 @@
-"""The header of a PLY file: which elements follow, and what each is made of."""
+"""Parse the header of a PLY file: its elements and their properties."""
 
 import re
 from collections import Counter
@@ -38,16 +38,16 @@ BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">
 
 
 class Property(NamedTuple):
-    """A number, or a list of them behind its length; types as numpy codes without byte order."""
+    """A number, or a list preceded by its length. Types are numpy codes without byte order."""
 
     name: str
     kind: str
     count_kind: str | None
-    place: tuple[int, int]  # of the word that names the type, in the file
+    place: tuple[int, int]  # span in the file of the word that names the type
 
 
 class Element(NamedTuple):
-    """A table with so many rows."""
+    """A table with a given number of rows."""
 
     name: str
     rows: int
@@ -55,7 +55,7 @@ class Element(NamedTuple):
 
 
 class Header(NamedTuple):
-    """What a PLY file says about itself; `byte_order` is empty for text, `length` is where the body starts."""
+    """The parsed header; `byte_order` is empty for text, `length` is the offset of the body."""
 
     byte_order: str
     elements: list[Element]
@@ -63,7 +63,7 @@ class Header(NamedTuple):
 
 
 def parse_header(data: bytes) -> Header:
-    """Read the header; raises ReadError that names the line."""
+    """Parse the header. Raises ReadError with the line number."""
     first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
     if first is None:
         raise ReadError("this is not a PLY file: its first line is not 'ply'")

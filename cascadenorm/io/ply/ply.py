@@ -1,4 +1,7 @@
-"""PLY: a header, then tables in text or in either byte order; any element, property and comment is kept."""
+"""PLY in text or binary of either byte order.
+
+All elements, properties and comments are kept.
+"""
 
 import os
 import re
@@ -28,11 +31,11 @@ CORNERS = ("vertex_indices", "vertex_index")
 WORD = 8  # bytes for each number of a text body
 
 Replaced = tuple[str, tuple[str, ...], NDArray[Any], NDArray[np.bool_]]
-"""Element, properties, and their values side by side with those to be replaced."""
+"""Element, properties, their values side by side, and which of them to replace."""
 
 
 class PlyFile(MeshFile):
-    """A PLY file; positions in float stay float32, those in double or in an integer type are float64."""
+    """A PLY file. Positions are float32 if stored as float, and float64 if stored as double or integers."""
 
     format = "ply"
 
@@ -63,9 +66,9 @@ class PlyFile(MeshFile):
         return self._positions(), self._polygons()
 
     def _row_within_line(self, element: Element, found: list[PropertyColumn]) -> ReadError | None:
-        """Return an error about the line before the first row that does not begin a line of the text; None without one.
+        """Return an error about the line before the first row that does not start a line of the text, or None.
 
-        Rows may be laid out in any way, but where numbers are left over in the end, there are too many in that line.
+        Rows may have any layout. But if numbers are left over at the end of the file, that line has too many.
         """
         if self._text is None or not found or not len(found[0].offsets):
             return None
@@ -79,7 +82,7 @@ class PlyFile(MeshFile):
         return _too_long(text, int(np.searchsorted(text.first, begins[rows[0]], "right")) - 1, element)
 
     def _long_line(self, element: Element, start: int) -> ReadError | None:
-        """Return an error about the first line with more numbers than a row; None where rows are not a line each."""
+        """Return an error about the first line with more numbers than a row, or None if rows do not match lines."""
         if self._text is None:
             return None
         text, numbers = self._text, np.frombuffer(self._body)
@@ -99,7 +102,7 @@ class PlyFile(MeshFile):
         return found[0] if found else None
 
     def _read(self, element: str, names: Iterable[str]) -> NDArray[Any] | None:
-        """Return the values of single-number properties side by side, or None where the file lacks one."""
+        """Return the values of single-number properties side by side, or None if the file lacks one."""
         properties = [self._property(element, name) for name in names]
         if any(p is None or p.count_kind is not None for p in properties):
             return None
@@ -110,14 +113,14 @@ class PlyFile(MeshFile):
         if values is None:
             raise ReadError("the PLY header has no element 'vertex' with the properties x, y and z: this is not a mesh")
         declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
-        if self._text is not None and declared == {"f4"}:  # the text may say more than its header admits
+        if self._text is not None and declared == {"f4"}:  # a text may have more digits than its header declares
             words = np.concatenate([np.asarray(self._columns["vertex", name].offsets) // WORD for name in XYZ])
             short = self._text.significant_digits(words) <= 9 and not (np.abs(values) > np.finfo(np.float32).max).any()
             return values.astype(np.float32 if short else np.float64)
         return values.astype(np.float32 if declared == {"f4"} else np.float64)
 
     def _storable(self, positions: Positions) -> Positions:
-        """Return positions rounded in the coordinates that the file holds in single precision beside double ones."""
+        """Round the coordinates that the file stores in single precision next to double ones."""
         single = [p is not None and p.kind == "f4" for p in (self._property("vertex", name) for name in XYZ)]
         if positions.dtype == np.float32 or self._text is not None or not any(single):
             return positions
@@ -157,8 +160,8 @@ class PlyFile(MeshFile):
         return [memoryview(body)]
 
     def _widened(self) -> bytes:
-        """Return the file with positions of integer types turned into double."""
-        parts = []  # places, sizes and new bytes
+        """Return the file with integer positions converted to double."""
+        parts = []  # offsets, sizes and new bytes
         for name in XYZ:
             declared = self._property("vertex", name)
             assert declared is not None
@@ -192,15 +195,16 @@ class PlyFile(MeshFile):
         return respelled(text, *tables)
 
     def with_patches(self, patches: HolePatches) -> "PlyFile":
-        """Return this file with further vertices and triangles; of its bytes only the two numbers of rows change.
+        """Return this file with additional vertices and triangles. Only the two row counts change in existing bytes.
 
-        Numbers of vertices are blended between those around, where they are floating-point numbers or colours; other
-        numbers, and those of faces, are of the nearest vertex or face. Lists besides the corners are empty.
+        Vertex values are interpolated from the surrounding vertices if they are floating-point numbers or colours.
+        Other vertex values, and face values, are those of the nearest vertex or face. Lists other than the corners are
+        empty.
 
         Raises
         ------
         OutputError
-            The type in which faces reference vertices has no number for the last ones.
+            The integer type of the vertex indices is too small for the additional vertices.
         """
         if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
             return PlyFile(self._widened(), self.folder).with_patches(patches)
@@ -231,7 +235,7 @@ class PlyFile(MeshFile):
         return PlyFile(b"".join([*parts, self.data[last:]]), self.folder)
 
     def _patch_vertices(self, element: Element, patches: HolePatches) -> list[NDArray[Any]]:
-        """Return the values of further vertices by property, (a, 1), or (a, 0) for a list."""
+        """Return the values of additional vertices by property, (a, 1), or (a, 0) for a list."""
         own = dict(zip(XYZ, patches.positions.T, strict=True))
         normals = self._read("vertex", NORMAL)
         if normals is not None:
@@ -248,7 +252,7 @@ class PlyFile(MeshFile):
         return found
 
     def _patch_faces(self, element: Element, patches: HolePatches) -> list[NDArray[Any]]:
-        """Return the values of further faces by property: (b, 3) corners, (b, 1) numbers, (b, 0) for other lists."""
+        """Return the values of additional faces by property: (b, 3) corners, (b, 1) numbers, (b, 0) for other lists."""
         count = len(patches.triangles)
         normals = self._read(element.name, NORMAL) if element.name == "face" else None
         own = {} if normals is None else dict(zip(NORMAL, patches.face_normals(normals).T, strict=True))
@@ -269,7 +273,7 @@ class PlyFile(MeshFile):
         return found
 
     def refers_to(self) -> dict[str, bool]:
-        """Return the names of textures that a comment gives."""
+        """Return the names of textures that comments declare."""
         found = re.findall(rb"^comment[ \t]+TextureFile[ \t]+([^\r\n]*\S)", self.data[: self.header.length], re.M)
         return dict.fromkeys(map(os.fsdecode, found), False)
 
@@ -280,7 +284,7 @@ class PlyFile(MeshFile):
             for p in element.properties:
                 known = (element.name == "vertex" and p.name in XYZ) or (element.name != "vertex" and p.name in CORNERS)
                 if element.name in ("vertex", "face") and p.count_kind is None and not known:
-                    with np.errstate(invalid="ignore"):  # a text may hold more than its header admits
+                    with np.errstate(invalid="ignore"):  # a text may have larger numbers than its header declares
                         found = self._columns[element.name, p.name].read(self._body).astype(p.kind)
                     values[element.name, p.name] = found
                 elif not known:
@@ -323,7 +327,7 @@ def _kind(p: Property, byte_order: str) -> PropertyKind:
 
 
 def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
-    """Return vertex numbers as integers; raises ReadError where they are none."""
+    """Return vertex indices as integers. Raises ReadError if they are not integers."""
     if values.dtype.kind == "f":
         bad = ~((values == np.rint(values)) & (np.abs(values) < 2**53))
         if bad.any():

@@ -1,4 +1,4 @@
-"""Rows of the elements of a PLY file, as they are written."""
+"""Encode rows of the elements of a PLY file."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,7 +13,7 @@ from cascadenorm.mesh.polygons import Polygons
 
 
 def binary_rows(element: Element, values: list[NDArray[Any]], byte_order: str) -> bytes:
-    """Return further rows of an element."""
+    """Return additional binary rows of an element."""
     lengths = [v.shape[1] for v in values]
     kinds: list[Any] = []
     for i, (p, length) in enumerate(zip(element.properties, lengths, strict=True)):
@@ -28,7 +28,7 @@ def binary_rows(element: Element, values: list[NDArray[Any]], byte_order: str) -
 
 
 def text_rows(element: Element, values: list[NDArray[Any]]) -> list[bytes]:
-    """Return further rows of an element, a line each."""
+    """Return additional text rows of an element, one line each."""
     words: list[list[bytes]] = []
     for p, value in zip(element.properties, values, strict=True):
         words += [rows_of(np.full((len(value), 1), value.shape[1]))] if p.count_kind else []
@@ -38,7 +38,7 @@ def text_rows(element: Element, values: list[NDArray[Any]]) -> list[bytes]:
 
 
 def fields_of(values: Any) -> dict[str, NDArray[Any]]:
-    """Return arrays of types that PLY has, under names without spaces, in little-endian order."""
+    """Return little-endian arrays of types that PLY supports, under names without spaces."""
     fields = {}
     for name, value in values.items():
         kind = value.dtype.str[1:] if value.dtype.str[1:] in NAMES else "f8"
@@ -47,12 +47,12 @@ def fields_of(values: Any) -> dict[str, NDArray[Any]]:
 
 
 def joined_columns(columns: list[NDArray[Any]]) -> Iterator[memoryview]:
-    """Put columns, (rows,) or (rows, values) each, side by side; the bytes of the table, block by block."""
+    """Put columns, (rows,) or (rows, values) each, side by side. Yields the bytes of the table block by block."""
     return (_joined([column[block] for column in columns]).data for block in blocks(len(columns[0]), len(columns)))
 
 
 def _joined(columns: list[NDArray[Any]]) -> NDArray[np.uint8]:
-    """Put columns side by side; the bytes, one row of the table a row."""
+    """Put columns side by side. Returns bytes, one table row per row."""
     rows = np.empty(len(columns[0]), [(f"{i}", column.dtype, column.shape[1:]) for i, column in enumerate(columns)])
     for i, column in enumerate(columns):
         rows[f"{i}"] = column
@@ -60,13 +60,13 @@ def _joined(columns: list[NDArray[Any]]) -> NDArray[np.uint8]:
 
 
 def face_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) -> Iterator[memoryview]:
-    """Return the bytes of the rows of the element face, block by block."""
+    """Yield the bytes of the rows of the element `face`, block by block."""
     for block in blocks(len(polygons), 4 + len(fields)):
         yield _face_rows(polygons.part(block), length, [values[block] for values in fields.values()]).data
 
 
 def _face_rows(polygons: Polygons, length: str, values: list[NDArray[Any]]) -> NDArray[np.uint8]:
-    """Return the bytes of some rows, joined from those with equally many corners."""
+    """Return the bytes of some rows. Rows with equal numbers of corners are encoded together."""
     counts = polygons.counts
     if (counts == counts[0]).all():
         corners = polygons.corners.reshape(len(counts), -1)
@@ -83,6 +83,6 @@ def _face_rows(polygons: Polygons, length: str, values: list[NDArray[Any]]) -> N
 
 
 def _as_units(corners: NDArray[np.int64]) -> NDArray[Any]:
-    """Return the int32 corners of each row as a single value, which is copied in half the time."""
+    """Return the int32 corners of each row as a single value."""
     small = corners.astype("<i4")
     return small.view(f"V{4 * corners.shape[1]}")[:, 0] if corners.size else small

@@ -1,6 +1,6 @@
-"""The rows of one element of a PLY file, found in its body without copying them.
+"""Locate the rows of one element of a PLY file without copying them.
 
-A text body is first turned into numbers of eight bytes, so that the same code walks over both kinds.
+A text body is first converted to numbers of eight bytes, so that the same code handles both formats.
 """
 
 import struct
@@ -17,7 +17,7 @@ Body = bytes | bytearray | memoryview
 
 
 class PropertyKind(NamedTuple):
-    """Numpy type of the values of a property and, if it is a list, of the length before them."""
+    """Numpy type of the values of a property and, for a list, of the length before them."""
 
     value: np.dtype[Any]
     length: np.dtype[Any] | None
@@ -31,9 +31,9 @@ class PropertyColumn(NamedTuple):
     kind
         Type of the values.
     offsets
-        Byte of the first value of each row; a range where the steps are equal.
+        Byte offset of the first value of each row; a range if the steps are equal.
     counts
-        Values in each row; one number where they are equal.
+        Number of values in each row; one number if they are equal.
     """
 
     kind: np.dtype[Any]
@@ -41,7 +41,7 @@ class PropertyColumn(NamedTuple):
     counts: int | NDArray[np.int64]
 
     def view(self, body: Body) -> NDArray[Any]:
-        """View the values in a body, (rows, values); for equal steps and counts only."""
+        """View the values in a body, (rows, values). Only for equal steps and counts."""
         assert isinstance(self.offsets, range) and isinstance(self.counts, int)
         if not self.offsets or not self.counts:
             return np.zeros((len(self.offsets), self.counts), self.kind)
@@ -49,13 +49,13 @@ class PropertyColumn(NamedTuple):
         return np.ndarray((len(self.offsets), self.counts), self.kind, body, self.offsets.start, strides)
 
     def places(self) -> NDArray[np.int64]:
-        """Return the byte of each value, row after row."""
+        """Return the byte offset of each value, row after row."""
         counts = np.broadcast_to(np.asarray(self.counts, np.int64), len(self.offsets))
         steps = ranges(np.zeros_like(counts), counts)
         return np.repeat(np.asarray(self.offsets, np.int64), counts) + steps * self.kind.itemsize
 
     def read(self, body: Body) -> NDArray[Any]:
-        """Return all values, row after row, in the byte order of this machine."""
+        """Return all values, row after row, in native byte order."""
         if isinstance(self.offsets, range):
             return np.asarray(self.view(body).ravel().astype(self.kind.newbyteorder("=")))
         cells = self.places()[:, None] + np.arange(self.kind.itemsize)
@@ -63,9 +63,9 @@ class PropertyColumn(NamedTuple):
         return np.asarray(found.astype(self.kind.newbyteorder("=")))
 
     def put(self, body: bytearray, values: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
-        """Replace the chosen values; one value a row."""
+        """Replace the chosen values. Each row has one value."""
         if isinstance(self.offsets, range):
-            np.copyto(self.view(body)[:, 0], values, "unsafe", where=chosen)  # in a sixth of the time of an index
+            np.copyto(self.view(body)[:, 0], values, "unsafe", where=chosen)
             return
         cells = np.asarray(self.offsets)[chosen, None] + np.arange(self.kind.itemsize)
         raw = values[chosen].astype(self.kind)[:, None].view(np.uint8)
@@ -73,22 +73,22 @@ class PropertyColumn(NamedTuple):
 
 
 def columns(body: Body, element: Element, start: int, kinds: list[PropertyKind]) -> tuple[list[PropertyColumn], int]:
-    """Find the properties of all rows of an element.
+    """Locate the properties of all rows of an element.
 
     Parameters
     ----------
     body
-        The bytes of a binary file, or the numbers of a text body.
+        Bytes of a binary file, or the numbers of a text body.
     element
         Number of rows, and the name for messages.
     start
-        Byte of the first row.
+        Byte offset of the first row.
     kinds
-        Of each property.
+        Kinds of the properties.
 
     Returns
     -------
-    The columns, in the order of the properties, and the byte at which the element ends
+    The columns, in the order of the properties, and the byte offset of the end of the element.
     """
     least = sum((kind.length or kind.value).itemsize for kind in kinds)
     if element.rows * least > len(body) - start:
@@ -110,7 +110,7 @@ def columns(body: Body, element: Element, start: int, kinds: list[PropertyKind])
 
 
 def _has_equal_lengths(column: PropertyColumn, kind: PropertyKind, body: Body) -> bool:
-    """Test whether each list of a column guessed from its first row is as long as the first."""
+    """Test whether all lists of a column that was extrapolated from its first row have the length of the first."""
     if kind.length is None:
         return True
     assert isinstance(column.offsets, range)
@@ -122,7 +122,7 @@ def _has_equal_lengths(column: PropertyColumn, kind: PropertyKind, body: Body) -
 def _walk(
     body: Body, element: Element, start: int, kinds: list[PropertyKind], rows: int
 ) -> tuple[list[PropertyColumn], int]:
-    """Find the first rows of an element one by one."""
+    """Locate the first rows of an element one by one."""
     at, end = start, len(body)
     offsets: list[list[int]] = [[] for _ in kinds]
     counts: list[list[int]] = [[] for _ in kinds]
@@ -153,5 +153,5 @@ def _joined(counts: list[int]) -> int | NDArray[np.int64]:
 
 
 def _code(kind: np.dtype[Any]) -> str:
-    """Return the code by which the module struct knows a type."""
+    """Return the code of a type in the module struct."""
     return (">" if kind.str[0] == ">" else "<") + kind.char

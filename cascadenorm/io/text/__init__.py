@@ -1,1 +1,1 @@
-"""Text files of which single numbers are replaced and nothing else."""
+"""Text files in which single numbers are replaced."""

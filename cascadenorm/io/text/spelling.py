@@ -1,4 +1,7 @@
-"""Numbers as text, with the fewest digits from which their type gets them back, laid out as Python and numpy do."""
+"""Format numbers with the fewest digits that restore their value.
+
+The layout is that of Python and numpy.
+"""
 
 from collections.abc import Iterator
 from itertools import chain
@@ -14,7 +17,7 @@ from cascadenorm.io.text.tokenizer import Offsets, commas, splice
 from cascadenorm.mesh import Ints, any_in_rows
 
 PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
-"""From where to where numbers have no exponent; orjson writes those beyond in another way."""
+"""Range in which numbers are formatted without exponent. Outside it, orjson uses another layout."""
 
 
 def respelled(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Piece]:
@@ -23,7 +26,7 @@ def respelled(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Pie
     Parameters
     ----------
     tables
-        (k,) words, ascending and in no other table, and (k,) numbers, spelled as those of their type.
+        (k,) ascending words, each in one table only, and (k,) numbers, formatted according to their type.
     """
     table_of, waiting = np.zeros(len(text.starts), np.int8), [values for _, values in tables]
     for table, (words, _) in enumerate(tables, 1):
@@ -34,7 +37,7 @@ def respelled(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Pie
         if not len(replaced):
             continue
 
-        # where the new spelling of each word is
+        # Locate the replacement of each word.
         letters, begins, stops = b"", np.empty(len(replaced), np.int64), np.empty(len(replaced), np.int64)
         for table, values in enumerate(waiting):
             own = table_of[block][replaced] == table + 1
@@ -45,7 +48,7 @@ def respelled(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Pie
             begins[own], stops[own] = first + len(letters), after + len(letters)
             letters, waiting[table] = letters + spelled, values[count:]
 
-        # the text up to the last of them
+        # Copy the text up to the last of these words.
         starts, ends = text.starts[block][replaced] - last, text.ends[block][replaced] - last
         part = text.bytes[last : last + int(ends[-1])]
         out = np.empty(len(part) + len(letters), np.uint8)
@@ -56,28 +59,28 @@ def respelled(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Pie
 
 
 def _spelled(values: NDArray[Any]) -> tuple[bytes, Ints, Ints]:
-    """Spell some numbers, (k,): letters, and where in them each number begins and stops."""
-    letters = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1] + b","  # between [ and ]
+    """Format (k,) numbers. Returns letters, and where in them each number begins and stops."""
+    letters = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1] + b","  # strip [ and ]
     stops = np.empty(len(values), np.int64)
     commas(np.frombuffer(letters, np.uint8), stops)
     begins = np.concatenate([np.zeros(1, np.int64), stops[:-1] + 1])
     beyond = np.flatnonzero(_beyond(values))
-    words = [_word(value) for value in values[beyond]]  # behind the others
+    words = [_word(value) for value in values[beyond]]  # appended after the others
     stops[beyond] = len(letters) + np.cumsum([len(word) for word in words], dtype=np.int64)
     begins[beyond] = stops[beyond] - [len(word) for word in words]
     return b"".join([letters, *words]), begins, stops
 
 
 def rows_of(values: NDArray[Any]) -> list[bytes]:
-    """Spell the rows of a table, with spaces between the numbers."""
+    """Format the rows of a table, with spaces between the numbers."""
     parts = [_row_text(values[block], b"\n").split(b"\n") for block in blocks(len(values), values.shape[1])]
     return list(chain(*parts))
 
 
 def lines_of(keyword: bytes, *tables: NDArray[Any]) -> bytes:
-    """Spell tables side by side, a line for each row, which begins with the keyword if that is not empty."""
+    """Format tables side by side, one line per row. Each line starts with the keyword unless that is empty."""
     begin = b"\n" + keyword + b" " if keyword else b"\n"
-    if len(tables) == 1:  # the rows of a block at once, in half the time
+    if len(tables) == 1:  # format the rows of a block together
         rows = [_row_text(tables[0][block], begin) for block in blocks(len(tables[0]), tables[0].shape[1])]
     else:
         rows = [b" ".join(words) for words in zip(*map(rows_of, tables), strict=True)]
@@ -85,8 +88,8 @@ def lines_of(keyword: bytes, *tables: NDArray[Any]) -> bytes:
 
 
 def _row_text(values: NDArray[Any], between: bytes) -> bytes:
-    """Spell the rows of a table that has some, with spaces between the numbers and a line break between the rows."""
-    text = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # between [[ and ]]
+    """Format the rows of a non-empty table, with spaces between the numbers and a separator between the rows."""
+    text = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[2:-2]  # strip [[ and ]]
     text = text.replace(b"],[", between).replace(b",", b" ")
     beyond = np.flatnonzero(any_in_rows(_beyond(values)))
     if len(beyond):
@@ -98,12 +101,12 @@ def _row_text(values: NDArray[Any], between: bytes) -> bytes:
 
 
 def _native(values: NDArray[Any]) -> NDArray[Any]:
-    """Return values as orjson takes them."""
+    """Return values as a contiguous array in native byte order, as orjson requires."""
     return np.ascontiguousarray(values, values.dtype.newbyteorder("="))
 
 
 def _beyond(values: NDArray[Any]) -> NDArray[np.bool_]:
-    """Tell which numbers are not finite, or have an exponent."""
+    """Test which numbers are not finite or need an exponent."""
     if values.dtype not in PLAIN:
         return np.zeros(values.shape, bool)
     least, large = PLAIN[values.dtype]

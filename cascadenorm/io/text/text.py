@@ -1,4 +1,7 @@
-"""Text files as words with known places, so that single numbers can be replaced and nothing else."""
+"""Text files as words with known positions.
+
+Single numbers can therefore be replaced without any other change.
+"""
 
 import re
 from collections.abc import Iterator
@@ -10,22 +13,22 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.text.tokenizer import Offsets, begins_with, decimals, find_words
 from cascadenorm.mesh import parallel_for
 
-NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries spell it
-WORDS_AT_A_TIME = 1 << 18  # words worked on at a time
-SPACE = 32  # all white space is at most this, and each word but the last has some behind it
+NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries format it
+WORDS_AT_A_TIME = 1 << 18  # words processed at a time
+SPACE = 32  # white space is at most this byte and follows each word except the last
 
 
 class Text:
-    """The words of a text, and the lines that have any; a word that begins with # ends its line.
+    """The words of a text and its non-empty lines. A word that begins with # ends its line.
 
     Attributes
     ----------
     data
-        The text, as it came.
+        The original text.
     starts, ends
-        (w,) places of the words; of half the size, int32, in texts below 2 GiB.
+        (w,) byte offsets of the words; int32 in texts below 2 GiB, which halves the memory.
     first, stop
-        (l,) the first word of each line, and the one after its last.
+        (l,) the first word of each line, and the word after its last one.
     """
 
     def __init__(self, data: bytes, *, start: int = 0, continued: bool = False) -> None:
@@ -34,7 +37,7 @@ class Text:
         continued = continued and b"\\" in data
         kind = np.int32 if len(data) < 2**31 else np.int64
         most = 2 + sum(int(np.count_nonzero(self.bytes[part] <= SPACE)) for part in blocks(len(data)))
-        empty: list[Offsets] = [np.empty(most, kind) for _ in range(3)]  # memory that stays untouched is not taken
+        empty: list[Offsets] = [np.empty(most, kind) for _ in range(3)]  # untouched memory is not committed
         starts, ends, borders = empty
         words, lines = find_words(self.bytes, start, continued, starts, ends, borders)
         borders[lines] = words
@@ -44,14 +47,14 @@ class Text:
         self.stop = borders[1 : lines + 1]
 
     def lines_with(self, keyword: bytes) -> Offsets:
-        """Return the lines whose first word is the keyword, in lower case or in capitals."""
+        """Return the lines whose first word is the keyword, ignoring case."""
         found = np.empty(len(self.first), bool)
         letters = np.frombuffer(keyword, np.uint8)
         parallel_for(len(found), begins_with, self.bytes, self.starts, self.ends, self.first, letters, found)
         return np.flatnonzero(found)
 
     def line_number(self, place: int) -> int:
-        """Return the line of the file, counted from 1, in which a byte lies."""
+        """Return the line number, counted from 1, of a byte offset."""
         before = self.data[: int(place)]
         return 1 + before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
 
@@ -60,14 +63,14 @@ class Text:
         return self.data[int(self.starts[index]) : int(self.ends[index])]
 
     def significant_digits(self, words: Offsets) -> int:
-        """Return the largest number of significant digits among the words, of which a thousand or so are looked at."""
+        """Return the largest number of significant digits in a sample of about a thousand of the words."""
         sample = words[:: max(1, len(words) // 1000)]
         places = zip(self.starts[sample].tolist(), self.ends[sample].tolist(), strict=True)
         mantissas = (re.split(rb"[eE]", self.data[start:end])[0] for start, end in places)
         return max((len(re.sub(rb"\D", b"", word).strip(b"0")) for word in mantissas), default=0)
 
     def columns(self, lines: Offsets, count: int, *, start: int = 1) -> Offsets:
-        """Return the words of each line from the one numbered `start`, (l, count); raises ReadError where too few."""
+        """Return `count` words of each line from number `start` on, (l, count). Raises ReadError if there are fewer."""
         self.require(lines, np.full(len(lines), start + count))
         return self.first[lines][:, None] + np.arange(start, start + count, dtype=self.first.dtype)
 
@@ -83,11 +86,11 @@ class Text:
             )
 
     def numbers(self, words: Offsets) -> NDArray[np.float64]:
-        """Return the numbers that words spell; raises ReadError at the first that is none."""
+        """Parse words as numbers. Raises ReadError at the first that is not a number."""
         return self.numbers_at(self.starts[words], self.ends[words])
 
     def numbers_at(self, starts: Offsets, ends: Offsets, *, lax: bool = False) -> NDArray[np.float64]:
-        """Return the numbers at places; what is no number is nan where lax, else raises ReadError."""
+        """Parse numbers at byte offsets. Other words give nan if `lax`, otherwise ReadError is raised."""
         values, simple = np.empty(starts.size), np.empty(starts.size, bool)
         starts, ends, shape = starts.ravel(), ends.ravel(), starts.shape
         parallel_for(len(values), decimals, self.bytes, starts, ends, values, simple)
@@ -98,11 +101,11 @@ class Text:
         return values.reshape(shape)
 
     def integers(self, words: Offsets) -> NDArray[np.int64]:
-        """Return the whole numbers that words spell; raises ReadError at the first that is none."""
+        """Parse words as integers. Raises ReadError at the first that is not an integer."""
         return self.integers_at(self.starts[words], self.ends[words])
 
     def integers_at(self, starts: Offsets, ends: Offsets) -> NDArray[np.int64]:
-        """Return the whole numbers at places; raises ReadError at the first that is none."""
+        """Parse integers at byte offsets. Raises ReadError at the first that is not an integer."""
         flat_starts, flat_ends, integers = starts.ravel(), ends.ravel(), np.empty(starts.size, np.int64)
         for block in blocks(starts.size):
             values = self.numbers_at(flat_starts[block], flat_ends[block])
@@ -131,6 +134,6 @@ def _shown(word: bytes) -> str:
 
 
 def blocks(count: int, width: int = 1) -> Iterator[slice]:
-    """Cut 0 … count, of so many words each, into parts of which only one at a time needs memory for its work."""
+    """Split the range 0 … count, with `width` words per item, into parts that limit the working memory."""
     size = max(WORDS_AT_A_TIME // max(width, 1), 1)
     return (slice(start, start + size) for start in range(0, count, size))

@@ -1,4 +1,4 @@
-"""Compiled passes over the bytes of a text: find words, read decimals, replace words."""
+"""Compiled passes over text: find words, parse decimals, replace words."""
 
 import math
 from typing import Any
@@ -11,9 +11,9 @@ from cascadenorm.mesh import Bools, Bytes, Floats, Ints, kernel
 Offsets = NDArray[np.signedinteger[Any]]
 
 MOST = 9 * 10**17
-"""Whole number from which on a decimal is left to Python; ten times as much, and a digit, still fit into 64 bits."""
-SPLIT = 2.0**27 + 1  # by a product with it a number is split into halves of 26 bits
-POWERS = np.array([10.0**e for e in range(23)])  # all exact, so one division or product by them rounds correctly
+"""Decimals with a larger mantissa are parsed by Python. Ten times this number plus a digit still fits into 64 bits."""
+SPLIT = 2.0**27 + 1  # factor that splits a double into halves of 26 bits
+POWERS = np.array([10.0**e for e in range(23)])  # exact powers, so that one product or quotient rounds correctly
 
 
 @kernel
@@ -23,7 +23,7 @@ def _is_space(byte: int) -> bool:
 
 @kernel
 def _join(data: Bytes, i: int) -> int:
-    """Length of a backslash and the line end after it; 0 if this is none."""
+    """Return the length of a backslash and the line end after it; 0 if there is none."""
     if data[i] != 92 or i + 1 == len(data):
         return 0
     if data[i + 1] == 13:
@@ -35,27 +35,27 @@ def _join(data: Bytes, i: int) -> int:
 def find_words(
     data: Bytes, start: int, continued: bool, starts: Offsets, ends: Offsets, lines: Offsets
 ) -> tuple[int, int]:
-    """Find the words from a byte on, and the first word of each line that has any; comments from # on have none.
+    """Find the words from a byte on, and the first word of each non-empty line. Comments start with #.
 
-    Fills the arrays from their beginnings on, and returns how many words and lines there are. A backslash at the end of
-    a line joins it to the next one if `continued`.
+    Fills the arrays from the beginning and returns the numbers of words and lines. If `continued`, a backslash at the
+    end of a line joins it to the next one.
     """
     words = found_lines = 0
     fresh = True
     i = start
     while i < len(data):
         if _is_space(data[i]):
-            # white space ends a word, a line end a line
+            # White space ends a word, a line end also ends a line.
             fresh = fresh or data[i] == 10 or data[i] == 13
             i += 1
         elif data[i] == 35:
-            # a comment goes on to the end of its line
+            # A comment extends to the end of its line.
             while i < len(data) and data[i] != 10 and data[i] != 13:
                 i += 1
         elif continued and _join(data, i):
             i += _join(data, i)
         else:
-            # a word, perhaps the first one of its line
+            # A word, which may be the first one of its line.
             if fresh:
                 lines[found_lines] = words
                 found_lines += 1
@@ -72,7 +72,7 @@ def find_words(
 def begins_with(
     start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets, first: Offsets, keyword: Bytes, found: Bools
 ) -> None:
-    """Tell of each line whether its first word is the keyword, which is in lower case, in any case."""
+    """Test for each line whether its first word is the lower-case keyword, ignoring case."""
     for line in range(start, stop):
         place = starts[first[line]]
         same, i = ends[first[line]] - place == len(keyword), 0
@@ -84,14 +84,14 @@ def begins_with(
 
 @kernel
 def decimals(start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets, values: Floats, simple: Bools) -> None:
-    """Read plain decimals of at most 18 digits whose power of ten is exact in double precision; leave the others."""
+    """Parse plain decimals of at most 18 digits whose power of ten is exact in double precision; skip the others."""
     for k in range(start, stop):
         i, end = starts[k], ends[k]
         simple[k] = False
         negative = i < end and data[i] == 45
         if negative or (i < end and data[i] == 43):
             i += 1
-        # digits, with at most one point among them, as a whole number and a power of ten
+        # Parse digits with at most one point into an integer and a power of ten.
         mantissa = digits = exponent = 0
         seen_point = False
         while i < end and (48 <= data[i] <= 57 or (data[i] == 46 and not seen_point)):
@@ -107,7 +107,7 @@ def decimals(start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets,
         if digits == 0 or mantissa >= MOST:
             continue
 
-        # the exponent, if there is one
+        # Parse the exponent, if there is one.
         if i + 1 < end and (data[i] == 101 or data[i] == 69):
             i += 1
             down = data[i] == 45
@@ -121,7 +121,7 @@ def decimals(start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets,
                 i += 1
             exponent += -power if down else power
 
-        # one exact number times or over another rounds once, as a correct reader does
+        # A product or quotient of two exact numbers rounds once and is therefore correctly rounded.
         if i < end or exponent < -22 or exponent > 22:
             continue
         if mantissa < 1 << 53:
@@ -136,15 +136,15 @@ def decimals(start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets,
 
 @kernel
 def _quotient(whole: int, power: float) -> float:
-    """Divide a whole number below MOST by an exact power of ten and round once; nan where that is not certain.
+    """Divide an integer below MOST by an exact power of ten with correct rounding; nan if that is not certain.
 
-    By double-double arithmetic (Dekker 1971), in a tenth of the time that Python takes for the number.
+    The division uses double-double arithmetic (Dekker 1971).
     """
     high = float(whole)
     low = float(whole - int(high))
     first = high / power
 
-    # what the first quotient leaves: first · power is exact as the products of halves of 26 bits
+    # The remainder of the first quotient: first · power is exact as a sum of products of 26-bit halves.
     product = first * power
     a, b = SPLIT * first, SPLIT * power
     first_high, power_high = a - (a - first), b - (b - power)
@@ -152,7 +152,7 @@ def _quotient(whole: int, power: float) -> float:
     error = first_high * power_high - product + first_high * power_low + first_low * power_high + first_low * power_low
     second = (high - product - error + low) / power
 
-    # rounded alike with the second quotient a little smaller and a little larger, the sum is right
+    # If a slightly smaller and a slightly larger second quotient round alike, the sum is correctly rounded.
     least, most = first + second * (1 - 2.0**-50), first + second * (1 + 2.0**-50)
     return least if least == most else math.nan
 
@@ -169,7 +169,7 @@ def commas(text: Bytes, places: Ints) -> None:
 
 @kernel
 def splice(data: Bytes, starts: Offsets, ends: Offsets, letters: Bytes, begins: Ints, stops: Ints, out: Bytes) -> int:
-    """Copy the data with words at these places replaced by letters from begin to stop; the length of the copy."""
+    """Copy the data with the given words replaced by letters from begin to stop; return the length of the copy."""
     at = last = 0
     for k in range(len(starts)):
         for i in range(last, starts[k]):

@@ -1,1 +1,1 @@
-"""USD: scenes in text (USDA), binary (USDC) and archives (USDZ), through OpenUSD."""
+"""USD scenes in text (USDA), binary (USDC) and archives (USDZ), through OpenUSD."""

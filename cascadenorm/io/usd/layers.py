@@ -1,4 +1,7 @@
-"""The layers of a USD file: read, copied, and written as text, binary or an archive."""
+"""Read, copy and write the layers of a USD file.
+
+Layers are stored as text, binary or an archive.
+"""
 
 import posixpath
 import tempfile
@@ -16,19 +19,19 @@ from cascadenorm.io.references import is_within
 CRATE = b"PXR-USDC"
 """First bytes of a binary layer."""
 TEXT = b"#usda"
-"""First bytes of a layer in text."""
+"""First bytes of a text layer."""
 EXTENSIONS = (".usd", ".usda", ".usdc")
 SECTION = 32
-"""Bytes of the table of contents of a binary layer for each section: name, begin, size."""
+"""Size in bytes of an entry in the table of contents of a binary layer: name, begin, size."""
 SINGLE = "layer.usd"
-"""Name of the layer of a file that is no archive."""
+"""Name of the layer of a file that is not an archive."""
 
 Layers = dict[str, Any]
-"""Layers by their names in an archive; the first is the root."""
+"""Layers by their names in an archive. The first is the root."""
 
 
 def unpacked(data: bytes, format: str) -> dict[str, bytes]:
-    """Return the files in a USD file by name; raises ReadError for a damaged archive."""
+    """Return the files in a USD file by name. Raises ReadError for a damaged archive."""
     if format != "usdz":
         return {SINGLE: data}
     try:
@@ -38,7 +41,7 @@ def unpacked(data: bytes, format: str) -> dict[str, bytes]:
             files = {name: archive.read(name) for name in names}
     except ReadError:
         raise
-    except Exception as error:  # of a damaged archive
+    except Exception as error:  # a damaged archive
         raise ReadError(f"this usdz file is a damaged archive: {reason(error)}") from None
     outside = [name for name in names if not is_within(name)]
     if outside or len(files) < len(names):
@@ -47,7 +50,7 @@ def unpacked(data: bytes, format: str) -> dict[str, bytes]:
 
 
 def opened(files: Mapping[str, bytes]) -> Layers:
-    """Read the layers among files; raises ReadError. Nothing that they reference is read."""
+    """Open the layers among files. Raises ReadError. Referenced files are not read."""
     from pxr import Sdf
 
     layers: Layers = {}
@@ -63,7 +66,7 @@ def opened(files: Mapping[str, bytes]) -> Layers:
             path.write_bytes(data)
             try:
                 layers[name] = Sdf.Layer.OpenAsAnonymous(str(path))
-            except Exception as error:  # its parsers raise what they like
+            except Exception as error:  # the parsers raise errors of any type
                 raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
             if layers[name] is None:
                 raise ReadError("OpenUSD cannot read this file: it gives no reason")
@@ -73,7 +76,7 @@ def opened(files: Mapping[str, bytes]) -> Layers:
 
 
 def copied(layer: Any) -> Any:
-    """Return a layer of its own with the content of another."""
+    """Return an independent copy of a layer."""
     from pxr import Sdf
 
     copy = Sdf.Layer.CreateAnonymous(".usda")
@@ -88,7 +91,7 @@ def written(layer: Any, *, binary: bool) -> bytes:
         try:
             layer.Export(str(path))
             return path.read_bytes()
-        except Exception as error:  # its writers raise what they like
+        except Exception as error:  # the writers raise errors of any type
             raise OutputError(f"OpenUSD cannot write this file: {said(error)}: choose ply or glb") from None
 
 
@@ -105,12 +108,12 @@ def packed(files: Mapping[str, bytes]) -> bytes:
                     path.write_bytes(data)
                     archive.AddFile(str(path), name)
             return target.read_bytes()
-        except Exception as error:  # its writers raise what they like
+        except Exception as error:  # the writers raise errors of any type
             raise OutputError(f"OpenUSD cannot write this archive: {said(error)}: choose usdc") from None
 
 
 def references(layer: Any) -> list[str]:
-    """Return the paths of all files that a layer references: other layers, textures."""
+    """Return the paths of all files that a layer references, such as layers and textures."""
     from pxr import UsdUtils
 
     found: dict[str, None] = {}
@@ -136,13 +139,13 @@ def without_files_outside(layers: Layers) -> tuple[Layers, list[str]]:
             paths: list[Any] = []
             layer.Traverse("/", paths.append)
             for prim in (layer.GetPrimAtPath(path) for path in paths if path.IsPrimPath()):
-                if prim is not None and prim.HasInfo("clips"):  # values in further files
+                if prim is not None and prim.HasInfo("clips"):  # value clips in other files
                     prim.ClearInfo("clips")
     return kept, list(left_out)
 
 
 def target(path: str, name: str, layers: Layers) -> str | None:
-    """Return the name of the layer that a path in another layer refers to; None if it is not among the layers."""
+    """Return the name of the layer that a path in another layer refers to, or None if it is not among the layers."""
     near = posixpath.normpath(posixpath.join(posixpath.dirname(name), path))
     return next((found for found in (near, posixpath.normpath(path)) if found in layers), None)
 
@@ -160,7 +163,7 @@ def quiet() -> Iterator[None]:
 
 
 def _check_sections(data: bytes) -> None:
-    """Raise ReadError if a section of a binary layer runs past its end, which OpenUSD does not check."""
+    """Raise ReadError if a section of a binary layer exceeds the file, which OpenUSD does not check."""
     place = int.from_bytes(data[16:24], "little")
     count = int.from_bytes(data[place : place + 8], "little")
     table = data[place + 8 : place + 8 + SECTION * min(count, len(data))]
@@ -171,10 +174,10 @@ def _check_sections(data: bytes) -> None:
 
 
 def said(error: Exception) -> str:
-    """Return the message of an error of OpenUSD, without the places in its source code."""
+    """Return the message of an OpenUSD error without source locations."""
     try:
         lines = [line for line in str(error).splitlines() if " : '" in line]
         text = " ".join(lines[-1].partition(" : '")[2].split()) if lines else ""
         return (text.rstrip("'\" ") or reason(error))[:200]
-    except UnicodeDecodeError:  # it shows bytes of the file
+    except UnicodeDecodeError:  # the message quotes bytes of the file
         return "it is damaged"

@@ -1,4 +1,4 @@
-"""The meshes that the layers of a USD file define, each once."""
+"""The meshes that the layers of a USD file define."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from cascadenorm.io.usd.layers import Layers
 from cascadenorm.mesh.polygons import Polygons
 
 NORMALS = ("primvars:normals", "normals")
-"""Names under which a mesh may have normals."""
+"""Names of attributes with the normals of a mesh."""
 
 
 class LayerMesh(NamedTuple):
@@ -23,13 +23,13 @@ class LayerMesh(NamedTuple):
     layer
         Name of the layer.
     prim
-        Its specification there.
+        Prim specification in the layer.
     points
-        (k, 3) float32.
+        (k, 3) float32 points.
     polygons
-        Corners are rows of points.
+        Faces. Corners are rows of `points`.
     places
-        For each corner its place in the file, where the corners of a left-handed mesh have the opposite order.
+        For each corner its index in the file, which has the corners of left-handed meshes in reverse order.
     """
 
     layer: str
@@ -40,7 +40,7 @@ class LayerMesh(NamedTuple):
 
 
 def meshes_of(layers: Layers) -> list[LayerMesh]:
-    """Return the meshes of layers; raises ReadError where one is damaged, or its points change in time."""
+    """Return the meshes of layers. Raises ReadError if one is damaged or its points are animated."""
     return [mesh for name, layer in layers.items() for mesh in _meshes_in(name, layer)]
 
 
@@ -67,9 +67,9 @@ def _meshes_in(name: str, layer: Any) -> Iterator[LayerMesh]:
 
 
 def value(prim: Any, name: str) -> Any:
-    """Return the value of an attribute as an array, or as what it is; None where there is none.
+    """Return the value of an attribute, as an array if possible, or None if there is none.
 
-    Raises ReadError where it has several values in time.
+    Raises ReadError if it has several time samples.
     """
     attribute = prim.attributes.get(name)
     if attribute is None:
@@ -100,7 +100,7 @@ def put(prim: Any, name: str, values: NDArray[Any]) -> None:
 
 
 def oriented_polygons(counts: Any, corners: Any, reverses: bool, name: str) -> tuple[Polygons, NDArray[np.int64]]:
-    """Return polygons, and for each of their corners its place in the file; raises ReadError for damaged ones."""
+    """Return polygons, and the index of each corner in the file. Raises ReadError for damaged polygons."""
     counts, corners = (np.asarray(a) for a in (counts, corners))
     whole = all(a.ndim == 1 and (a.dtype.kind in "iu" or not len(a)) for a in (counts, corners))
     if not whole or (counts < 0).any() or int(counts.sum(dtype=np.int64)) != len(corners):
@@ -110,13 +110,13 @@ def oriented_polygons(counts: Any, corners: Any, reverses: bool, name: str) -> t
 
 
 def normal_rows(mesh: LayerMesh, name: str) -> tuple[NDArray[Any], NDArray[np.int64]] | None:
-    """Return the normals of a mesh under a name, (j, 3), and the one that each corner uses, or -1.
+    """Return the normals of a mesh under a name, (j, 3), and the row that each corner uses, or -1.
 
-    None where there are none, or a single one for all faces.
+    Returns None if there are none, or a single one for all faces.
     """
     try:
         normals, indices = value(mesh.prim, name), value(mesh.prim, f"{name}:indices")
-    except ReadError:  # animated ones stay as they are
+    except ReadError:  # animated normals are not changed
         return None
     if normals is None or normals.ndim != 2 or normals.shape[1] != 3 or normals.dtype.kind != "f":
         return None

@@ -1,4 +1,4 @@
-"""The meshes that a USD scene shows, joined into one mesh for other formats; and a new scene of one mesh."""
+"""Convert a USD scene to one mesh and a mesh to a scene."""
 
 import tempfile
 from pathlib import Path
@@ -27,16 +27,16 @@ KEPT_ELSEWHERE = {
 }
 METADATA = {"upAxis": "the up axis", "metersPerUnit": "the unit"}
 PRIM = 1000
-"""Bytes that a composed prim takes, about."""
+"""Approximate memory in bytes of a composed prim."""
 
 
 def content_of(layers: Layers, size: int) -> Content:
-    """Return the meshes, once for each time that the scene shows them, and transformed as shown.
+    """Return the meshes of a scene, transformed, once for each time that the scene shows them.
 
     Parameters
     ----------
     layers
-        The first is the root. Nothing outside them is read.
+        Layers, the root first. Nothing outside them is read.
     size
         Bytes of the file.
     """
@@ -59,7 +59,7 @@ def content_of(layers: Layers, size: int) -> Content:
             del stage
         except ReadError:
             raise
-        except Exception as error:  # OpenUSD raises what it likes
+        except Exception as error:  # OpenUSD raises errors of any type
             raise ReadError(f"OpenUSD cannot compose the scene of this file: {reason(error)}") from None
     lost = (f"the file {path!r} that it references" for path in outside)
     return Content(*content[:4], left_out=(*lost, *content[4]))
@@ -85,7 +85,7 @@ def _content(stage: Any, size: int) -> tuple[NDArray[Any], Polygons, Values, Val
 
 
 def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:
-    """Return a mesh transformed by its matrix, which is applied to rows."""
+    """Return a mesh transformed by its matrix, which applies to row vectors."""
     from pxr import Usd
 
     time, path = Usd.TimeCode.EarliestTime(), str(mesh.GetPath())
@@ -101,7 +101,7 @@ def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:
 
 
 def _values(mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArray[np.int64]) -> tuple[Values, Values]:
-    """Return the values of vertices and of faces: colours, texture coordinates, and numbers."""
+    """Return the values of vertices and faces: colours, texture coordinates, and numbers."""
     from pxr import UsdGeom
 
     vertex_values, face_values = Values(), Values()
@@ -124,7 +124,7 @@ def _values(mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArra
 
 
 def _columns(name: str, values: NDArray[Any]) -> Values:
-    """Return values by the names that PLY gives them; none for vectors of other kinds."""
+    """Return values under the names that PLY uses, or nothing for unsupported vectors."""
     if values.ndim == 1:
         return {name: values}
     if name == "displayColor" and values.shape[1:] == (3,):
@@ -135,17 +135,17 @@ def _columns(name: str, values: NDArray[Any]) -> Values:
 
 
 class _Composition:
-    """Upper bound on the number of prims of a composed scene, which stops scenes that multiply without end."""
+    """Upper bound on the number of prims of a composed scene. It rejects scenes that expand without limit."""
 
     def __init__(self, layers: Layers) -> None:
         self._layers, self._known, self._open = layers, dict[tuple[str, str], int](), set[tuple[str, str]]()
 
     def count(self, name: str, path: Any) -> int:
-        """Return the number of prims below a path of a layer, it included, with all that they reference."""
+        """Return the number of prims at and below a path of a layer, including all that they reference."""
         key = (name, str(path))
         if key in self._known:
             return self._known[key]
-        if key in self._open:  # a cycle, which OpenUSD leaves out
+        if key in self._open:  # a cycle, which OpenUSD ignores
             return 0
         self._open.add(key)
         try:
@@ -165,7 +165,7 @@ class _Composition:
                 self.count(found, "/") for found in sublayers
             )
         prim = layer.GetPrimAtPath(place)
-        if prim is None:  # composed, perhaps: what is above has it
+        if prim is None:  # the prim may come from composition, so count from its parent
             return self.count(name, place.GetParentPath())
         total = 1 + sum(self.count(name, child.path) for child in prim.nameChildren)
         for sets in prim.variantSets:
@@ -181,7 +181,7 @@ class _Composition:
 
 
 def stage_of(content: Content) -> tuple[Any, list[str]]:
-    """Return a layer with one mesh, its colours, texture coordinates and other values; and what is lost."""
+    """Return a layer with one mesh, its colours, texture coordinates and other values, and what is lost."""
     from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
     positions = content.single_positions()

@@ -1,7 +1,7 @@
-"""USD files: points and normals are replaced in the layers that hold them, all else stays.
+"""USD files: replace points and normals in their layers and keep everything else.
 
-Points are those of the meshes themselves, before the transforms of the scene. Each mesh of a layer is moved
-once, however often the scene shows it. Layers in other files are not read.
+Points are those of the meshes themselves, before the transforms of the scene. Each mesh of a layer is moved once, even
+if the scene shows it several times. Layers in other files are not read.
 """
 
 import importlib.util
@@ -35,7 +35,7 @@ from cascadenorm.mesh.polygons import Polygons
 
 
 class UsdFile(MeshFile):
-    """A layer in text or binary; positions are float32, in the frame of each mesh."""
+    """A text or binary layer. Positions are float32, in the frame of each mesh."""
 
     format = "usd"
     moving_loses = ("what OpenUSD does not keep (comments, layout)",)
@@ -48,7 +48,7 @@ class UsdFile(MeshFile):
                 self._meshes = meshes_of(self._layers)
         except ReadError:
             raise
-        except Exception as error:  # a binary layer is read when its values are asked for
+        except Exception as error:  # a binary layer is parsed only when its values are requested
             raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
         if not self._meshes:
             elsewhere = [path for layer in self._layers.values() for path in layer.GetCompositionAssetDependencies()]
@@ -77,12 +77,12 @@ class UsdFile(MeshFile):
         return [self._stored(self._moved())]
 
     def _stored(self, layers: Layers) -> bytes:
-        """Return the bytes of the file with other layers in the place of some of its own."""
+        """Return the bytes of the file with some of its layers replaced."""
         (layer,) = layers.values()
         return written(layer, binary=self.data.startswith(CRATE))
 
     def _moved(self) -> Layers:
-        """Return copies of the layers in which something moved."""
+        """Return copies of the layers in which points moved."""
         changed = any_in_rows(self._changed)
         moves = [changed[a:b].any() for a, b in zip(self._first[:-1], self._first[1:], strict=True)]
         layers = {name: copied(self._layers[name]) for name in dict.fromkeys(mesh.layer for mesh in self._meshes)}
@@ -102,7 +102,7 @@ class UsdFile(MeshFile):
         return {name: layer for name, layer in layers.items() if name in kept}
 
     def _renew_normals(self, layers: Layers, name: str) -> None:
-        """Replace the normals of one name that moved, in copies of the layers."""
+        """Replace the normals with one name that changed, in copies of the layers."""
         rows, count = [normal_rows(mesh, name) for mesh in self._meshes], 0
         values, corners = list[NDArray[np.float64]](), list[NDArray[np.int64]]()
         for mesh, found in zip(self._meshes, rows, strict=True):
@@ -126,7 +126,7 @@ class UsdFile(MeshFile):
                     put(layers[mesh.layer].GetPrimAtPath(mesh.prim.path), name, mixed)
 
     def refers_to(self) -> dict[str, bool]:
-        """Return the names of other layers and of textures, which stay as they are."""
+        """Return the names of other layers and of textures, which are not changed."""
         return dict.fromkeys(references(self._layers[next(iter(self._layers))]), False)
 
     def face_labels(self) -> list[Labels]:
@@ -135,7 +135,7 @@ class UsdFile(MeshFile):
         return [Labels("mesh", names, np.repeat(np.arange(len(names)), [len(m.polygons) for m in self._meshes]))]
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
-        """Return this layer in another format for layers, with all that is in it; None for other formats."""
+        """Return this layer in another layer format without loss, or None for other formats."""
         if not issubclass(kind, UsdFile) or UsdzFile in (kind, type(self)):
             return None
         layer = self._moved().get(next(iter(self._layers)), next(iter(self._layers.values())))
@@ -153,7 +153,7 @@ class UsdFile(MeshFile):
 
 
 class UsdaFile(UsdFile):
-    """A layer in text."""
+    """A text layer."""
 
     format = "usda"
 
@@ -165,7 +165,7 @@ class UsdcFile(UsdFile):
 
 
 class UsdzFile(UsdFile):
-    """An archive of layers, textures and other files, which stay as they are."""
+    """An archive of layers, textures and other files. Textures and other files are not changed."""
 
     format = "usdz"
 
@@ -174,7 +174,7 @@ class UsdzFile(UsdFile):
         return packed({**self._files, **new})
 
     def refers_to(self) -> dict[str, bool]:
-        """Return nothing: an archive holds what it references."""
+        """Return nothing, since an archive contains the files that it references."""
         return {}
 
 
@@ -183,10 +183,10 @@ USD = {kind.format: kind for kind in (UsdFile, UsdaFile, UsdcFile, UsdzFile)}
 
 
 def is_openusd_installed() -> bool:
-    """Test whether OpenUSD is there."""
+    """Whether OpenUSD is installed."""
     return importlib.util.find_spec("pxr") is not None
 
 
 def layer_format(data: bytes) -> str:
-    """Return the format of a layer by its first bytes, empty for other content."""
+    """Return the format of a layer from its first bytes, or an empty string for other content."""
     return "usdc" if data.startswith(CRATE) else "usda" if data.startswith(TEXT) else ""

@@ -1,1 +1,1 @@
-"""Formats in XML whose numbers are replaced where they are: 3MF and COLLADA."""
+"""XML formats whose numbers are replaced in place: 3MF and COLLADA."""

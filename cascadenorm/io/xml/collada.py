@@ -1,7 +1,7 @@
-"""COLLADA: coordinates and normals are replaced in the arrays of numbers, all else stays.
+"""COLLADA: replace coordinates and normals in place and keep everything else.
 
-Positions are those of the geometries themselves, before the transforms of nodes. Each geometry is moved once, however
-often nodes show it.
+Positions are those of the geometries themselves, before the transforms of nodes. Each geometry is moved once, even if
+several nodes show it.
 """
 
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ from cascadenorm.mesh import repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
 
-SHORT = 9  # digits that single precision holds
+SHORT = 9  # digits that single precision can represent
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 TEXTURE = ("s", "t")
 KEPT_ELSEWHERE = {
@@ -42,9 +42,9 @@ class Array:
     Attributes
     ----------
     text
-        The words of the array.
+        Words of the array.
     begin, end
-        Where they are in the document.
+        Position of the array in the document.
     words
         (k, w) words of each vector.
     values
@@ -74,20 +74,20 @@ _ACCESSOR = {"count": "0", "stride": "1", "offset": "0"}
 
 
 class Part(NamedTuple):
-    """The faces of a geometry that have one material.
+    """Faces of a geometry that share a material.
 
     Parameters
     ----------
     geometry
-        Its id.
+        Id of the geometry.
     material
         Symbol of the material.
     positions
-        Id of the source of its positions.
+        Id of the source of the positions.
     polygons
-        Corners are rows of these.
+        Faces. Corners are rows of the positions.
     others
-        Semantic -> id of the source, and for each corner the row of it, such as those of normals.
+        Semantic -> id of another source, such as that of normals, and its row for each corner.
     """
 
     geometry: str
@@ -98,7 +98,7 @@ class Part(NamedTuple):
 
 
 class ColladaFile(MeshFile):
-    """A COLLADA file; positions are float64, or float32 where none has more digits than that holds."""
+    """A COLLADA file. Positions are float32 if that holds all their digits, otherwise float64."""
 
     format = "dae"
 
@@ -212,7 +212,7 @@ class ColladaFile(MeshFile):
         return edits
 
     def refers_to(self) -> dict[str, bool]:
-        """Return the names of images, which stay as they are."""
+        """Return the names of images, which are not changed."""
         images = [element for image in self._root.all("library_images", "image") for element in image.within()]
         names = [
             self.data[slice(*image.span)].decode("utf-8", "surrogateescape").strip()
@@ -222,7 +222,7 @@ class ColladaFile(MeshFile):
         return {name.removeprefix("./"): False for name in names if name and ":" not in name}
 
     def face_labels(self) -> list[Labels]:
-        """Return the symbols of materials, and the names of geometries."""
+        """Return the symbols of materials and the names of geometries."""
         names = [self._by_id[p.geometry].attributes.get("name", p.geometry) if p.geometry else "" for p in self._parts]
         owner = np.repeat(np.arange(len(names)), [len(part.polygons) for part in self._parts])
         labels = []
@@ -260,7 +260,7 @@ class ColladaFile(MeshFile):
         return Content(*joined(shown), left_out=tuple(left_out))
 
     def _shape(self, parts: list[Part]) -> Shown:
-        """Return parts over the same positions as one mesh."""
+        """Return parts with the same positions as one mesh."""
         first, count = self._first[parts[0].positions], len(self._array(parts[0].positions).values)
         polygons = Polygons.from_counts(
             np.concatenate([part.polygons.counts for part in parts]),
@@ -280,7 +280,7 @@ class ColladaFile(MeshFile):
         return Shown(self.positions[first : first + count], polygons, values, {})
 
     def _at_corners(self, part: Part, semantic: str, width: int) -> NDArray[np.float64] | None:
-        """Return the first `width` numbers of a semantic at the corners of a part; None if some corners have none."""
+        """Return the first `width` values of a semantic at the corners of a part, or None if a corner has none."""
         id, rows = part.others.get(semantic, ("", np.zeros(0, np.int64)))
         values = self._array(id).values if id in self._by_id else np.zeros((0, 0))
         if values.shape[1] < width or (rows < 0).any() or (rows >= len(values)).any():
@@ -308,7 +308,7 @@ class ColladaFile(MeshFile):
 
 
 def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:
-    """Return the edit that replaces some words of an array; a word that several vectors share gets the last value."""
+    """Return the edit that replaces words of an array. A word that several vectors share gets the last value."""
     order = np.argsort(words.ravel(), kind="stable")
     ascending = words.ravel()[order]
     last = np.append(ascending[1:] != ascending[:-1], True)
@@ -336,7 +336,7 @@ def _faces(primitive: Element, width: int, size: int) -> tuple[NDArray[np.int64]
 
 
 def _polygons(kind: str, counts: NDArray[np.int64], corners: NDArray[np.int64]) -> tuple[Polygons, NDArray[np.int64]]:
-    """Return polygons, and the place of each of their corners among the given corners."""
+    """Return polygons, and the index of each of their corners among the given corners."""
     if kind == "tristrips":
         places = strips(counts, np.arange(len(corners))).corners
     elif kind == "trifans":
@@ -351,7 +351,7 @@ def _polygons(kind: str, counts: NDArray[np.int64], corners: NDArray[np.int64]) 
 
 
 def _numbers(element: Element) -> NDArray[np.int64]:
-    """Return the whole numbers that an element holds."""
+    """Return the integers in the content of an element."""
     text = Text(element.numbers)
     return text.integers(np.arange(len(text.starts)))
 
@@ -371,7 +371,7 @@ def _number(word: str) -> int:
 
 
 def _source(name: str, letters: str, values: NDArray[Any]) -> bytes:
-    """Return a source of vectors."""
+    """Return a source with the given vectors."""
     numbers = lines_of(b"", values)
     parameters = "".join(f'<param name="{letter}" type="float"/>' for letter in letters)
     return (

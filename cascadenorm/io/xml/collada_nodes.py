@@ -1,4 +1,7 @@
-"""The scene graph of a COLLADA document: nodes that show geometries, other nodes, and skins of geometries."""
+"""The scene graph of a COLLADA document.
+
+Nodes show geometries, other nodes, and skinned geometries.
+"""
 
 from collections.abc import Callable
 
@@ -14,13 +17,13 @@ SIZES = {"matrix": 16, "translate": 3, "rotate": 4, "scale": 3}
 
 
 def instances(root: Element, by_id: dict[str, Element]) -> tuple[Placed, Callable[[Element], Placed]]:
-    """Return the nodes that the scene shows, and a function that returns what an element shows in its own frame."""
+    """Return the nodes of the scene, and a function that returns the contents of an element in its own frame."""
 
     def target(element: Element, name: str = "url") -> Element | None:
         return by_id.get(element.attributes.get(name, "").removeprefix("#"))
 
     def inner(element: Element) -> Placed:
-        if element.name == "controller":  # deformed before its frame applies
+        if element.name == "controller":  # the deformation applies before its frame
             source = next((part for part in element.children if part.name in ("skin", "morph")), None)
             found = target(source, "source") if source is not None else None
             return [] if found is None else [(found, np.eye(4))]

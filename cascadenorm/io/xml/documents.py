@@ -1,4 +1,7 @@
-"""XML documents as elements with known places in the bytes, so that single numbers can be replaced and nothing else."""
+"""XML documents as elements with known byte positions.
+
+Single numbers can therefore be replaced without any other change.
+"""
 
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -12,7 +15,7 @@ ATTRIBUTE = re.compile(rb"""\s+([^\s=<>/]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 UTF_16 = (b"\xff\xfe", b"\xfe\xff", b"<\0", b"\0<")
 
 Edit = tuple[int, int, bytes]
-"""Begin and end of bytes, and what replaces them."""
+"""Begin and end of a byte range, and its replacement."""
 
 
 class Element:
@@ -21,11 +24,11 @@ class Element:
     Attributes
     ----------
     name
-        Without its namespace.
+        Name without namespace.
     attributes
-        By name; those of another namespace have it in front, with a space between.
+        Values by name. Names in another namespace are preceded by it and a space.
     parent, children
-        Elements; None for the root.
+        Parent element, None for the root, and child elements.
     """
 
     def __init__(self, data: bytes, name: str, attributes: dict[str, str], parent: "Element | None", at: int) -> None:
@@ -42,7 +45,7 @@ class Element:
 
     @property
     def numbers(self) -> bytes:
-        """The content, which has to be plain text; raises ReadError otherwise."""
+        """The content as plain text. Raises ReadError if it is not plain text."""
         begin, end = self.span
         content = self._data[begin:end]
         if b"<" in content or b"&" in content:
@@ -60,11 +63,11 @@ class Element:
                     yield child
 
     def first(self, *path: str) -> "Element | None":
-        """Return the first element at a path of names below this one, None where there is none."""
+        """Return the first element at a path of names below this one, or None."""
         return next(self.all(*path), None)
 
     def within(self) -> "Iterator[Element]":
-        """Return this element and all below it."""
+        """Return this element and all its descendants."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -73,16 +76,16 @@ class Element:
 
 
 def parse(data: bytes, start: Callable[[str, dict[str, str], int], None], end: Callable[[str, int], None]) -> None:
-    """Call functions at the start and the end of each element; raises ReadError for what is not XML.
+    """Call functions at the start and the end of each element. Raises ReadError for invalid XML.
 
     Parameters
     ----------
     data
         The document.
     start
-        Gets the name, with its namespace and a space in front, the attributes, and where the element begins.
+        Called with the name, preceded by its namespace and a space, the attributes, and the byte offset of the element.
     end
-        Gets the name, and where the tag begins that ends the element.
+        Called with the name and the byte offset of the end tag.
     """
     if data.startswith(UTF_16):
         raise ReadError("the XML of this file is UTF-16, which is not supported: save it as UTF-8")
@@ -92,14 +95,14 @@ def parse(data: bytes, start: Callable[[str, dict[str, str], int], None], end: C
     parser.EndElementHandler = lambda name: end(name, parser.CurrentByteIndex)
     try:
         parser.Parse(data, True)
-    except (ReadError, KeyError):  # of a function
+    except (ReadError, KeyError):  # raised by one of the functions
         raise
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise ReadError(f"the XML of this file is damaged: {reason(error)}") from None
 
 
 def tree_of(data: bytes) -> Element:
-    """Return the root of a document; raises ReadError for what is not XML."""
+    """Return the root of a document. Raises ReadError for invalid XML."""
     top = Element(data, "", {}, None, 0)
     now = [top]
 
@@ -116,7 +119,7 @@ def tree_of(data: bytes) -> Element:
 
 
 def attribute_edits(data: bytes, at: int, values: dict[bytes, bytes]) -> list[Edit]:
-    """Return the edits that give attributes of the element at a place other values."""
+    """Return the edits that change attributes of the element at a byte offset."""
     edits = []
     place = at + 1
     while data[place : place + 1] not in (b" ", b"\t", b"\r", b"\n", b""):

@@ -1,7 +1,7 @@
-"""3MF: coordinates are replaced in the models of the archive, all else stays.
+"""3MF: replace coordinates in the models of the archive and keep everything else.
 
 Positions are those of the objects themselves, before the transforms of components and of the build. Each object is
-moved once, however often others contain it.
+moved once, even if several others contain it.
 """
 
 import posixpath
@@ -29,7 +29,7 @@ CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 MATERIALS = ("basematerials", "colorgroup", "texture2dgroup", "compositematerials", "multiproperties")
-SHORT = 9  # digits that single precision holds
+SHORT = 9  # digits that single precision can represent
 SAMPLE = 1000
 
 Reference = tuple[str, str]
@@ -37,25 +37,25 @@ Reference = tuple[str, str]
 
 
 class Use(NamedTuple):
-    """An object in another one, or in the build."""
+    """An object as part of another one or of the build."""
 
     object: Reference
     matrix: Matrix
 
 
 class Model:
-    """A model of an archive, while it is read and afterwards.
+    """A model of an archive, parsed on construction.
 
     Attributes
     ----------
     objects
-        By their ids.
+        Objects by id.
     build
-        What is printed.
+        Objects to be printed.
     unit
-        Of its lengths.
+        Unit of length.
     has_materials
-        Whether it holds materials, colours or textures.
+        Whether it contains materials, colours or textures.
     """
 
     def __init__(self, name: str, data: bytes) -> None:
@@ -79,7 +79,7 @@ class Model:
         if name == "model" and not self._namespace:
             self._namespace, self.unit = namespace, attributes.get("unit", self.unit)
         self.has_materials |= name in MATERIALS
-        if namespace != self._namespace:  # of an extension
+        if namespace != self._namespace:  # an element of an extension
             return
         into = self._object
         if name == "vertex" and into is not None:
@@ -113,18 +113,18 @@ class Model:
 
 
 class Object:
-    """An object of a model: a mesh, or what it contains.
+    """An object of a model: a mesh or components.
 
     Attributes
     ----------
     places
-        Where the elements of the vertices begin.
+        Byte offsets of the vertex elements.
     coordinates, corners
-        Three for each vertex and triangle.
+        Three numbers for each vertex and each triangle.
     triangles
-        (m, 3) the same corners, once the model is read.
+        (m, 3) the same corners, set after the model is parsed.
     digits
-        Most significant digits of a coordinate.
+        Largest number of significant digits of a coordinate.
     """
 
     def __init__(self, name: str) -> None:
@@ -137,7 +137,7 @@ class Object:
 
 
 class ThreemfFile(MeshFile):
-    """A 3MF file; positions are float64, or float32 where none has more digits than that holds."""
+    """A 3MF file. Positions are float32 if that holds all their digits, otherwise float64."""
 
     format = "3mf"
 
@@ -150,7 +150,7 @@ class ThreemfFile(MeshFile):
                 relations = archive.read("_rels/.rels") if "_rels/.rels" in archive.namelist() else b""
         except ReadError:
             raise
-        except Exception as error:  # of a damaged archive
+        except Exception as error:  # a damaged archive
             raise ReadError(f"this 3mf file is a damaged archive: {reason(error)}") from None
         self._models = {name: Model(name, data) for name, data in models.items()}
         self._root = _root_of(relations, names)
@@ -214,7 +214,7 @@ class ThreemfFile(MeshFile):
 
         build = self._models[self._root].build if self._root in self._models else []
         places = [use for use in placements(build, inner, nbytes, len(self.data)) if use[0] in number]
-        places = places or [(reference, np.eye(4)) for reference in number]  # a library, or nothing is built
+        places = places or [(reference, np.eye(4)) for reference in number]  # a library, or an empty build
         shown = [self._shape(number[reference]).placed(matrix) for reference, matrix in places]
         left_out = ["materials and colours"] if any(model.has_materials for model in self._models.values()) else []
         left_out += ["the unit"] if any(model.unit != "millimeter" for model in self._models.values()) else []
@@ -245,7 +245,7 @@ class ThreemfFile(MeshFile):
         made = BytesIO()
         with ZipFile(made, "w") as archive:
             for name, data in (("[Content_Types].xml", TYPES), ("_rels/.rels", RELATIONS), ("3D/3dmodel.model", model)):
-                entry = ZipInfo(name)  # of 1980, so that the bytes depend on the mesh alone
+                entry = ZipInfo(name)  # dated 1980, so that the bytes depend only on the mesh
                 entry.compress_type = 8
                 archive.writestr(entry, data)
         return [made.getvalue()], lost
@@ -257,7 +257,7 @@ def _digits(word: str) -> int:
 
 
 def _root_of(relations: bytes, names: list[str]) -> str:
-    """Return the name of the model that is printed."""
+    """Return the name of the model to be printed."""
     found: list[str] = []
 
     def start(_: str, attributes: dict[str, str], at: int) -> None:
@@ -271,7 +271,7 @@ def _root_of(relations: bytes, names: list[str]) -> str:
 
 
 def _repacked(data: bytes, new: dict[str, bytes]) -> bytes:
-    """Return an archive with other content in some of its files."""
+    """Return an archive in which the content of some files is replaced."""
     made = BytesIO()
     with ZipFile(BytesIO(data)) as source, ZipFile(made, "w") as target:
         target.comment = source.comment

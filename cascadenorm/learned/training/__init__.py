@@ -1,1 +1,1 @@
-"""Training of the networks; only modules in here import torch."""
+"""Training of the networks. Only modules in this folder import torch."""

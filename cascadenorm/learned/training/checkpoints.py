@@ -1,4 +1,4 @@
-"""What a training keeps on disk, so that it can go on after an interruption."""
+"""Checkpoints from which an interrupted training resumes."""
 
 import json
 import os
@@ -24,7 +24,7 @@ def versions() -> dict[str, str]:
 
 
 def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
-    """Make the folder for this config, these pairs and this version, or see that it is theirs."""
+    """Create the folder for this config, these pairs and this version, or check that it belongs to them."""
     checkpoint.mkdir(parents=True, exist_ok=True)
     digest = sha256()
     for pair in own:
@@ -41,23 +41,23 @@ def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
 
 
 def write_shared_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write what all processes have; the first one alone does."""
+    """Write arrays that all processes have. Only rank 0 writes."""
     if is_main():
         write_arrays(path, arrays)
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write what this process alone has."""
-    _write_whole(path, safetensors.save(dict(arrays)))  # a full disk is an OSError, as anywhere
+    """Write arrays that only this process has."""
+    _write_whole(path, safetensors.save(dict(arrays)))  # a full disk raises OSError, as elsewhere
 
 
 def _write_whole(path: Path, content: bytes) -> None:
-    """Write as a whole or not at all, so that a file that exists is finished."""
+    """Write atomically, so that an existing file is complete."""
     unfinished = path.with_suffix(".partial")
     unfinished.write_bytes(content)
     os.replace(unfinished, path)
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Return what was written, or nothing."""
+    """Return the stored arrays, or an empty dictionary if there is no file."""
     return safetensors.load_file(path) if path.exists() else {}

@@ -1,4 +1,7 @@
-"""The processes of one training, which torchrun starts, on one machine or many; each keeps a shard of the meshes."""
+"""The processes of a training that torchrun starts, on one or more machines.
+
+Each process keeps a shard of the meshes.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -7,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 import torch
-import torch.distributed.nn  # before there is a process group, since its default arguments keep the one that they find
+import torch.distributed.nn  # import before a process group exists: its default arguments keep the group they find
 from numpy.typing import NDArray
 from torch import distributed
 
@@ -20,7 +23,7 @@ Value = TypeVar("Value", bound=np.generic)
 
 @contextmanager
 def process_group() -> Iterator[None]:
-    """Join the processes that torchrun has started for the time of the block; a single process joins nothing."""
+    """Join the processes started by torchrun for the duration of the block. A single process joins nothing."""
     if is_single_process():
         yield
         return
@@ -32,39 +35,39 @@ def process_group() -> Iterator[None]:
 
 
 def device() -> torch.device:
-    """Return where this process does its matrix products: a GPU of its own, where there is one for each."""
+    """Return the device for matrix products: a GPU if there is one for each process, else the CPU."""
     if torch.cuda.device_count() < _local_world_size():
         return torch.device("cpu")
     return torch.device("cuda", 0 if is_single_process() else int(os.environ["LOCAL_RANK"]))
 
 
 def world_size() -> int:
-    """Return how many processes there are."""
+    """Return the number of processes."""
     return distributed.get_world_size() if distributed.is_initialized() else 1
 
 
 def rank() -> int:
-    """Return the place of this process among them, from 0."""
+    """Return the rank of this process, counted from 0."""
     return distributed.get_rank() if distributed.is_initialized() else 0
 
 
 def cores() -> int:
-    """Return how many cores there are for this process, beside the others on this machine."""
+    """Return the number of cores for this process, given the other processes on this machine."""
     return max(1, thread_count() // _local_world_size())
 
 
 def _local_world_size() -> int:
-    """Return how many processes there are on this machine, with this one."""
+    """Return the number of processes on this machine."""
     return 1 if is_single_process() else int(os.environ["LOCAL_WORLD_SIZE"])
 
 
 def shard() -> slice:
-    """Return which items of a list belong to this process."""
+    """Return the slice of a list that belongs to this process."""
     return slice(rank(), None, world_size())
 
 
 def broadcast(make: Callable[[], Made]) -> Made:
-    """Let the first process make something, and send it to all."""
+    """Call a function on rank 0 and send the result to all processes."""
     if world_size() == 1:
         return make()
     made = [make() if rank() == 0 else None]
@@ -73,7 +76,7 @@ def broadcast(make: Callable[[], Made]) -> Made:
 
 
 def all_gather(rows: NDArray[Value]) -> NDArray[Value]:
-    """Concatenate the rows of all processes, those of the first one first."""
+    """Concatenate the rows of all processes, in the order of their ranks."""
     if world_size() == 1:
         return rows
     parts = [rows] * world_size()
@@ -91,5 +94,5 @@ def all_reduce(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def barrier() -> None:
-    """Wait until all processes are here."""
+    """Wait until all processes reach this point."""
     all_reduce(np.zeros(1))

@@ -1,4 +1,4 @@
-"""Training of the gate: which of two networks serves a generated mesh better, learned from how its triangles lie."""
+"""Train the gate, which predicts the better of two networks from the triangulation."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -21,7 +21,7 @@ from cascadenorm.learned.gated import GatedCascades
 from cascadenorm.learned.training import checkpoints
 from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, thread_count
 
-MOST_WEIGHT = 15.0  # degrees between the results of the networks, by which a mesh counts at most
+MOST_WEIGHT = 15.0  # largest weight of a mesh: the difference between the results of the networks, in degrees
 LEAST_WEIGHT = 0.02
 FOLDS = 5
 
@@ -45,21 +45,21 @@ GATE_DATA = DatasetConfig(
     ),
     relief=0.15,
 )  # fmt: skip
-"""Noisy meshes of all kinds, from a seed that no training of a network has."""
+"""Noisy meshes of all kinds, from a seed that no network is trained with."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GateConfig:
-    """Everything that decides what the training of a gate makes.
+    """Settings that determine a trained gate.
 
     Parameters
     ----------
     seed
-        Of the trees; that of the meshes is data.seed.
+        Seed of the trees. `data.seed` is the seed of the meshes.
     trees
         Number of trees.
     least
-        Fewest meshes at a leaf.
+        Minimum number of meshes in a leaf.
     data
         Noisy meshes.
     """
@@ -71,7 +71,7 @@ class GateConfig:
 
 
 class Compared(NamedTuple):
-    """A generated mesh: the figures of its triangles, the angles in degrees that both networks leave, its family."""
+    """A generated mesh: features of its triangulation, angular errors in degrees of both networks, and its family."""
 
     figures: Floats
     vertex: float
@@ -96,7 +96,7 @@ def _angle(mesh: Mesh, cascade: Cascade, normals: Vectors, known: NDArray[np.int
 def trained_gate(
     vertex: Cascade, surface: Cascade, config: GateConfig, *, progress: Progress = silent
 ) -> GatedCascades:
-    """Learn which of two networks serves a mesh better, and join them.
+    """Train a gate that chooses the better of two networks for a mesh, and combine them with it.
 
     Parameters
     ----------
@@ -105,8 +105,8 @@ def trained_gate(
 
     Returns
     -------
-    The model. Its card has the mean angles of both networks, of the gate's choice in cross-validation and of the
-    better network, for each family.
+    The model. Its card has, for each family, the mean angles of both networks, of the gate's choice in
+    cross-validation, and of the better network.
     """
     rows: list[Compared] = []
     with side_by_side(thread_count()) as each:
@@ -133,7 +133,7 @@ def trained_gate(
 
 
 def _mean_angles(families: NDArray[Any], angles: Floats, chosen: NDArray[np.bool_]) -> Mapping[str, dict[str, float]]:
-    """Mean angles of each family and of all meshes."""
+    """Return the mean angles of each family and of all meshes."""
     columns = {
         "vertex": angles[:, 0],
         "surface": angles[:, 1],
@@ -148,7 +148,7 @@ def _mean_angles(families: NDArray[Any], angles: Floats, chosen: NDArray[np.bool
 
 
 def fitted_gate(config: GateConfig, figures: Floats, measured: NDArray[np.bool_], weights: Floats) -> Gate:
-    """Fit the trees and take them out of scikit-learn."""
+    """Fit the trees and convert them from scikit-learn."""
     forest = ExtraTreesClassifier(
         config.trees, min_samples_leaf=config.least, max_features=0.2, random_state=config.seed
     )

@@ -1,4 +1,4 @@
-"""Which of the processes of a training this one is; without torch."""
+"""The rank of this process in a training, determined without torch."""
 
 import os
 
@@ -6,12 +6,12 @@ from cascadenorm.learned.config import ConfigError
 
 
 def is_single_process() -> bool:
-    """Whether this process is the only one; a scheduler may have numbered it all the same.
+    """Whether this process is the only one, even if a scheduler has set its rank.
 
     Raises
     ------
     ConfigError
-        There are several, but it was not torchrun that started them.
+        There are several processes that were not started by torchrun.
     """
     if os.environ.get("WORLD_SIZE", "1") == "1":
         return True
@@ -21,10 +21,10 @@ def is_single_process() -> bool:
 
 
 def is_main() -> bool:
-    """Whether this process reports and writes: it is the only one, or the first of those of torchrun."""
+    """Whether this process reports and writes: it is the only one or has rank 0."""
     return is_single_process() or os.environ["RANK"] == "0"
 
 
 def is_local_main() -> bool:
-    """Whether this process is the first one on its machine, which sees to the files there."""
+    """Whether this process has local rank 0 and therefore manages the files on its machine."""
     return is_single_process() or os.environ["LOCAL_RANK"] == "0"

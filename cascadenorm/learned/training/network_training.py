@@ -1,4 +1,4 @@
-"""The training of the network of one cluster."""
+"""Train the network of one cluster."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -17,18 +17,18 @@ from cascadenorm.learned.training.networks import Network, TorchFeatures
 from cascadenorm.mesh import limit_threads
 
 GPU_MEMORY_FRACTION = 0.8
-"""Of the free memory of a GPU that faces to learn from may take."""
+"""Largest share of the free GPU memory that training faces may occupy."""
 
 
 class TrainingFaces(NamedTuple):
-    """Faces to learn from: filtered normals (m, k, 3), context (m, c), true normals (m, 3), all of 4 bytes."""
+    """Training faces: filtered normals (m, k, 3), context (m, c), true normals (m, 3), in single precision."""
 
     stack: Tensor
     context: Tensor
     truth: Tensor
 
     def placed(self) -> "TrainingFaces":
-        """Return them where the matrix products are done, if there is room for them."""
+        """Return the faces on the device of the matrix products if they fit into its memory."""
         device, size = distributed.device(), sum(tensor.nbytes for tensor in self)
         if device.type == "cuda" and size > GPU_MEMORY_FRACTION * torch.cuda.mem_get_info(device)[0]:
             return self
@@ -36,9 +36,9 @@ class TrainingFaces(NamedTuple):
 
 
 def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor, Tensor], Tensor]:
-    """Return what makes features of filtered normals and context: `FeatureScaler.features`, or the same in torch.
+    """Return a function that maps filtered normals and context to features, on the given device.
 
-    On the processor torch takes four times as long as the kernel behind the former.
+    On the CPU this is `FeatureScaler.features`, otherwise its torch version.
     """
     if device.type != "cpu":
         return TorchFeatures(scaler, device)
@@ -51,7 +51,7 @@ def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor
 
 
 def chordal_distance(predicted: Tensor, truth: Tensor) -> Tensor:
-    """Return the distances between unit normals: robust, where their squares follow the few that fail."""
+    """Return the distances between unit normals. Squared distances would be dominated by outliers."""
     return torch.sqrt(((predicted - truth) ** 2).sum(dim=1) + 1e-8)
 
 
@@ -61,7 +61,7 @@ def angle_sum(chord: Tensor) -> float:
 
 
 def _batches(own: int, batch: int) -> tuple[list[int], list[int]]:
-    """Return how many of its faces this process gives to each batch of a pass, and how many all processes give."""
+    """Return the numbers of faces that this process, and that all processes, contribute to each batch of an epoch."""
     counts = distributed.all_gather(np.array([own]))
     whole = int(counts.sum())
     stops = np.minimum(np.arange(0, whole + batch, batch), whole)
@@ -79,31 +79,31 @@ def train_network(
     seed: int,
     log: Callable[[int, float, float, float], None] = lambda *_: None,
 ) -> dict[str, Array]:
-    """Train a network on 85 % of some faces, stop by the other 15 %, return the best weights.
+    """Train a network on 85 % of some faces with early stopping on the other 15 %, and return the best weights.
 
-    Several processes average their gradients, and each gives to a batch in proportion to its faces.
+    Several processes average their gradients. Each contributes to a batch in proportion to its number of faces.
 
     Parameters
     ----------
     faces
-        Of all clusters, those of this process.
+        Faces of all clusters on this process.
     rows
-        Those of one cluster; at least one process has some.
+        Rows of the faces of one cluster. At least one process has some.
     scaler
-        Of their features.
+        Scaler of their features.
     fit
-        Settings.
+        Training settings.
     activation
         Activation of the hidden layers.
     seed
-        Of the split, the first weights and the order of the batches.
+        Seed of the split, the initial weights and the order of the batches.
     log
-        Called after each pass with its number from 1, the training loss, the validation loss, and the mean angle of the
-        validation in degrees.
+        Called after each epoch with its number from 1, the training loss, the validation loss, and the mean validation
+        angle in degrees.
 
     Returns
     -------
-    weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation (), their loss on the 15 %
+    weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation (), the loss on the 15 %.
     """
     generator = torch.Generator().manual_seed(seed)
     device, stored = distributed.device(), faces.stack.device
@@ -144,7 +144,7 @@ def train_network(
 
 
 def _split(rows: NDArray[np.intp], generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """Draw the faces to learn from, and those to stop by; of a single face, it is both."""
+    """Draw the training and the validation faces. A single face serves as both."""
     order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
     cut = max(1, int(0.85 * len(order)))
     return order[:cut], order[cut:] if cut < len(order) else order
@@ -162,7 +162,7 @@ def _descend(
     schedule: torch.optim.lr_scheduler.LRScheduler,
     clip: float,
 ) -> None:
-    """Take a step; of all processes the mean of the loss is that of the batch."""
+    """Take a gradient step. The mean of the loss over all processes is that of the batch."""
     optimiser.zero_grad()
     loss.backward()  # type: ignore[no-untyped-call]
     torch.nn.utils.clip_grad_norm_(network.parameters(), clip)
@@ -175,7 +175,7 @@ def _copied(network: Network) -> dict[str, Tensor]:
 
 
 def _means(sums: list[float], counts: list[int]) -> list[float]:
-    """Divide sums by counts, both over all processes."""
+    """Divide sums by counts, both summed over all processes."""
     total, of = distributed.all_reduce(np.array([sums, counts], np.float64))
     return list((total / of).tolist())
 
@@ -184,7 +184,7 @@ def _arrays(state: Mapping[str, Tensor]) -> dict[str, Array]:
     """Return the weights of a network by their names in a `Regression`."""
     arrays = {}
     for name, tensor in state.items():
-        _, number, kind = name.split(".")  # "layers.0.weight", which multiplies from the left in torch
+        _, number, kind = name.split(".")  # "layers.0.weight"; torch multiplies weights from the left
         stored = tensor.T.contiguous() if kind == "weight" else tensor
         arrays[f"{kind}{int(number) + 1}"] = stored.cpu().numpy()
     return arrays

@@ -11,7 +11,7 @@ from cascadenorm.learned.stage import Activation
 
 
 class TorchFeatures:
-    """As `FeatureScaler.features`, in torch."""
+    """Compute `FeatureScaler.features` in torch."""
 
     def __init__(self, scaler: FeatureScaler, device: torch.device) -> None:
         self._mean, self._scale, self._context_mean, self._context_scale = (
@@ -20,19 +20,19 @@ class TorchFeatures:
         )
 
     def own(self, stack: Tensor) -> Tensor:
-        """Return the normalised features of faces alone, without their context, (m, d)."""
+        """Return the normalised features of the faces without their context, (m, d)."""
         first, second = torch.triu_indices(stack.shape[1], stack.shape[1], 1, device=stack.device)
         axes = stack.transpose(1, 2).contiguous()
         x, y, z = (axes.index_select(2, first) - axes.index_select(2, second)).square_().unbind(dim=1)
         return ((0.5 * (x + y + z) + FLOOR).log_() - self._mean).mul_(self._scale)
 
     def __call__(self, stack: Tensor, context: Tensor) -> Tensor:
-        """Return the normalised features of faces and of their context, (m, d + c)."""
+        """Return the normalised features of the faces and of their context, (m, d + c)."""
         return torch.cat([self.own(stack), (context - self._context_mean) * self._context_scale], dim=1)
 
 
 class Network(torch.nn.Module):
-    """Hidden layers, from the features of a face to one coefficient a filtered normal."""
+    """Hidden layers that map the features of a face to one coefficient per filtered normal."""
 
     def __init__(self, widths: Sequence[int], activation: Activation, generator: torch.Generator) -> None:
         super().__init__()
@@ -43,7 +43,7 @@ class Network(torch.nn.Module):
             bound = layer.in_features**-0.5
             torch.nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
             torch.nn.init.zeros_(layer.bias)
-        torch.nn.init.constant_(layers[-1].bias, 1 / widths[-1])  # begins as the mean of the normals
+        torch.nn.init.constant_(layers[-1].bias, 1 / widths[-1])  # training starts near the mean of the normals
         self.layers = torch.nn.ModuleList(layers)
 
     def forward(self, features: Tensor, stack: Tensor) -> Tensor:

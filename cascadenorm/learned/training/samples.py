@@ -1,4 +1,4 @@
-"""The meshes of a training as they stand before the coming stage, and what is asked of each of them."""
+"""Training meshes before the next stage, and their training targets."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from cascadenorm.mesh import Mesh, Vectors
 
 @dataclass
 class Sample:
-    """A training mesh as it came and as it stands before the coming stage, with the faces drawn and their truth.
+    """A training mesh, noisy and after the finished stages, with the drawn faces and their true normals.
 
-    Only positions are kept: what is derived from them takes ten times the memory, and is soon made again.
+    Only positions are kept. Derived arrays need ten times the memory and are recomputed when needed.
     """
 
     faces: NDArray[np.int32]
@@ -26,32 +26,32 @@ class Sample:
     truth: Array
     rows: NDArray[np.intp]
     vertices: Vectors | None = None
-    """Behind the stages so far, if there was one."""
+    """Vertices after the finished stages. None before the first stage."""
 
     @classmethod
     def drawn(
         cls, noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, count: int, seed: Sequence[int]
     ) -> "Sample":
-        """Draw at most so many faces of those whose true normal is known, which is not zero."""
+        """Draw at most `count` of the faces whose true normal is known, that is, not zero."""
         whole = np.flatnonzero(normals.any(axis=1))
         rows = np.sort(np.random.default_rng(seed).choice(whole, min(count, len(whole)), replace=False))
         return cls(faces, noisy, normals[rows].astype(np.float32), rows)
 
     def meshes(self) -> tuple[Mesh, Mesh]:
-        """Return the mesh before the coming stage, and as it came; the same one before the first."""
+        """Return the mesh before the next stage and the noisy mesh. They are the same before the first stage."""
         noisy = Mesh(self.noisy, self.faces)
         return (noisy if self.vertices is None else noisy.moved(self.vertices)), noisy
 
     def stack(self, settings: Stage) -> Stack:
-        """Return the filtered normals of the faces drawn."""
+        """Return the filtered normals of the drawn faces."""
         return stage_stack(settings, *self.meshes())[self.rows]
 
     def described(self, settings: Stage, scaler: FeatureScaler) -> tuple[Stack, Array]:
-        """Return the filtered normals of the faces drawn, and their context, (rows, c)."""
+        """Return the filtered normals of the drawn faces and their context features, (rows, c)."""
         mesh, noisy = self.meshes()
         stack = stage_stack(settings, mesh, noisy)
         return stack[self.rows], scaler.context(stack, mesh).of(self.rows)
 
     def apply_stage(self, stage: Regression) -> Vectors:
-        """Return where a stage moves the vertices."""
+        """Return the vertices after a stage."""
         return apply_stage(stage, *self.meshes()).vertices

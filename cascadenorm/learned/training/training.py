@@ -1,4 +1,8 @@
-"""Training of a cascade: data → descriptors → k-means → one network a cluster → next stage (Wang, Liu, Tong 2016)."""
+"""Train a cascade of stages (Wang, Liu, Tong 2016).
+
+For each stage, the meshes are filtered, the features of the faces are clustered by k-means, and one network is trained
+per cluster.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -31,9 +35,9 @@ from cascadenorm.mesh import Vectors, in_blocks, thread_count
 
 KMEANS_FACES = 50_000
 SCALER_MESHES = 500
-"""Of whose faces mean, deviation and principal directions are taken."""
-LEAST_DEVIATION = 0.1  # of a feature: the logarithms are spread over 2 and more, openness over a third
-FEATURES_AT_A_TIME = 32  # whose deviations are computed at a time, in double precision
+"""Number of meshes whose faces determine mean, deviation and principal directions."""
+LEAST_DEVIATION = 0.1  # least deviation of a feature; logarithms have a spread of 2 and more, openness of a third
+FEATURES_AT_A_TIME = 32  # number of features whose deviations are computed together, in double precision
 
 
 def train_cascade(
@@ -45,30 +49,30 @@ def train_cascade(
     progress: Progress = silent,
     record: Recorder = unrecorded,
 ) -> Cascade:
-    """Train a cascade; an interrupted training that is started again goes on, and ends with the same bytes.
+    """Train a cascade. An interrupted training resumes and gives byte-identical results.
 
-    Several processes, started by torchrun, share the meshes and end with the same cascade; the first one is_main and
-    writes.
+    Several processes started by torchrun share the meshes and return the same cascade. Rank 0 writes.
 
     Parameters
     ----------
     config
-        What to train.
+        Training configuration.
     checkpoint
-        Folder for what is finished; it is made, and may hold an interrupted training of the same config.
+        Folder for finished parts. It is created if needed, and may hold an interrupted training with the same config.
     own
-        Pairs to learn from beside those that are generated.
+        Additional training pairs beside the generated ones.
     generated
-        Folder for the generated pairs, which trainings of the same config.data may share; none: in `checkpoint`.
+        Folder for the generated pairs. Trainings with the same `config.data` can share it. Default: a folder in
+        `checkpoint`.
     progress
-        Called as parts finish.
+        Called when parts finish.
     record
-        Called after each pass of a network, of several clusters from several threads.
+        Called after each epoch of a network. Several clusters call it from several threads.
 
     Raises
     ------
     ConfigError
-        The folder holds a training of another config, or of other pairs; fewer meshes than processes.
+        The folder holds a training with another config or other pairs, or there are fewer meshes than processes.
     """
     with distributed.process_group(), _one_thread_each():
         progress, record = (progress, record) if is_main() else (silent, unrecorded)
@@ -82,7 +86,7 @@ def _trained(
         raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {meshes}: take fewer")
     if is_local_main():
         checkpoints.claim(checkpoint, config, own)
-    distributed.barrier()  # by then each machine has a folder
+    distributed.barrier()  # the folder exists on each machine from here on
     samples = _samples(config, own, generated, progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
@@ -111,7 +115,7 @@ def _train_stage(
     progress: Progress,
     record: Recorder,
 ) -> dict[str, Array]:
-    """Train a stage on the samples as they stand, or read it if it is finished; its arrays and its losses."""
+    """Train a stage on the samples, or read it if it is finished. Returns its arrays, including the losses."""
     finished = checkpoint / f"stage{number}.safetensors"
     if done := distributed.broadcast(partial(checkpoints.read_arrays, finished)):
         return done
@@ -150,7 +154,7 @@ def _train_stage(
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
         network = train_network(faces, mine, scaler, config.fit, settings.activation, seed=int(seed), log=log)
         checkpoints.write_shared_arrays(part, network)
-        if len(notes) < epochs:  # no longer better
+        if len(notes) < epochs:  # stopped early
             progress(task, epochs, epochs, notes[-1])
         return network
 
@@ -163,7 +167,7 @@ def _train_stage(
 
 
 def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[list[float]]) -> dict[str, Any]:
-    """Say what a cascade is, what it was made of, and how well it fits; the same for the same config and pairs."""
+    """Return the model card: origin, training data and losses. It depends only on the config and the pairs."""
     others = f"and {len(own)} meshes that were handed in" if own else "no mesh of anybody else"
     return {
         "model": "cascaded normal regression (Wang, Liu, Tong 2016)",
@@ -180,9 +184,9 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
 def _described(
     samples: list[Sample], each: Map, context: int, settings: Stage, task: str, progress: Progress
 ) -> tuple[FeatureScaler, TrainingFaces]:
-    """Fit the feature scaler, and collect what the drawn faces of all samples show and should be.
+    """Fit the feature scaler, and collect the filtered normals, context and targets of the drawn faces.
 
-    The context can be averaged only where its principal directions are known: those of a few samples serve.
+    The context features depend on the principal directions, which are computed from a part of the samples first.
     """
     few = samples[:: -(-len(samples) * distributed.world_size() // SCALER_MESHES)]
     steps = len(few) + len(samples)
@@ -219,7 +223,10 @@ def _described(
 
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
-    """Mean and reciprocal deviation of each column; what hardly varied here must not matter much elsewhere."""
+    """Return mean and reciprocal deviation of each column. The deviation has a lower bound.
+
+    The bound keeps features that hardly vary in the training data from dominating on other meshes.
+    """
     count = distributed.all_reduce(np.array(float(len(x))))
     mean = distributed.all_reduce(x.sum(axis=0, dtype=np.float64)) / count
     squares = np.zeros(len(mean))
@@ -231,7 +238,7 @@ def _mean_and_scale(x: Array) -> tuple[Array, Array]:
 
 
 def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: Progress) -> list[Sample]:
-    """Make what this process keeps of the generated pairs and of one's own; those that are in the folder are made."""
+    """Return this process's shard of the generated and the given pairs. Missing generated pairs are made and stored."""
     folder.mkdir(parents=True, exist_ok=True)
     count = config.data.count
     mine = range(count + len(own))[distributed.shard()]
@@ -260,7 +267,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Keep torch and BLAS to one thread a call, so that sums do not depend on the machine's cores."""
+    """Limit torch and BLAS to one thread per call, so that sums do not depend on the number of cores."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -1,4 +1,4 @@
-"""What a training records after each pass of a network: in a file of lines, and for TensorBoard."""
+"""Training logs in CSV or JSON Lines and for TensorBoard."""
 
 import csv
 import io
@@ -13,16 +13,16 @@ from cascadenorm.errors import MissingDependencyError, ParameterError, ReadError
 
 
 class Pass(NamedTuple):
-    """A pass over the faces of a cluster.
+    """One epoch of training on the faces of a cluster.
 
     Parameters
     ----------
     stage, cluster, epoch
-        From 1.
+        Numbers, counted from 1.
     loss, validation
-        Mean chord between predicted and true normals, of the faces learned from and of the others.
+        Mean chord between predicted and true normals on the training and the validation faces.
     validation_deg
-        Mean angle of the latter, in degrees.
+        Mean angle on the validation faces, in degrees.
     """
 
     stage: int
@@ -36,7 +36,7 @@ class Pass(NamedTuple):
 Recorder = Callable[[Pass], object]
 
 LOG_EXTENSIONS = (".csv", ".jsonl")
-"""Extensions of files of lines."""
+"""Extensions of log files."""
 
 
 def unrecorded(done: Pass) -> None:
@@ -45,23 +45,23 @@ def unrecorded(done: Pass) -> None:
 
 @contextmanager
 def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> Iterator[Recorder]:
-    """Record passes in a file, which has each as soon as it is done, and for TensorBoard.
+    """Record epochs in a log file, as soon as each one finishes, and for TensorBoard.
 
     Parameters
     ----------
     log
-        File with an extension of LOG_EXTENSIONS; None writes none.
+        File with an extension in LOG_EXTENSIONS. None writes no file.
     tensorboard
-        Folder of events; None writes none.
+        Folder for TensorBoard events. None writes none.
     resumed
-        Go on with the file of an interrupted training; else it is begun anew.
+        Whether to append to the file of an interrupted training instead of starting a new one.
 
     Raises
     ------
     ParameterError
-        Another extension.
+        The extension of the log file is unknown.
     MissingDependencyError
-        Tensorboard is not installed.
+        TensorBoard is not installed.
     """
     recorders: list[Recorder] = []
     lock = Lock()
@@ -83,19 +83,19 @@ def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> I
 
 
 def checked_log(log: Path) -> Path:
-    """Return the path of a file of lines; raises ParameterError for another extension."""
+    """Return the path of a log file. Raises ParameterError for an unknown extension."""
     if log.suffix not in LOG_EXTENSIONS:
         raise ParameterError(f"is {log}; it must end in {' or '.join(LOG_EXTENSIONS)}", parameter="log")
     return log
 
 
 def read_passes(log: Path) -> list[Pass]:
-    """Return what was recorded, ordered; of a pass that was done again after an interruption the last.
+    """Read a log file, in order. If an epoch was repeated after an interruption, the last record counts.
 
     Raises
     ------
     ReadError
-        No file of lines, or one of something else.
+        The file is not a training log or cannot be read.
     """
     try:
         text = checked_log(log).read_text(encoding="utf-8")
@@ -107,7 +107,7 @@ def read_passes(log: Path) -> list[Pass]:
 
 
 def _lines(file: TextIO, suffix: str) -> Recorder:
-    """Write each pass as a line, as comma-separated values or JSON."""
+    """Write each epoch as a line of comma-separated values or JSON."""
     writer = csv.writer(file, lineterminator="\n")
     if suffix == ".csv" and file.tell() == 0:
         writer.writerow(Pass._fields)
@@ -124,7 +124,7 @@ def _lines(file: TextIO, suffix: str) -> Recorder:
 
 @contextmanager
 def _events(folder: Path) -> Iterator[Recorder]:
-    """Write curves for TensorBoard, one of each figure for each cluster."""
+    """Write curves for TensorBoard, one per figure and cluster."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
