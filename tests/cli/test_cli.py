@@ -133,7 +133,8 @@ def test_json_says_which_controls_were_in_force(place, capsys):
         "--max-displacement": "0.5 edges",
         "--on-bad": "isolate",
     }
-    expected = {option[2:].replace("-", "_"): value for option, value in words.items()} | {"only": ["material=a"]}
+    expected = {option[2:].replace("-", "_"): value for option, value in words.items()}
+    expected |= {"only": ["material=a"], "slide": None}
     given = [word for pair in words.items() for word in pair]
     assert run(["denoise", "two.obj", *FAST, *given, "--keep-volume", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["controls"] == {**expected, "volume": "keep"}
