@@ -10,7 +10,7 @@ from cascadenorm.mesh.vectors import add, dot, length, row, squared_distance
 
 SAMPLES = 50_000  # edges used, evenly spaced in order
 FEWEST_EDGES = 30  # edges required for an estimate
-START = 0.2  # quantile of the differences that certainly contains no creases
+START = 0.2  # fraction of the differences, the smallest ones, that is assumed to contain no creases
 CLIP = 1.5  # standard deviations beyond which a difference may belong to a crease
 _NORMAL = NormalDist()
 KEPT_VARIANCE = 1 - 2 * CLIP * _NORMAL.pdf(CLIP) / (2 * _NORMAL.cdf(CLIP) - 1)  # of a Gaussian truncated at CLIP

@@ -144,7 +144,7 @@ def _in_the_middle_of_edges(offsets: Vectors, lattice: VoxelLattice) -> bool:
         return False
     places, counts = np.unique(near.astype(np.int64) % 2, axis=0, return_counts=True)
     places = places[counts > IN_CELLS * len(near)]
-    if len(places) != 3:  # an edge along each axis
+    if len(places) != 3:  # one for the edges along each axis
         return False
     return bool((np.abs(places[:, None] - places[None]).sum(axis=2)[np.triu_indices(3, 1)] == 2).all())
 

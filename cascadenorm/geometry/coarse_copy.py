@@ -169,7 +169,7 @@ def _torn(mesh: Mesh, labels: Ints32, triangles: Ints32, twice: Bools) -> Bools:
     """Return (k,) whether the copy is torn or folded at each cluster; False for clusters of one vertex."""
     count = int(labels.max()) + 1
     torn = np.ones(count, bool)
-    torn[triangles] = False  # a cluster without a face
+    torn[triangles] = False  # clusters without a face remain marked
     torn[triangles[twice]] = True
     sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     ends, faces = np.unique(sides, axis=0, return_counts=True)

@@ -1,4 +1,4 @@
-"""Curvature of a triangle mesh at its vertices."""
+"""Mean curvature at vertices."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,10 @@ def mean_curvature(mesh: Mesh) -> NDArray[np.float64]:
 def mixed_areas(mesh: Mesh) -> NDArray[np.float64]:
     """Return the (n,) mixed area of each vertex: its Voronoi cell, with fixed shares of obtuse triangles."""
     corners = mesh.corners
-    sides = np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1)  # opposite each corner
+    sides = np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1)  # side opposite each corner
     squares = np.square(sides).sum(axis=2)
     others = squares.sum(axis=1, keepdims=True) - squares
-    cosines = others - squares  # times twice the sides that meet at the corner
+    cosines = others - squares  # multiplied by twice the two side lengths at the corner
     areas = mesh.areas[:, None]
     cotangents = np.divide(cosines, 4 * areas, out=np.zeros_like(cosines), where=areas > 0)
     weighted = squares * cotangents

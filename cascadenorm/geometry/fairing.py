@@ -101,7 +101,7 @@ def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: 
 
 
 def _refuse_what_nothing_holds(mesh: Mesh, free: VertexMask) -> None:
-    held = np.zeros(len(free), bool)  # by component
+    held = np.zeros(len(free), bool)  # for each component
     held[mesh.topology.components[~free]] = True
     loose = free & ~held[mesh.topology.components]
     if loose.any():

@@ -40,7 +40,7 @@ class Laplacian:
         (n, 3) vertices, which solvers use to order the unknowns.
     """
 
-    stiffness: Any  # scipy.sparse.csr_array, which has no types
+    stiffness: Any  # scipy.sparse.csr_array, which has no type stubs
     mass: NDArray[np.float64]
     positions: Vectors
 

@@ -1,4 +1,4 @@
-"""Small connected components of a mesh, such as the floaters of a reconstruction."""
+"""Detection of small connected components, such as floaters of a reconstruction."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Connected components of a graph of numbered nodes."""
+"""Connected components of a graph."""
 
 from typing import Any
 

@@ -24,7 +24,7 @@ POOR = 20.0
 
 Shuffled meshes have 30 to 48, meshes of scanners and marching cubes 1 to 17, renumbered meshes 1."""
 OUTLIER_VERTICES = 0.001  # share of the vertices at either end that is ignored for the size of the cells
-BITS = 21  # of each coordinate in a Morton code
+BITS = 21  # bits per coordinate in a Morton code
 SPREADS = tuple(
     (np.uint64(shift), np.uint64(mask))
     for shift, mask in (

@@ -127,9 +127,9 @@ class Topology:
         joined = of_edge[1:] == of_edge[:-1]
         pairs = np.flatnonzero(joined if across is None else joined & across[of_edge[1:]])
         corners = np.arange(self.faces.size).reshape(-1, 3)
-        ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)  # of each side
+        ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)  # corners of each side
         falling = self.faces.ravel()[ends[:, 0]] > self.faces.ravel()[ends[:, 1]]
-        ends[falling] = ends[falling, ::-1]  # the corner of the smaller vertex first
+        ends[falling] = ends[falling, ::-1]  # the corner at the lower vertex comes first
         links = np.stack([ends[order[pairs]].ravel(), ends[order[pairs + 1]].ravel()], axis=1)
         return connected_components(links, self.faces.size)
 

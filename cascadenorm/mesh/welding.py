@@ -134,7 +134,7 @@ def _find_equal(rows: Ints, factors: Ints, places: Ints32, same: Ints, repeated:
     """
     any_repeated = False
     for i in range(len(rows)):
-        # hash: the 22, 21 and 21 bits of each number times a factor, within 64 bits, modulo a prime, then folded
+        # hash: multiply 22, 21 and 21 bits of each number by a factor, without overflow, reduce modulo a prime and mix
         slot = np.int64(0)
         for column in range(rows.shape[1]):
             number = rows[i, column]

@@ -31,7 +31,7 @@ def works_in_patches(method: Method, parameters: Mapping[str, Any]) -> bool:
 
 
 def check_works_in_patches(method: Method, parameters: Mapping[str, Any]) -> None:
-    """Raise ParameterError for a method that needs the whole mesh at once."""
+    """Raise ParameterError if a method needs the whole mesh at once."""
     if works_in_patches(method, parameters):
         return
     able = [name for name, known in registered().items() if works_in_patches(known, {})]

@@ -8,7 +8,7 @@ from cascadenorm.mesh import Floats, Mesh, Vectors
 from cascadenorm.regions.shells import Shells
 
 NEWTON_STEPS = 10  # converges in about three
-TOLERANCE = 1e-12  # of the largest volume
+TOLERANCE = 1e-12  # relative to the largest volume
 
 
 def with_region_volumes(shells: Shells, mesh: Mesh, vertices: Vectors, *, weights: Floats) -> Vectors:

@@ -106,7 +106,7 @@ def shells(mesh: Mesh) -> Shells | None:
     wall = np.unique(oriented_patches(mesh).patch, return_inverse=True)[1]
     region, meets = _regions_at(mesh, junctions, wall, distinct)
 
-    # Components with such an edge
+    # Components to divide: those with such an edge
     component = mesh.topology.components
     divided = np.zeros(component.max() + 1, bool)
     divided[component[mesh.topology.edges[junctions[meets], 0]]] = True
@@ -153,7 +153,7 @@ def _side_by_side(
     flipped = np.arange(len(faces)) >= len(first)
     shell = np.concatenate([np.where(inside, behind, count)[first], ahead[second]])
 
-    # A copy of a vertex for each shell that it belongs to
+    # One copy of a vertex for each of its shells
     keys = mesh.faces[faces].astype(np.int64) * (count + 1) + shell[:, None]
     copies, corners = np.unique(keys, return_inverse=True)
     corners = corners.reshape(-1, 3)
@@ -198,7 +198,7 @@ def _regions(walls: int, votes: dict[Pattern, float]) -> tuple[Ints, set[Pattern
     (2 walls,) region of each side, and the patterns that were applied.
     """
     region = np.arange(2 * walls)
-    sides = [[side] for side in range(2 * walls)]  # of each region
+    sides = [[side] for side in range(2 * walls)]  # sides of each region
     followed = set()
     for pattern in sorted(votes, key=lambda p: (-votes[p], p)):
         wedges = [tuple(region[[one, other]].tolist()) for one, other in _wedges(pattern)]

@@ -1,4 +1,4 @@
-"""Triangulation of closed loops without new vertices (Liepa 2003; Barequet & Sharir 1995)."""
+"""Triangulation of closed loops in space (Liepa 2003; Barequet & Sharir 1995)."""
 
 import heapq
 

@@ -75,7 +75,7 @@ def spread_samples(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]
     Vertices without a face are not sampled, and their distance is inf.
     """
     samples, distances = np.empty(count, np.int64), np.full(len(mesh.vertices), np.inf)
-    nearest = np.full(len(mesh.vertices), -1)  # sample of each vertex
+    nearest = np.full(len(mesh.vertices), -1)  # nearest sample of each vertex
     found = _spread(_unfolded(mesh), mesh.topology.used_vertices, first, samples, nearest, distances)
     return samples[:found], distances
 
@@ -151,7 +151,7 @@ def _across(unfolded: UnfoldedFaces, side: int, distances: Floats) -> float:
         return np.inf
     y = np.sqrt(squared)
     apex_x, apex_y = unfolded.apexes[side]
-    entry = x * apex_y + apex_x * y  # times y + apex_y, from the first end
+    entry = x * apex_y + apex_x * y  # position along the side, multiplied by y + apex_y
     if 0.0 <= entry <= length * (y + apex_y):
         return float(np.hypot(apex_x - x, apex_y + y))
     return np.inf
