@@ -95,6 +95,8 @@ def each_patch(
     ----------
     mesh
         Mesh with n vertices and m faces.
+    patching
+        Settings for work in patches.
     work
         Picklable function, called with a `MeshPatch` and its rows of `vertices` and `faces`, which it must not change.
         If it raises `TooNarrow`, it is repeated with a halo of twice the width.
@@ -174,6 +176,8 @@ def moved_in_patches(
     ----------
     mesh
         Mesh with n vertices.
+    patching
+        Settings for work in patches.
     work
         As in `each_patch`, called with the patch and its rows of `vertices`; returns their new positions, (k, 3).
         Positions in the halo may be wrong.
