@@ -34,12 +34,12 @@ def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vector
 
 
 def all_in_rows(flags: Bools) -> Bools:
-    """Return (k,) whether all flags of each row are set; faster than `all(axis=1)` on few columns."""
+    """Return (k,) whether all flags of each row are set."""
     return np.asarray(np.logical_and.reduce(flags.T.copy()))
 
 
 def any_in_rows(flags: Bools) -> Bools:
-    """Return (k,) whether any flag of each row is set; faster than `any(axis=1)` on few columns."""
+    """Return (k,) whether any flag of each row is set."""
     return np.asarray(np.logical_or.reduce(flags.T.copy()))
 
 
