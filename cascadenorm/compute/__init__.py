@@ -1,1 +1,1 @@
-"""Loops over arrays, compiled and on all threads; nothing here knows of meshes."""
+"""Compiled, multithreaded loops over arrays, independent of meshes."""

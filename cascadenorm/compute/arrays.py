@@ -1,4 +1,4 @@
-"""Types of arrays, and what is done to their rows."""
+"""Array types and operations on rows."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Ints32 = NDArray[np.int32]
 Index = int | np.integer[Any]
-"""One of an index array, or a count, in kernels, which are compiled for each type of it."""
+"""An index or a count in kernels, which are compiled separately for each of its types."""
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
 Vectors = NDArray[np.float64]
@@ -22,7 +22,7 @@ Vectors = NDArray[np.float64]
 
 
 def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vectors:
-    """Scale each row to length 1; rows of length zero become `otherwise`, or stay zero."""
+    """Scale each row to length 1; zero rows are replaced by `otherwise`, or stay zero."""
     scaled = np.zeros(vectors.shape)
     rows = (-1, vectors.shape[-1])
     zeros = parallel_for(
@@ -34,37 +34,40 @@ def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vector
 
 
 def all_in_rows(flags: Bools) -> Bools:
-    """Tell of each row whether all of its flags are set, (k,); in a tenth of the time of `all(axis=1)` on three."""
+    """Return (k,) whether all flags of each row are set."""
     return np.asarray(np.logical_and.reduce(flags.T.copy()))
 
 
 def any_in_rows(flags: Bools) -> Bools:
-    """Tell of each row whether one of its flags is set, (k,); as fast as `all_in_rows`."""
+    """Return (k,) whether any flag of each row is set."""
     return np.asarray(np.logical_or.reduce(flags.T.copy()))
 
 
 def box_of(points: NDArray[Any]) -> tuple[Floats, Floats]:
-    """Return the corners, (3,), of the bounding box of points; in a seventh of the time of `min(axis=0)`."""
+    """Return the lower and upper corners, (3,), of the bounding box of points."""
     columns = points.T
     return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
 
 
 def row_lengths(vectors: Vectors) -> Floats:
-    """Return (k,) the length of each row."""
+    """Return the (k,) lengths of the rows."""
     out = np.empty(len(vectors))
     parallel_for(len(out), _length_range, vectors, out)
     return out
 
 
 def row_distances(points: Vectors, pairs: Ints32) -> Floats:
-    """Return (k,) the distance of the two points of each pair, (k, 2)."""
+    """Return the (k,) distances between the points of each pair, (k, 2)."""
     out = np.empty(len(pairs))
     parallel_for(len(out), _distance_range, points, pairs, out)
     return out
 
 
 def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
-    """Angles in radians between unit rows that belong together, less those where one is zero; accurate at any angle."""
+    """Return the angles in radians between corresponding unit rows, accurate at any angle.
+
+    Pairs with a zero row are left out.
+    """
     proper = any_in_rows(ours != 0) & any_in_rows(theirs != 0)
     if not proper.all():
         ours, theirs = ours[proper], theirs[proper]
@@ -72,18 +75,20 @@ def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
 
 
 def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: int) -> Floats:
-    """Add rows to the places that their indices name: out[index[i]] += values[i].
+    """Sum rows by index: out[index[i]] += values[i].
 
     Parameters
     ----------
     index
-        (k,), each in 0 … length - 1.
+        (k,) integers in 0 … length - 1.
     values
         (k, …) numbers.
+    length
+        Number of rows of the result.
 
     Returns
     -------
-    (length, …) float64; zero where no index points
+    (length, …) float64; zero for rows without an index.
     """
     columns = math.prod(values.shape[1:])
     values = np.ascontiguousarray(values, np.result_type(values, np.float32))
@@ -97,7 +102,7 @@ def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: i
 
 @kernel
 def _unit_range(start: int, stop: int, vectors: Floats, out: Floats) -> int:
-    """Scale rows to length 1 but those without one, which are counted."""
+    """Scale nonzero rows to length 1, and return the number of other rows."""
     zeros = 0
     for i in range(start, stop):
         total = vectors[i, 0] * vectors[i, 0]
@@ -135,7 +140,7 @@ def _scatter_add(index: Ints, values: Floats, out: Floats) -> None:
 
 @kernel
 def doubled(values: Ints32) -> Ints32:
-    """Return values with room for as many more behind them; in a loop, since a slice takes two seconds to compile."""
+    """Return a copy of twice the length for further values; a loop compiles faster than a slice assignment."""
     larger = np.empty(2 * len(values), np.int32)
     for i in range(len(values)):
         larger[i] = values[i]
@@ -143,6 +148,6 @@ def doubled(values: Ints32) -> Ints32:
 
 
 def first_places(bad: Bools) -> str:
-    """Name the first few true places: '17, 18, 40, …'."""
+    """Format the indices of the first few true entries: '17, 18, 40, …'."""
     places = np.flatnonzero(bad)
     return ", ".join(map(str, places[:3])) + (", …" if len(places) > 3 else "")

@@ -1,6 +1,7 @@
-"""How long numba compiles kernels, and who is told when it begins.
+"""Measurement and notification of kernel compilation.
 
-A first run compiles for many seconds what later runs load from disk. Nobody should take that for the time of a method.
+The first run compiles kernels for many seconds; later runs load them from disk. Compilation must not be counted as the
+run time of a method.
 """
 
 import time
@@ -11,14 +12,14 @@ NOTICE = "compiling kernels (first run only)"
 
 
 class _Clock:
-    """The time in the outermost compilations of this process; numba compiles on one thread at a time."""
+    """Time spent in the outermost compilations of this process; numba compiles on one thread at a time."""
 
     def __init__(self) -> None:
         self.seconds, self.depth, self.start = 0.0, 0, 0.0
         self.tell: Callable[[str], object] | None = None
 
     def begin(self) -> None:
-        """Note when a compilation begins; one of a kernel that it calls lies within it."""
+        """Record the start of a compilation, which may be nested in another one."""
         if self.depth == 0:
             self.start = time.perf_counter()
         self.depth += 1
@@ -27,7 +28,7 @@ class _Clock:
             tell(NOTICE)
 
     def end(self) -> None:
-        """Add what the outermost compilation took."""
+        """Add the duration of the outermost compilation."""
         self.depth -= 1
         if self.depth == 0:
             self.seconds += time.perf_counter() - self.start
@@ -37,7 +38,7 @@ _clock = _Clock()
 
 
 def watch_compiler() -> None:
-    """Count the compilations of numba from now on."""
+    """Measure numba's compilations from now on."""
     from numba.core import event
 
     class Listener(event.Listener):
@@ -51,17 +52,17 @@ def watch_compiler() -> None:
 
 
 def tell_of_compiling(tell: Callable[[str], object] | None) -> None:
-    """Pass NOTICE to a function, once, when this process compiles its first kernel; None tells nobody."""
+    """Pass NOTICE to a function once, when the next compilation begins; None disables the notice."""
     _clock.tell = tell
 
 
 class Stopwatch:
-    """Seconds since it was made, without those in which kernels were compiled."""
+    """Seconds since creation, excluding kernel compilation."""
 
     def __init__(self) -> None:
         self._start, self._compiled = time.perf_counter(), _clock.seconds
 
     def seconds(self) -> float:
-        """Return the seconds so far."""
+        """Return the elapsed seconds."""
         compiled = _clock.seconds - self._compiled
         return max(0.0, time.perf_counter() - self._start - compiled)

@@ -1,4 +1,4 @@
-"""Compressed sparse rows: lists of unequal length, one after the other in one array."""
+"""Compressed sparse rows: lists of unequal length in one array."""
 
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ class Csr(NamedTuple):
 
     @classmethod
     def of(cls, matrix: Any) -> "Csr":
-        """Return the pattern of a scipy matrix, whose data are the values in this order."""
+        """Return the pattern of a scipy CSR matrix; its data are the values in the same order."""
         return cls(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
 
     def row(self, i: int) -> NDArray[np.int32]:
@@ -28,12 +28,12 @@ class Csr(NamedTuple):
 
     @property
     def rows(self) -> NDArray[np.int32]:
-        """Row number of each entry, so that (rows, indices) are the pairs."""
+        """Row number of each entry, as in COO format with `indices` as the columns."""
         return np.repeat(np.arange(len(self.indptr) - 1, dtype=np.int32), self.counts)
 
 
 def joined_rows(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int32]]]) -> Csr:
-    """Put rows together that were made range by range: the counts of each, and their entries row after row."""
+    """Concatenate rows that were computed in ranges, given the row lengths and entries of each range."""
     indptr = np.zeros(count + 1, np.int64)
     if parts:
         np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
@@ -41,7 +41,7 @@ def joined_rows(count: int, parts: list[tuple[NDArray[np.int64], NDArray[np.int3
 
 
 def grouped(colors: NDArray[np.int32]) -> Csr:
-    """Return rows of equal colour, from 0 on; those of colour -1 are left out."""
+    """Return the indices of each colour, one row per colour from 0; colour -1 is left out."""
     order = np.argsort(colors, kind="stable").astype(np.int32)
     counts = np.bincount(colors + 1)
     return Csr(np.cumsum(counts) - counts[0], order[counts[0] :])

@@ -1,7 +1,7 @@
-"""Exponentials and logarithms for kernels, whose loops over them become vector instructions.
+"""Exponentials and logarithms for kernels, suitable for vectorisation.
 
-Polynomials, fitted at Chebyshev nodes of a small interval, times the bits of powers of 2. The results are the same on
-every processor, which those of numpy are not.
+They use polynomials fitted at Chebyshev nodes of a small interval, and the exponent bits of the numbers. Unlike
+numpy's functions, they give identical results on every processor.
 """
 
 import numpy as np
@@ -10,11 +10,11 @@ from cascadenorm.compute.kernels import kernel
 
 LOG2_E = float(np.log2(np.e))
 ROUNDING = 1.5 * 2.0**52
-"""Added to a number, it leaves the nearest integer in the last bits."""
+"""Adding it to a number puts the nearest integer into the last bits of the sum."""
 LOG_2_HIGH, LOG_2_LOW = 0.6931471803691238, 1.9082149292705877e-10
-"""ln 2 in two parts, of which the first one times an exponent is exact."""
+"""ln 2 in two parts; the product of the first part and an exponent is exact."""
 SMALLEST = -708.0
-"""Exponents below it give 0."""
+"""Smaller arguments of `exp` give 0."""
 E0, E1, E2, E3, E4, E5 = 1.0, 1.0, 0.5000000000000019, 0.1666666666666668, 0.04166666666648795, 0.008333333333319589
 E6, E7, E8 = 0.0013888888952352863, 0.00019841269890076403, 2.4801485441561313e-05
 E9, E10, E11 = 2.755724088722987e-06, 2.763265472252779e-07, 2.5110049204818658e-08
@@ -22,7 +22,7 @@ E9, E10, E11 = 2.755724088722987e-06, 2.763265472252779e-07, 2.5110049204818658e
 LOG2_E_SINGLE, LOG_2_SINGLE = np.float32(np.log2(np.e)), np.float32(np.log(2))
 LARGEST_POWER = np.float32(126)
 SIGNIFICAND, BIAS = np.int32(23), np.int32(127)
-"""Bits of the significand, and what is added to an exponent, in single precision."""
+"""Number of significand bits and exponent bias in single precision."""
 ROOT_HALF = np.int32(0x3F3504F3)
 """Bits of √½."""
 P0, P1, P2, P3, P4, P5 = map(np.float32, (1.0000001, 0.6931472, 0.24022107, 0.05550327, 0.009676037, 0.0013400433))
@@ -32,7 +32,7 @@ L6, L7, L8, L9 = map(np.float32, (-0.16592856, 0.14676397, -0.14118426, 0.092722
 
 @kernel
 def exp(x: float) -> float:
-    """Return e^x to 3e-16 of it, as 2^n e^r with |r| ≤ ½ ln 2; 0 where x is below SMALLEST, and x is at most 700."""
+    """Return e^x for x ≤ 700 with relative error 3e-16, as 2^n e^r with |r| ≤ ½ ln 2; 0 if x is below SMALLEST."""
     shifted = x * LOG2_E + ROUNDING
     n = shifted - ROUNDING
     r = x - n * LOG_2_HIGH - n * LOG_2_LOW
@@ -44,9 +44,9 @@ def exp(x: float) -> float:
 
 @kernel
 def expf(x: np.float32) -> np.float32:
-    """Return e^x in single precision, as 2^n 2^f with |f| ≤ ½, between 2^-126 and 2^126.
+    """Return e^x in single precision, as 2^n 2^f with |f| ≤ ½, clamped to 2^-126 … 2^126.
 
-    It is right to 1e-6 of it for |x| ≤ 8, and to 5e-6 everywhere.
+    The relative error is at most 1e-6 for |x| ≤ 8, and 5e-6 everywhere.
     """
     exponent = min(max(x * LOG2_E_SINGLE, -LARGEST_POWER), LARGEST_POWER)
     n = np.rint(exponent)
@@ -58,9 +58,9 @@ def expf(x: np.float32) -> np.float32:
 
 @kernel
 def logf(x: np.float32) -> np.float32:
-    """Return ln x of a positive number in single precision, as n ln 2 + ln(1 + r) with √½ ≤ 1 + r < √2.
+    """Return ln x in single precision for x > 0, as n ln 2 + ln(1 + r) with √½ ≤ 1 + r < √2.
 
-    It is right to 2e-6 for x from 1e-4 to 1e4.
+    The error is at most 2e-6 for x from 1e-4 to 1e4.
     """
     bits = np.float32(x).view(np.int32)
     n = np.int32(bits - ROOT_HALF) >> SIGNIFICAND

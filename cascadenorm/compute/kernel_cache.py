@@ -1,4 +1,7 @@
-"""Compiled kernels on disk, through classes of numba that may change with any release; `kernels` then does without."""
+"""Cache of compiled kernels on disk.
+
+It uses internal classes of numba, which may change in any release; `kernels` then works without the cache.
+"""
 
 import os
 import pickle
@@ -17,7 +20,7 @@ from cascadenorm.compute.shipped_kernels import kernel_digest, shipped_file
 
 
 def _readable(place: type[Any]) -> type[Any]:
-    """Return a place of numba's that need only exist, where numba asks that it can be written."""
+    """Return a numba cache locator for a folder that exists but need not be writable."""
 
     class Readable(place):  # type: ignore[misc]
         def ensure_cache_path(self) -> None:
@@ -28,7 +31,7 @@ def _readable(place: type[Any]) -> type[Any]:
 
 
 class KernelPlaces(CompileResultCacheImpl):  # type: ignore[misc]
-    """Where kernels are kept: the first place that can be written; if none can, as in a container, one to read from."""
+    """Folder for kernels: the first writable one, or a readable one if none is writable, as in a container."""
 
     _locator_classes = (
         *CompileResultCacheImpl._locator_classes,
@@ -37,9 +40,9 @@ class KernelPlaces(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The compiled forms of a function on disk: those that came with the package, then those compiled here.
+    """Compiled overloads of a function on disk: those shipped with the package, then those compiled locally.
 
-    A disk that is full or fails keeps none, and so does another numba.
+    Errors are ignored: if the disk is full or fails, or numba is incompatible, nothing is cached.
     """
 
     _impl_class = KernelPlaces
@@ -50,9 +53,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         self._cache_file = KernelFiles(self._cache_path, self._impl.filename_base, digest)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """Return the compiled form for a signature, or None.
+        """Return the compiled overload for a signature, or None.
 
-        It needs the memory management of numba, but not what numba compiles from, which takes 0.25 s to load.
+        It needs numba's runtime (NRT), but not the definitions that numba compiles from, which are slow to load.
         """
         with suppress(Exception):
             rtsys.initialize(context)
@@ -60,17 +63,17 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             return self._load_overload(signature, context) if shipped is None else shipped
 
     def save_overload(self, *arguments: Any) -> None:
-        """Keep the compiled form for a signature."""
+        """Store the compiled overload for a signature."""
         with suppress(Exception):
             super().save_overload(*arguments)
 
     def _shipped(self, signature: Any, context: Any) -> Any:
         path = shipped_file(self._py_func, signature, context.codegen().magic_tuple())
-        with suppress(Exception):  # of a file that is absent, or that a disk has damaged
+        with suppress(Exception):  # the file is missing or damaged
             return path and self._impl.rebuild(context, pickle.loads(path.read_bytes()))
 
     def ship(self) -> None:
-        """Copy the forms that were compiled here to those that come with the package."""
+        """Copy the locally compiled overloads to the folder of shipped kernels."""
         for (signature, target, _), name in self._cache_file._load_index().items():
             path = shipped_file(self._py_func, signature, target)
             assert path is not None, f"kernels are not shipped for {target}"
@@ -79,24 +82,24 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
-    """Files that several processes may write at once, valid for one source of a kernel and of those that it calls.
+    """Cache files that are safe for concurrent processes and valid for one version of the kernel sources.
 
-    numba numbers the compiled forms of a function. Two processes that compile it at once for different types may take
-    the same number, and the next process runs for one type what was compiled for the other. Here a file has a name of
-    its own for each key, and is there before the index names it; at worst the index forgets one.
+    numba numbers the overloads of a function. Two processes that compile different overloads at the same time may use
+    the same number, so that the next process would run the wrong one. Here each key has its own file name, and the
+    file is written before the index refers to it; at worst the index loses an entry.
 
-    numba takes a kernel for unchanged as long as the file that holds it is, whatever becomes of the kernels that it
-    calls. Here a digest of all their sources decides. It is asked for when a kernel is first called, since modules are
-    not yet complete when the kernel is defined.
+    numba considers a kernel unchanged as long as its own source file is unchanged, even if the kernels that it calls
+    have changed. Here a digest of all their sources decides. It is computed when a kernel is first called, because
+    modules are still incomplete when the kernel is defined.
 
     Parameters
     ----------
     cache_path
         Folder of the files.
     filename_base
-        What their names begin with.
+        Prefix of their names.
     digest
-        Returns what tells one source from another.
+        Function that returns a digest of the sources.
     """
 
     def __init__(self, cache_path: str, filename_base: str, digest: Callable[[], object]) -> None:
@@ -104,7 +107,7 @@ class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
         self._digest_of_sources = digest
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep compiled data under a key."""
+        """Store compiled data under a key."""
         self._source_stamp = self._digest_of_sources()
         digest = sha256(repr((self._source_stamp, key)).encode()).hexdigest()[:16]
         name = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
@@ -112,7 +115,7 @@ class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
         self._save_index({**self._load_index(), key: name})
 
     def _load_index(self) -> dict[Any, str]:
-        """Read the index; one that another version has left, and this one cannot read, counts as empty."""
+        """Read the index; an unreadable index, such as one from another version, counts as empty."""
         self._source_stamp = self._digest_of_sources()
         try:
             return dict(super()._load_index())

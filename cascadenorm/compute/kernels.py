@@ -1,4 +1,4 @@
-"""Loops compiled by numba, kept on disk for the next process."""
+"""Loops compiled by numba and cached on disk."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,18 +10,18 @@ from cascadenorm.compute.compile_time import watch_compiler
 
 KernelLoop = TypeVar("KernelLoop", bound=Callable[..., Any])
 
-with suppress(Exception):  # of a numba whose events are others than those known here: then compiling goes uncounted
+with suppress(Exception):  # a numba with incompatible events: compilation is not measured
     watch_compiler()
 
 
 def kernel(function: KernelLoop) -> KernelLoop:
-    """Compile a loop: it releases the interpreter, divides by zero as numpy does, and is kept on disk for next time.
+    """Compile a function with numba: it releases the GIL, divides by zero as numpy does, and is cached on disk.
 
-    Where neither the package's folder nor the user's can be written, it is compiled in each process; so it is with a
-    numba whose cache is another than the one known here. numba's own is no substitute: processes may mix up its files.
+    If no cache folder is writable, or numba's cache classes are incompatible, the function is compiled in each process.
+    numba's own cache is not used instead, because concurrent processes may mix up its files.
     """
     compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
-    if compiled is not function:  # which it is where compilation is switched off
+    if compiled is not function:  # they are identical when compilation is disabled
         with suppress(Exception):
             from cascadenorm.compute.kernel_cache import KernelCache
 

@@ -1,7 +1,7 @@
-"""Kernels that were compiled before they came here: wheels of one platform and one Python carry them in a folder.
+"""Precompiled kernels, shipped in wheels for one platform and Python version.
 
-A file is named after all that its machine code depends on, so a kernel of another source, numba, Python or processor
-finds none, and is compiled. release/platform_wheel.py makes such wheels.
+Each file name encodes everything that the machine code depends on: source, numba, Python and processor. If no matching
+file exists, the kernel is compiled. release/platform_wheel.py builds such wheels.
 """
 
 import inspect
@@ -23,24 +23,26 @@ PROCESSORS: dict[str, tuple[str, frozenset[str]]] = {
     "aarch64": ("generic", frozenset()),
     "arm64": ("generic", frozenset()),
 }
-"""What kernels are shipped for, by the machine: LLVM's name, and what a processor must have to run them."""
+"""Supported machines: LLVM's name of the target processor, and the features needed to run its code."""
 
 
 def shipped_file(function: Callable[..., Any], signature: object, target: tuple[str, str, str]) -> Path | None:
-    """Return where the machine code of a kernel is, or would be; None if none is shipped for the processor.
+    """Return the file of a shipped kernel, whether it exists or not; None if its processor is not supported.
 
     Parameters
     ----------
+    function
+        Python function of the kernel.
     signature
-        Types of the arguments, in numba's text.
+        Types of the arguments in numba's notation.
     target
-        Triple, processor and features of what numba compiles for.
+        Triple, processor and features that numba compiles for.
     """
     triple, processor, features = target
     shipped = shipped_processor(triple, processor, features)
-    if shipped is None or function.__closure__:  # whose variables the source does not tell
+    if shipped is None or function.__closure__:  # the source does not determine closure variables
         return None
-    system = re.sub(r"[\d.]+$", "", triple)  # that of macOS ends in the version of its kernel
+    system = re.sub(r"[\d.]+$", "", triple)  # on macOS it ends with the kernel version
     python = sys.implementation.cache_tag, getattr(sys, "abiflags", "")
     versions = numba.__version__, llvmlite.__version__, np.__version__.partition(".")[0]
     name = f"{function.__module__}.{function.__qualname__}"
@@ -49,7 +51,7 @@ def shipped_file(function: Callable[..., Any], signature: object, target: tuple[
 
 
 def shipped_processor(triple: str, processor: str, features: str) -> str | None:
-    """Name the processor that kernels are shipped for and whose code runs on the given one; None if there is none."""
+    """Return the supported processor whose code runs on the given one, or None."""
     name, needed = PROCESSORS.get(triple.partition("-")[0], ("", frozenset()))
     runs = name and (processor == name or needed <= {word[1:] for word in features.split(",") if word.startswith("+")})
     return name if runs else None
@@ -57,15 +59,15 @@ def shipped_processor(triple: str, processor: str, features: str) -> str | None:
 
 @cache
 def kernel_digest(module: str) -> str:
-    """Return a digest of what the kernels of a module are compiled from: its source, and that of kernels they call.
+    """Return a digest of the sources and constants that the kernels of a module and those they call depend on.
 
-    The module must have been imported to its end; the digest is then that of the process.
+    The module must be completely imported. The digest is cached for the lifetime of the process.
     """
     modules = [module]
     constants = []
     for name in modules:
         for key, value in sorted(vars(sys.modules[name]).items()):
-            if key.isupper() and type(value) in (int, float, bool):  # also those of modules without kernels
+            if key.isupper() and type(value) in (int, float, bool):  # including constants of modules without kernels
                 constants.append((name, key, value))
             called = getattr(getattr(value, "py_func", None), "__module__", name)
             if called not in modules:

@@ -1,5 +1,4 @@
-"""The threads of this process that work for others: started when first needed, and kept, since starting them takes as
-long as many a kernel."""
+"""A persistent thread pool for kernels, started on first use."""
 
 import os
 from collections import deque
@@ -12,7 +11,7 @@ Result = TypeVar("Result")
 
 
 class _Pool:
-    """A thread for each CPU at most, whatever callers ask for; a process that was forked inherits none of them."""
+    """At most one thread per CPU, regardless of what callers request; a forked process starts a new pool."""
 
     def __init__(self) -> None:
         self.renew()
@@ -27,25 +26,25 @@ _pool = _Pool()
 
 
 def on_threads(threads: int, count: int, task: Callable[[int], Result]) -> list[Result]:
-    """Call task(0) … task(count - 1) on the calling thread and on up to threads - 1 others.
+    """Call task(0) … task(count - 1) on the calling thread and up to threads - 1 others.
 
-    Each thread claims the next number as soon as it is done with one. The caller works like the others, so a call ends
-    even where they are all busy, or where it comes from one of them. After an error no further number is claimed.
+    Each thread takes the next number when it has finished the last one. The calling thread works too, so nested calls
+    and calls while all threads are busy still finish. After an error, no further number is taken.
 
     Returns
     -------
-    what the calls returned, in order
+    Results of the calls, in order.
 
     Raises
     ------
-    what a call raised, the one with the smallest number where several did
+    The error of the failing call with the lowest number.
     """
     if min(threads, count) <= 1:
         return [task(number) for number in range(count)]
     waiting, results, errors = deque(range(count)), dict[int, Result](), dict[int, BaseException]()
 
     def work() -> None:
-        with suppress(IndexError):  # of popleft, at the end
+        with suppress(IndexError):  # popleft: no numbers are left
             while not errors:
                 number = waiting.popleft()
                 try:
@@ -56,7 +55,7 @@ def on_threads(threads: int, count: int, task: Callable[[int], Result]) -> list[
     others = [_pool.executor.submit(work) for _ in range(min(threads, count) - 1)]
     try:
         work()
-    finally:  # at Ctrl-C as well, nothing of the call goes on
+    finally:  # leave no task running, even after Ctrl-C
         waiting.clear()
         wait([other for other in others if not other.cancel()])
     if errors:

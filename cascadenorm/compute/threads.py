@@ -1,7 +1,7 @@
-"""Kernels over index ranges, on several threads.
+"""Multithreaded execution of kernels over index ranges.
 
-A kernel is `kernel(start, stop, *arrays)` and writes only what belongs to start … stop, in an order that does not
-depend on the range; so the bytes of the result do not depend on the number of threads.
+A kernel is called as `kernel(start, stop, *arrays)` and writes only the results of start … stop. Its order of
+operations for each index does not depend on the range, so results are byte-identical for any number of threads.
 """
 
 import math
@@ -19,16 +19,16 @@ from threadpoolctl import ThreadpoolController
 
 from cascadenorm.compute.thread_pool import on_threads
 
-BLOCK = 1024  # rows, of which some hundred numbers each fit into the second cache
-CHUNKS_PER_THREAD = 4  # evens out ranges of unequal cost
+BLOCK = 1024  # rows; with about a hundred numbers each they fit into the L2 cache
+CHUNKS_PER_THREAD = 4  # balances ranges of unequal cost
 SMALLEST_CHUNK = 512
-SUMS = 32  # blocks that are added up on their own, where each has many more terms than there are sums
+SUMS = 32  # blocks with partial sums, used if each block has many more terms than sums
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
 
 
 def thread_count() -> int:
-    """Threads that `parallel_for` uses: the innermost `limit_threads`, else the CPUs this process may use."""
+    """Return the number of threads for `parallel_for`: the innermost `limit_threads`, or the available CPUs."""
     limit = _limit.get()
     if limit is not None:
         return limit
@@ -37,7 +37,7 @@ def thread_count() -> int:
 
 @contextmanager
 def limit_threads(threads: int | None) -> Iterator[None]:
-    """Use at most `threads` threads inside the block; None leaves the choice as it is."""
+    """Limit the number of threads inside the block; None keeps the current limit."""
     if threads is not None and threads < 1:
         raise ValueError(f"threads is {threads}; it must be at least 1, or None for all")
     token = _limit.set(_limit.get() if threads is None else threads)
@@ -48,10 +48,10 @@ def limit_threads(threads: int | None) -> Iterator[None]:
 
 
 class _BlasLimit:
-    """One thread for BLAS while any thread of this process is inside.
+    """Limit of BLAS to one thread while any thread of this process is inside.
 
-    Some libraries count threads for the whole process, and only the thread that has limited them can lift the limit
-    again; so it is one of our own, which waits until the last one leaves.
+    Some libraries have a process-wide limit that only the thread that set it can lift. A dedicated thread therefore
+    sets the limit and waits until the last user leaves.
     """
 
     def __init__(self) -> None:
@@ -85,10 +85,13 @@ _blas_limit = _BlasLimit()
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Let BLAS use one thread inside the block, since it adds in an order by threads; callers may overlap."""
+    """Limit BLAS to one thread inside the block, since its order of summation depends on the threads.
+
+    Blocks in different threads may overlap.
+    """
     _blas_limit.enter()
     try:
-        with _pools().limit(limits=1, user_api="blas"):  # of libraries that count for each thread
+        with _pools().limit(limits=1, user_api="blas"):  # for libraries with a limit per thread
             yield
     finally:
         _blas_limit.leave()
@@ -100,14 +103,16 @@ def _pools() -> ThreadpoolController:
 
 
 def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest: int = SMALLEST_CHUNK) -> list[Any]:
-    """Call run(start, stop, *arguments) on ranges that cover 0 … count, each of at least `smallest` but the last.
+    """Call run(start, stop, *arguments) in parallel on ranges that cover 0 … count.
+
+    Each range except the last has at least `smallest` indices.
 
     Returns
     -------
-    what the calls returned, in the order of the ranges
+    Results of the calls, in the order of the ranges.
     """
     threads = thread_count()
-    if count and (threads == 1 or count <= smallest):  # without the rest, which takes as long as many a kernel
+    if count and (threads == 1 or count <= smallest):  # avoids the overhead of scheduling
         return [run(0, count, *arguments)]
     chunk = max(smallest, -(-count // (threads * CHUNKS_PER_THREAD)))
     starts = range(0, count, chunk)
@@ -115,19 +120,21 @@ def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest:
 
 
 def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[Any]:
-    """Call run(start, stop) on blocks of 0 … count that do not depend on the threads, each on a thread of its own.
+    """Call run(start, stop) in parallel on blocks of 0 … count that do not depend on the number of threads.
 
-    For what is no kernel, such as products of matrices, whose last bits may depend on their shape. All blocks have
-    about the same size, of at most BLOCK, since BLAS rounds otherwise where a matrix is small.
+    Use this for operations such as matrix products, whose rounding may depend on the shape. All blocks have about the
+    same size, at most BLOCK, since BLAS rounds small matrices differently. Each block runs with one thread.
 
     Parameters
     ----------
     count
-        At least 1.
+        Number of rows, at least 1.
+    run
+        Returns stop - start rows.
 
     Returns
     -------
-    the rows that the calls returned, stop - start each, in one array
+    (count, …) rows of all blocks.
     """
     first, out = Lock(), list[NDArray[Any]]()
     blocks = -(-count // BLOCK)
@@ -148,9 +155,10 @@ def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[An
 def sums_in_blocks(
     count: int, shape: tuple[int, ...], add: Callable[[int, int, NDArray[np.float64]], Any]
 ) -> NDArray[np.float64]:
-    """Call add(start, stop, sums) on blocks of 0 … count, and add up their sums, which are of one shape and begin at 0.
+    """Call add(start, stop, sums) in parallel on blocks of 0 … count, and return the total of their sums.
 
-    The blocks do not depend on the threads. There is one where terms are few, or not many more than the sums.
+    Each block adds to its own array of the given shape, initially zero. The blocks do not depend on the number of
+    threads. A single block is used if the terms are few, or not many more than the sums.
     """
     blocks = SUMS if count >= SUMS * max(SMALLEST_CHUNK, 4 * math.prod(shape)) else 1
     sums = np.zeros((blocks, *shape))

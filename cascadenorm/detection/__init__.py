@@ -1,1 +1,1 @@
-"""What kind of surface and what kind of error a mesh has."""
+"""Detection of the kind of surface and the kind of error."""

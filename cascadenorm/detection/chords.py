@@ -1,8 +1,8 @@
-"""Edges against the normals at their ends: a chord of a smooth surface makes the same angle with both, noise does not.
+"""Noise estimation from the residuals of edges against vertex normals.
 
-For an edge from x_i to x_j and unit vertex normals, the residual <x_j - x_i, n_i + n_j>/2 is error: it vanishes on
-spheres and cylinders, however they are triangulated, and is of third order in the length of the edge on any smooth
-surface.
+A chord of a smooth surface makes the same angle with the normals at both ends; noise breaks this symmetry. For an edge
+from x_i to x_j with unit vertex normals, the residual is <x_j - x_i, n_i + n_j>/2. It vanishes on spheres and cylinders
+for any triangulation, and is of third order in the edge length on any smooth surface.
 """
 
 import numpy as np
@@ -11,17 +11,17 @@ from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, 
 from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import Vector, add, cross, dot, length, row, subtract
 
-CHORD_RINGS = 3  # edges around a vertex that the residuals of its edges depend on
-NOISE_PASSES = 8  # averages over neighbours that a noise estimate is taken from: about four rings
+CHORD_RINGS = 3  # rings around a vertex that the residuals of its edges depend on
+NOISE_PASSES = 8  # averaging passes of the noise estimate: a window of about four rings
 SAME_SIDE = 0.5
-"""Cosine, 60°, of the angle to the mean normal of an edge up to which faces at its ends are on its side of a crease."""
+"""Cosine of 60°: faces within this angle of the mean normal of an edge are on the same side of a crease."""
 
 
 def chord_residuals(mesh: Mesh) -> Floats:
-    """Measure each edge that has two faces against the normals at its ends, those of this side at a crease.
+    """Return the residual of each interior edge against the vertex normals at its ends.
 
-    A normal is the mean of faces by their area over the squared lengths of the two sides that meet in the vertex, which
-    is exact on spheres (Max 1999).
+    At a crease, only the faces on the same side contribute to these normals. Faces are weighted by their area divided
+    by the squared lengths of the two sides at the vertex, which is exact on spheres (Max 1999).
 
     Returns
     -------
@@ -41,11 +41,18 @@ def chord_residuals(mesh: Mesh) -> Floats:
 
 
 def chord_noise(mesh: Mesh, residuals: Floats) -> Floats:
-    """Estimate the noise around each vertex: the RMS of the residuals of the chords within about four rings.
+    """Estimate the noise at each vertex as the RMS of the residuals within about four rings.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with n vertices.
+    residuals
+        (i,) results of `chord_residuals`.
 
     Returns
     -------
-    (n,) in mesh units; infinite where no edge with two faces is near
+    (n,) in mesh units; inf if there is no interior edge nearby.
     """
     topology, n = mesh.topology, len(mesh.vertices)
     sums = np.zeros((n, 2))
@@ -55,9 +62,9 @@ def chord_noise(mesh: Mesh, residuals: Floats) -> Floats:
 
 
 def rises(mesh: Mesh, pairs: Ints32) -> Floats:
-    """Return (k,) how far the centroids of the two faces of each pair rise over each other's planes, together.
+    """Return the (k,) sum of the heights of the two centroids of each pair of faces above each other's planes.
 
-    It is negative where they meet in a convex edge.
+    It is negative at convex edges.
     """
     out = np.empty(len(pairs))
     parallel_for(len(out), _rise_range, mesh.centroids, mesh.face_normals, pairs, out)
@@ -66,7 +73,7 @@ def rises(mesh: Mesh, pairs: Ints32) -> Floats:
 
 @kernel
 def _rise(centroids: Vectors, normals: Vectors, f: Index, g: Index) -> float:
-    """See `rises`."""
+    """Compute one element of `rises`."""
     across, turn = subtract(row(centroids, g), row(centroids, f)), subtract(row(normals, f), row(normals, g))
     rise: float = dot(across, turn)
     return rise
@@ -80,7 +87,7 @@ def _rise_range(start: int, stop: int, centroids: Vectors, normals: Vectors, pai
 
 @kernel
 def _add_squares(residuals: Floats, edges: Ints32, interior: Ints32, sums: Floats) -> None:
-    """Add to both ends of each edge with two faces the square of its residual, and 1."""
+    """Add the squared residual, and 1, of each interior edge to both of its ends."""
     for e in range(len(interior)):
         for end in range(2):
             v = edges[interior[e], end]
@@ -126,9 +133,9 @@ def _chord_range(
         ends = edges[interior[i]]
         step = subtract(row(vertices, ends[1]), row(vertices, ends[0]))
 
-        # the normal at either end, of all faces around it but those beyond a crease
+        # normal at each end, without faces across a crease
         for end in range(2):
-            v = np.int64(ends[end])  # as in `_vertex_range`: a kernel is compiled for each type
+            v = np.int64(ends[end])  # same type as in `_vertex_range`: kernels are compiled for each type
             first, last, beyond = around.indptr[v], around.indptr[v + 1], 0
             for k in range(first, last):
                 beyond += dot(row(normals, around.indices[k]), mean) < least
@@ -145,7 +152,7 @@ def _chord_range(
 def _normal(
     vertices: Vectors, faces: Ints32, normals: Vectors, mine: Ints32, v: Index, direction: Vector, least: float
 ) -> Vector:
-    """Sum of the weighted normals of the faces around a vertex, of those that go along a direction by so much."""
+    """Sum the weighted normals of the faces around a vertex whose dot product with `direction` is at least `least`."""
     x = y = z = 0.0
     for f in mine:
         n = row(normals, f)

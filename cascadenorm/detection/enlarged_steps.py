@@ -1,4 +1,4 @@
-"""Steps of volumes that were enlarged by nearest neighbour, which repeat every few voxels."""
+"""Detection of steps from volumes enlarged by nearest-neighbour interpolation."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,24 +7,24 @@ from cascadenorm.detection.voxel_lattice import SAME_VECTOR, VoxelLattice, latti
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, part_of
 
 FEWEST_VERTICES = 200
-"""Vertices of a component of which fewer do not tell how it was made."""
+"""Components with fewer vertices are not examined."""
 FEWEST_LAYERS = 4
-"""Layers of voxels across each axis in which the surface has to have steps; a box lies in two."""
+"""Least number of voxel layers with steps along each axis; a box has two."""
 COVERED_VERTICES = 0.95
-"""Share of the vertices on edges of the lattice along each axis that lie in these layers."""
+"""Least fraction of the vertices on lattice edges along each axis that lie in these layers."""
 ON_EDGES = 0.85
-"""Share of the vertices that lie on edges of the lattice away from its nodes; a few grey values are near the level."""
+"""Least fraction of the vertices on lattice edges away from the nodes; few grey values are near the level."""
 CLOSE = 0.02
-"""Voxels, within which a vertex lies on a plane of nodes."""
+"""Distance in voxels within which a vertex lies on a plane of nodes."""
 ERROR_WIDTH = 2.0
-"""Width of the error, in steps: a tread and the rise beside it."""
+"""Width of the error in steps: a tread and the adjacent riser."""
 
 
 def enlarged_steps(mesh: Mesh) -> Floats:
-    """Find the width of the steps on each connected component that comes from an enlarged volume.
+    """Return the width of the steps on each connected component extracted from an enlarged volume.
 
-    Where each voxel of a mask, or of a grey volume, was repeated k times along each axis, its value changes at every
-    k-th plane between voxels alone. So on the finer lattice all vertices lie in every k-th layer of cells.
+    If each voxel of a mask or grey volume was repeated k times along each axis, values change only at every k-th plane
+    between voxels. All vertices then lie in every k-th layer of cells of the enlarged lattice.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def enlarged_steps(mesh: Mesh) -> Floats:
 
     Returns
     -------
-    (c,) widths in the unit of the mesh; 0 for components without such steps.
+    (c,) widths in mesh units; 0 for components without such steps.
     """
     components = mesh.topology.components
     sizes = np.bincount(components)
@@ -49,7 +49,7 @@ def enlarged_steps(mesh: Mesh) -> Floats:
 
 
 def enlargement(mesh: Mesh) -> int:
-    """Return how often each voxel was repeated along each axis; 0 for once."""
+    """Return the number of repetitions of each voxel along each axis; 0 if the volume was not enlarged."""
     lattice = lattice_of_mask(mesh)
     lattice = _lattice_along_axes(mesh) if lattice is None else lattice
     if lattice is None:
@@ -63,9 +63,9 @@ def enlargement(mesh: Mesh) -> int:
 
 
 def _lattice_along_axes(mesh: Mesh) -> VoxelLattice | None:
-    """Return the lattice whose spacing along each axis is the step that most edges make; None where one makes none.
+    """Return the axis-aligned lattice with the most frequent edge extent along each axis as its spacing, or None.
 
-    Edges on the treads of an enlarged volume join parallel edges of the lattice, one spacing apart.
+    Edges on the treads of an enlarged volume join parallel lattice edges that are one spacing apart.
     """
     edge, ends = mesh.mean_edge_length, mesh.topology.edges
     steps = np.abs(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]])
@@ -80,7 +80,7 @@ def _lattice_along_axes(mesh: Mesh) -> VoxelLattice | None:
 
 
 def _cells(points: Vectors, lattice: VoxelLattice) -> list[Ints]:
-    """Return the layer of cells of each vertex on an edge along each axis of the lattice, for the three axes."""
+    """Return, for each of the three axes, the cell layers of the vertices on lattice edges along this axis."""
     places = (points - points[0]) @ np.linalg.inv(lattice)
     for axis in range(3):
         places[:, axis] -= _nodes(places[:, axis])
@@ -90,7 +90,7 @@ def _cells(points: Vectors, lattice: VoxelLattice) -> list[Ints]:
 
 
 def _nodes(places: NDArray[np.float64]) -> float:
-    """Return where the planes of nodes lie between 0 and 1: where the vertices on edges along the other axes are."""
+    """Return the offset of the planes of nodes in 0 … 1, from the vertices on lattice edges along the other axes."""
     shares = places - np.floor(places)
     near = np.round(shares / CLOSE).astype(np.int64) % round(1 / CLOSE)
     most = np.argmax(np.bincount(near)) * CLOSE
@@ -99,7 +99,7 @@ def _nodes(places: NDArray[np.float64]) -> float:
 
 
 def _period(cells: Ints) -> int:
-    """Return the distance between layers that all cells but a few lie in; 0 if it is 1 or there are few layers."""
+    """Return the period of the layers that contain nearly all cells; 0 if it is 1 or there are too few layers."""
     layers, counts = np.unique(cells, return_counts=True)
     order = np.argsort(-counts, kind="stable")
     enough = int(np.searchsorted(np.cumsum(counts[order]), COVERED_VERTICES * len(cells))) + 1

@@ -1,4 +1,4 @@
-"""What kind of error a mesh has, told from where its vertices lie and from what a method takes away."""
+"""Classification of the error of a mesh."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,42 +14,41 @@ from cascadenorm.mesh.vectors import row, squared_distance
 NameOfKind = Literal["none", "independent", "correlated", "segmentation", "volume", "depth image"]
 """Kinds of error.
 
-`none`: too little to matter. `independent`: the vertices err independently. `correlated`: alike over several edges.
-`segmentation`: steps of a binary mask. `volume`: a level of a grey volume, as of a tomogram or of fused depth images.
-`depth image`: one sheet that is seen from one side.
+`none`: no significant error. `independent`: independent errors of the vertices. `correlated`: errors correlated over
+several edges. `segmentation`: steps of a binary mask. `volume`: an isosurface of a grey volume, such as a tomogram or
+fused depth images. `depth image`: a surface seen from one side.
 """
 
 LEAST_ERROR = 0.01
-"""Mean edge lengths, root mean square: less counts as no error."""
+"""RMS error in mean edge lengths below which the kind is `none`."""
 OPEN = 0.3, 0.5
-"""|Σ A n| / Σ A from which a mesh may be, and is, seen from one side; a hemisphere has 0.5."""
+"""Limits of |Σ A n| / Σ A above which a mesh probably, and certainly, is seen from one side; a hemisphere has 0.5."""
 INDEPENDENT = 1.0
-"""Mean edge lengths: a shorter correlation is that of independent noise."""
+"""Correlation length in mean edge lengths below which noise counts as independent."""
 UNSURE = 0.7, 1.5
-"""Mean edge lengths: between them the correlation does not tell the kinds apart."""
+"""Range of correlation lengths, in mean edge lengths, in which the classification is uncertain."""
 PAIRS = 4000
-"""Vertices, evenly spaced in their order, around which the correlation is measured."""
+"""Number of vertices, evenly spaced in order, around which the correlation is measured."""
 CORRELATION_REACH = 12.0
-"""Mean edge lengths up to which it is."""
+"""Largest distance, in mean edge lengths, at which the correlation is measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorKind:
-    """The kind of error of a mesh, with its figures.
+    """The kind of error of a mesh, with measurements.
 
     Parameters
     ----------
     kind
-        See Kind.
+        See NameOfKind.
     sure
-        Whether the figures leave no other kind.
+        Whether the classification is certain.
     size
         Root mean square of the displacement along the normals, in mean edge lengths of the denoised mesh.
     length
-        Over which the error is alike, in mean edge lengths: where the autocorrelation falls to 1/e; None where there is
-        no error.
+        Correlation length in mean edge lengths, where the autocorrelation falls to 1/e; None if there is no error.
     voxel
-        Edges of a voxel along the axes of its lattice, in the unit of the mesh; None where no lattice was found.
+        Edge lengths of a voxel along the axes of its lattice, in mesh units; None if no lattice was found.
     """
 
     kind: NameOfKind
@@ -59,7 +58,7 @@ class ErrorKind:
     voxel: tuple[float, float, float] | None
 
     def __str__(self) -> str:
-        """Say it in a phrase, such as "independent noise of 0.2 edges"."""
+        """Return a short description, such as "independent noise of 0.2 edges"."""
         unsure = "" if self.sure else "perhaps "
         if self.kind == "none":
             return "no significant error"
@@ -77,20 +76,20 @@ class ErrorKind:
 
 
 def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind:
-    """Tell the kind of error from where the vertices of a mesh lie and from where a method moves them.
+    """Classify the error of a mesh from its vertices and their denoised positions.
 
     Parameters
     ----------
     mesh
-        n vertices.
+        Mesh with n vertices.
     denoised
-        (n, 3), by the method that is trusted most.
+        (n, 3) vertices denoised by the reference method.
     exponent
-        The mesh was scaled by 2**-exponent; voxels are told in its former unit.
+        The mesh was scaled by 2**-exponent; voxel sizes are given in its original unit.
     """
     used, true = mesh.topology.used_vertices, mesh.moved(denoised)
     error = np.einsum("ij,ij->i", mesh.vertices - denoised, true.vertex_normals)[used]
-    edge = true.mean_edge_length  # that of the input grows with noise
+    edge = true.mean_edge_length  # noise increases the edge length of the input
     size = float(np.sqrt(np.mean(error**2)) / edge) if edge > 0 and len(error) else 0.0
     if size < LEAST_ERROR:
         return ErrorKind(kind="none", sure=True, size=size, length=None, voxel=None)
@@ -101,7 +100,7 @@ def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind
         kind, sure = "segmentation", True
     elif (lattice := lattice_of_grey_values(mesh)) is not None:
         kind, sure = "volume", True
-    elif is_segmentation(mesh):  # whose voxels are not known, after surface nets or decimation
+    elif is_segmentation(mesh):  # unknown voxel size, after surface nets or decimation
         kind, sure = "segmentation", has_voxel_faces(mesh)
     elif openness > OPEN[0]:
         kind, sure = "depth image", openness > OPEN[1]
@@ -118,16 +117,18 @@ def _voxel(lattice: VoxelLattice, exponent: int) -> tuple[float, float, float] |
 
 
 def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
-    """Distance at which the autocorrelation of values at points falls to 1/e, linearly between bins of one edge.
+    """Return the distance at which the autocorrelation of values falls to 1/e.
+
+    Bins are one mean edge length wide, with linear interpolation between them.
 
     Parameters
     ----------
     points
-        (n, 3), in mean edge lengths.
+        (n, 3) positions in mean edge lengths.
     values
-        (n,), not all zero.
+        (n,) values at the points, not all zero.
     """
-    # bins of each centre, in the order of the points along the axis of their largest extent
+    # bins of each centre, with points sorted along the axis of their largest extent
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
     chosen = np.zeros(len(points), bool)
@@ -159,9 +160,9 @@ def _bins_range(
     counts: Floats,
     sums: Floats,
 ) -> None:
-    """Count the points behind each centre by their rounded distance, and add up products of their values and its own.
+    """Bin the points after each centre by rounded distance; count them and sum the products of their values.
 
-    The points ascend along the axis, so those that are near lie side by side; a pair counts for the one before.
+    The points are sorted along the axis, so near points are close in order. Each pair counts for its earlier point.
     """
     for i in range(start, stop):
         center = centers[i]

@@ -1,4 +1,4 @@
-"""The gate: from how the triangles of each component lie to the network that treats it."""
+"""The gate that selects a network for each component from its tessellation."""
 
 from dataclasses import dataclass, fields
 from typing import Literal, NamedTuple
@@ -11,34 +11,35 @@ from cascadenorm.detection.triangulation import FIGURES, triangulation_figures
 from cascadenorm.mesh import Bools, Floats, Floats32, Ints32, Mesh, part_of
 
 Treatment = Literal["vertex-noise", "measured-surface"]
-"""What a component is treated as. `vertex-noise`: a shape whose vertices may carry noise. `measured-surface`: what
-volumes, scanners, cameras and point clouds leave."""
+"""Treatment of a component: `vertex-noise` for shapes whose vertices may be noisy, `measured-surface` for surfaces from
+volumes, scanners, cameras and point clouds."""
 
 THRESHOLD = 0.6
-"""Probability of a measured surface from which a component is treated as one."""
+"""Probability above which a component is treated as a measured surface."""
 REPEATED = 0.5
-"""Share of the 16 most frequent shapes of triangles from which a closed component may be the surface of a binary mask.
-Parts with sides along the lattice of the mask look tessellated to the trees."""
+"""Fraction of triangles with the 16 most frequent shapes above which a closed component may be a binary mask.
+
+The forest mistakes components with sides along the lattice of the mask for tessellated shapes."""
 SMALL_SHARE = 0.005
-"""Components with a smaller share of the faces of the mesh are judged together."""
+"""Components with a smaller fraction of the faces of the mesh are classified together."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """A forest of decision trees as plain arrays (Geurts, Ernst, Wehenkel 2006).
+    """A forest of extremely randomised decision trees as plain arrays (Geurts, Ernst, Wehenkel 2006).
 
     Parameters
     ----------
     roots
-        (t,) number of the first node of each tree.
+        (t,) index of the root node of each tree.
     figures
-        (k,) figure that a node compares, -1 at a leaf.
+        (k,) index of the feature that each node compares; -1 at a leaf.
     limits
-        (k,) values up to which a node leads to its lower child.
+        (k,) threshold of each node; values up to it lead to the lower child.
     children
-        (k, 2) numbers of the lower and the upper child.
+        (k, 2) indices of the lower and the upper child.
     shares
-        (k,) share of measured surfaces at a leaf.
+        (k,) fraction of measured surfaces at each leaf.
     """
 
     roots: Ints32
@@ -48,7 +49,7 @@ class Gate:
     shares: Floats32
 
     def probability(self, figures: Floats) -> float:
-        """Return the probability that a surface with such figures is a measured one."""
+        """Return the probability that a surface with the given features is a measured one."""
         nodes, given = self.roots, figures.astype(np.float32)
         while (inner := self.figures[nodes] >= 0).any():
             upper = given[self.figures[nodes]] > self.limits[nodes]
@@ -56,19 +57,19 @@ class Gate:
         return float(self.shares[nodes].mean(dtype=np.float64))
 
     def arrays(self) -> dict[str, NDArray[np.float32] | NDArray[np.int32]]:
-        """Return all arrays by name, as the constructor takes them."""
+        """Return all arrays by the names of the constructor's parameters."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 class Judged(NamedTuple):
-    """What a gate says of the components of a mesh.
+    """The classification of the components of a mesh by a gate.
 
     Parameters
     ----------
     measured
-        (c,) whether a component is treated as a measured surface; by the numbers of `Topology.components`.
+        (c,) whether each component of `Topology.components` is treated as a measured surface.
     probabilities
-        (c,) that it is one; NaN for vertices without a face.
+        (c,) probability that each component is a measured surface; NaN for vertices without a face.
     """
 
     measured: Bools
@@ -76,10 +77,10 @@ class Judged(NamedTuple):
 
 
 def judged(gate: Gate, mesh: Mesh) -> Judged:
-    """Judge each connected component of a mesh; those with a share of the faces below SMALL_SHARE together.
+    """Classify each connected component of a mesh; small components (see SMALL_SHARE) are classified together.
 
-    Closed components whose triangles repeat few shapes are also measured surfaces if they have the steps of a mask (see
-    `is_segmentation`).
+    Closed components with few distinct triangle shapes also count as measured surfaces if they have the steps of a
+    binary mask (see `is_segmentation`).
     """
     components = mesh.topology.face_components
     counts = np.bincount(components, minlength=int(mesh.topology.components.max()) + 1)
@@ -99,7 +100,7 @@ def judged(gate: Gate, mesh: Mesh) -> Judged:
 
 
 def _is_mask(mesh: Mesh, faces: NDArray[np.intp], figures: Floats) -> bool:
-    """Whether some faces of a mesh, with their figures, are the surface of a binary mask."""
+    """Return whether some faces of a mesh, with the given features, are the surface of a binary mask."""
     found = dict(zip(FIGURES, figures, strict=True))
     if found["open sides"] > 0 or found["most frequent 16 shapes"] < REPEATED:
         return False

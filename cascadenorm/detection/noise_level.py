@@ -1,4 +1,4 @@
-"""How noisy a mesh is, estimated from the mesh alone."""
+"""Noise estimation from the mesh alone."""
 
 from statistics import NormalDist
 
@@ -8,35 +8,36 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import add, dot, length, row, squared_distance
 
-SAMPLES = 50_000  # edges looked at, evenly spread over their numbers
-FEWEST_EDGES = 30  # edges below which nothing is said
-START = 0.2  # share of the differences that are surely no creases
+SAMPLES = 50_000  # edges used, evenly spaced in order
+FEWEST_EDGES = 30  # edges required for an estimate
+START = 0.2  # fraction of the differences, the smallest ones, that is assumed to contain no creases
 CLIP = 1.5  # standard deviations beyond which a difference may belong to a crease
 _NORMAL = NormalDist()
-KEPT_VARIANCE = 1 - 2 * CLIP * _NORMAL.pdf(CLIP) / (2 * _NORMAL.cdf(CLIP) - 1)  # of a Gaussian that is cut off there
+KEPT_VARIANCE = 1 - 2 * CLIP * _NORMAL.pdf(CLIP) / (2 * _NORMAL.cdf(CLIP) - 1)  # of a Gaussian truncated at CLIP
 CLIPPING_ROUNDS = 50
 
 
 def noise_level(mesh: Mesh) -> float | None:
-    """Estimate the standard deviation of the noise along the normal, in mean edge lengths of the mesh as it is.
+    """Estimate the standard deviation of the noise along the normal, in mean edge lengths of the noisy mesh.
 
-    The height of a vertex i over the mean of its k_i neighbours, h_i = <x_i - mean_j x_j, n>, over the mean of their
-    squared distances s_i, is half the mean curvature where the surface is smooth, so that between two neighbours it
-    hardly changes, however regular the mesh. What does change is noise: for an edge ij
+    Let h_i = <x_i - mean_j x_j, n> be the height of vertex i above the mean of its neighbours, and s_i the mean of
+    their squared distances. On a smooth surface h_i / s_i is half the mean curvature and therefore hardly differs
+    between adjacent vertices, whether the mesh is regular or not. The remaining difference is noise: for an edge ij,
 
         e = s (h_i / s_i - h_j / s_j),    s = (s_i + s_j) / 2
 
-    is a weighted sum of heights, whose variance on a plane is that of the noise times the sum of the squared weights.
-    Each e is divided by the root of that sum; their standard deviation is then that of the noise. It is taken over
-    those within CLIP of it, found by iteration from the smallest, so that creases hardly count.
+    is a weighted sum of heights. On a plane, its variance is the noise variance times the sum of the squared weights.
+    Each e is divided by the root of that sum, so that the standard deviation of e is that of the noise. It is computed
+    by iterative clipping at CLIP standard deviations, starting from the smallest differences, so that creases have
+    little effect.
 
-    Right within 25 % from 0.05 to 0.5 where less than a third of the edges are near creases; below 0.02 for what is
-    clean and smooth. Detail as fine as the mesh cannot be told from noise; noise that is alike in neighbouring
-    vertices, as of a smoothed scan, is not seen.
+    The estimate is accurate within 25 % from 0.05 to 0.5 if less than a third of the edges are near creases, and below
+    0.02 for clean, smooth surfaces. Detail at the scale of the edges is indistinguishable from noise. Noise that is
+    correlated between adjacent vertices, as in a smoothed scan, is not detected.
 
     Returns
     -------
-    In mean edge lengths; None where there are too few edges away from the boundary
+    Noise level in mean edge lengths; None if there are too few edges away from the boundary.
     """
     edges = _inner_edges(mesh)
     if len(edges) < FEWEST_EDGES:
@@ -50,12 +51,12 @@ def noise_level(mesh: Mesh) -> float | None:
 def local_noise(mesh: Mesh) -> NDArray[np.float64]:
     """Estimate the noise along the normal around each vertex, in mean edge lengths of the mesh.
 
-    The root mean square of the differences that `noise_level` describes, over the edges of a vertex and of its
-    neighbours. Creases count in full here.
+    The estimate is the root mean square of the differences described in `noise_level`, over the edges of a vertex and
+    its neighbours. Creases are not excluded.
 
     Returns
     -------
-    (n,); NaN where no edge is away from the boundary
+    (n,); NaN if all these edges are at a boundary.
     """
     edges = _inner_edges(mesh)
     squares = np.square(_differences_along(mesh, edges)) if len(edges) else np.empty(0)
@@ -70,14 +71,14 @@ def local_noise(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _differences_along(mesh: Mesh, edges: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return e of each edge; NaN where a vertex has no extent around it."""
+    """Return the normalised difference e of each edge; NaN if all neighbours of an end coincide with it."""
     around = mesh.topology.vertex_neighbors
     differences = np.empty(len(edges))
     parallel_for(
         len(edges),
         _differences,
         mesh.vertices,
-        mesh.vertex_area_vectors,  # they do not depend on where the vertices themselves are
+        mesh.vertex_area_vectors,  # independent of the positions of the vertices themselves
         edges,
         around,
         differences,
@@ -86,7 +87,7 @@ def _differences_along(mesh: Mesh, edges: NDArray[np.int32]) -> NDArray[np.float
 
 
 def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
-    """Edges with two faces, no end of which lies on an edge with one or with more than two."""
+    """Return the interior edges without an end on a boundary or non-manifold edge."""
     topology = mesh.topology
     on_border = np.zeros(len(mesh.vertices), bool)
     on_border[topology.edges[topology.edge_faces.counts != 2]] = True
@@ -95,7 +96,7 @@ def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
 
 
 def _clipped_deviation(differences: NDArray[np.float64]) -> float:
-    """Standard deviation about 0 of the Gaussian that the smaller differences come from."""
+    """Return the standard deviation of the zero-mean Gaussian that fits the smaller differences."""
     sizes = np.abs(differences)
     deviation = float(np.quantile(sizes, START) / _NORMAL.inv_cdf(0.5 + START / 2))
     for _ in range(CLIPPING_ROUNDS):
@@ -114,13 +115,13 @@ def _differences(
     neighbors: Csr,
     out: Floats,
 ) -> None:
-    """Fill in the differences of edges start … stop, in plain arithmetic, which loads no part of numba's compiler."""
+    """Compute the differences of edges start … stop with scalar arithmetic only, so that the kernel loads quickly."""
     for e in range(start, stop):
         i, j = edges[e, 0], edges[e, 1]
         normal = add(row(vectors, i), row(vectors, j))
         size = length(normal)
         spread_i, spread_j = _spread(vertices, neighbors, i), _spread(vertices, neighbors, j)
-        # no direction, or neighbours in one place: nothing can be said
+        # undefined without a normal or with all neighbours in one place
         if size == 0 or spread_i == 0 or spread_j == 0:
             out[e] = np.nan
             continue
@@ -130,10 +131,10 @@ def _differences(
             b / (neighbors.indptr[j + 1] - neighbors.indptr[j]),
         )
         at_i, at_j = a + b_each, -b - a_each
-        # height is the combination of positions along the normal, squares the sum of its squared weights
+        # height is the weighted sum of positions along the normal, squares the sum of the squared weights
         squares = at_i * at_i + at_j * at_j
         height = at_i * dot(row(vertices, i), normal) + at_j * dot(row(vertices, j), normal)
-        # neighbours of i, of which some are those of j as well, then those of j alone
+        # neighbours of i, including common ones, then the remaining neighbours of j
         for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
             v = neighbors.indices[k]
             if v != j:
@@ -150,7 +151,7 @@ def _differences(
 
 @kernel
 def _adjacent(neighbors: Csr, i: Index, j: Index) -> bool:
-    """Whether j is among the neighbours of i."""
+    """Return whether j is a neighbour of i."""
     found = False
     for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
         found |= neighbors.indices[k] == j
@@ -159,7 +160,7 @@ def _adjacent(neighbors: Csr, i: Index, j: Index) -> bool:
 
 @kernel
 def _spread(vertices: Vectors, neighbors: Csr, i: Index) -> float:
-    """Mean of the squared distances of the neighbours."""
+    """Return the mean squared distance of the neighbours."""
     total: float = 0.0
     first, last = neighbors.indptr[i], neighbors.indptr[i + 1]
     for k in range(first, last):

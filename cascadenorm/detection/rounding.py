@@ -1,16 +1,16 @@
-"""How exact the coordinates of a mesh can be at most."""
+"""Rounding errors of coordinates."""
 
 from cascadenorm.mesh import Mesh
 
 COPLANAR = 3e-6
-"""Height of a vertex over the plane of the triangle across an edge, in diagonals, up to which the two are one plane.
+"""Height of a vertex above the plane of the adjacent triangle, in diagonals, up to which the two are coplanar.
 
-Coordinates in single precision come within a tenth of it; measured ones hardly ever do.
+Rounding to single precision stays within a tenth of it; noise of measured surfaces almost always exceeds it.
 """
 SMALL_HEIGHT = 1e-3
-"""Of the median edge length: the height is less than that too, where a far vertex makes the diagonal long."""
+"""Upper limit of this height in median edge lengths, for meshes with distant vertices and thus a long diagonal."""
 
 
 def rounding(mesh: Mesh) -> float:
-    """Largest height of a vertex over a plane that rounding explains."""
+    """Return the largest height of a vertex above a plane that rounding can explain."""
     return min(COPLANAR * mesh.diagonal, SMALL_HEIGHT * mesh.median_edge_length)

@@ -1,4 +1,4 @@
-"""Steps of a binary mask, told from the shape of a mesh where its voxels are not known any more."""
+"""Detection of the steps of binary masks without known voxels."""
 
 import numpy as np
 
@@ -20,21 +20,24 @@ from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import dot, row
 
 LATTICE = 0.5
-"""Share of the edges that the most frequent vectors hold (see `lattice_share`), from which a mesh lies on a lattice.
+"""Least `lattice_share` of a mesh on a lattice.
 
-Decimated meshes and surface nets have fewer than those of marching cubes, which have 0.95."""
+Marching cubes give 0.95; decimated meshes and surface nets have less."""
 CANCELLING_SHARE = 0.2
-"""Share of the bends that cancel within two rings, from which a mesh has steps: a step has an edge of either sign."""
+"""Least share of bends that cancel within two rings on a mesh with steps; a step has a convex and a concave edge."""
 IN_PLANES = 0.03
-"""Share of the vertices whose faces all lie in one plane, as on the treads of steps; CAD kernels make none."""
+"""Least fraction of vertices with coplanar faces, as on the treads of steps; CAD kernels create no such vertices."""
 ALL_STEPS = 0.65
-"""The share of bends from which the vertices do not matter, which a decimation may have removed from the planes."""
+"""Share of cancelling bends above which IN_PLANES is not required; decimation may have removed such vertices."""
 ALONG_AXES = 0.98
-"""Share of the area whose normals lie along three perpendicular directions, from which faces are those of voxels."""
+"""Least fraction of the area of voxel faces with normals along three perpendicular directions."""
 
 
 def is_segmentation(mesh: Mesh) -> bool:
-    """Whether the edges are few vectors repeated and bend to and fro, and vertices lie inside of planes."""
+    """Return whether a mesh has the steps of a segmentation.
+
+    Its edges repeat few vectors, its bends alternate in sign, and vertices lie inside planes.
+    """
     if lattice_share(mesh) < LATTICE:
         return False
     steps = _step_share(mesh)
@@ -42,7 +45,7 @@ def is_segmentation(mesh: Mesh) -> bool:
 
 
 def has_voxel_faces(mesh: Mesh) -> bool:
-    """Whether a mesh consists of the faces of the voxels of a segmentation (cuberille; Herman, Liu 1979)."""
+    """Return whether a mesh consists of the voxel faces of a segmentation (cuberille; Herman, Liu 1979)."""
     first = _normal_of_largest(mesh, np.zeros(3))
     second = None if first is None else _normal_of_largest(mesh, first)
     if first is None or second is None:
@@ -59,15 +62,15 @@ def has_voxel_faces(mesh: Mesh) -> bool:
 
 
 def without_voxel_faces(mesh: Mesh) -> Mesh:
-    """Move each vertex of a mesh of voxel faces to the mean of the centroids around it; any other stays as it is.
+    """Move each vertex of a mesh of voxel faces to the mean of the centroids around it; return other meshes unchanged.
 
-    The normals of voxel faces have three directions, whatever the shape; after one average they tell where it leads.
+    The normals of voxel faces have only three directions; after one averaging step they follow the shape.
     """
     return mesh.moved(mean_centroids(mesh)) if has_voxel_faces(mesh) else mesh
 
 
 def mean_centroids(mesh: Mesh) -> Vectors:
-    """Return the mean of the centroids around each vertex, (n, 3); a vertex without a face stays."""
+    """Return the (n, 3) mean of the centroids around each vertex; a vertex without a face stays in place."""
     around = mesh.topology.vertex_faces
     sums = scatter_add(mesh.faces.ravel(), np.repeat(mesh.centroids, 3, axis=0), len(mesh.vertices))
     used = mesh.topology.used_vertices[:, None]
@@ -75,15 +78,15 @@ def mean_centroids(mesh: Mesh) -> Vectors:
 
 
 def _normal_of_largest(mesh: Mesh, across: Vectors) -> Vectors | None:
-    """Return the normal of the largest of the faces that are perpendicular to a vector; None where none has area."""
+    """Return the normal of the largest face whose normal is perpendicular to a vector, or None."""
     one = _largest(mesh.areas, mesh.face_normals, across)
     return mesh.face_normals[one] if one >= 0 else None
 
 
 def _step_share(mesh: Mesh) -> float:
-    """Return the share of the bends, angles times lengths of edges, that others within two rings cancel.
+    """Return the share of the bends, edge lengths times dihedral angles, that cancel within two rings.
 
-    It is 0 where nothing bends. Edges beside a face without a normal do not count.
+    It is 0 for a flat mesh. Edges at a face without a normal are ignored.
     """
     topology = mesh.topology
     has_area = any_in_rows(mesh.face_normals != 0)
@@ -99,7 +102,7 @@ def _step_share(mesh: Mesh) -> float:
 
 
 def _share_in_planes(mesh: Mesh) -> float:
-    """Return the share of the vertices with faces of which these all lie in one plane, to 0.03 degrees."""
+    """Return the fraction of the used vertices whose faces are coplanar within 0.03 degrees."""
     least = np.ones(len(mesh.vertices))
     cosines = np.einsum("ijk,ik->ij", mesh.vertex_normals[mesh.faces], mesh.face_normals)
     np.minimum.at(least, mesh.faces, cosines)
@@ -108,7 +111,7 @@ def _share_in_planes(mesh: Mesh) -> float:
 
 @kernel
 def _largest(areas: Floats, normals: Vectors, across: Vectors) -> int:
-    """Number of the largest face whose normal is perpendicular to a vector; -1 where none has area."""
+    """Return the index of the largest face whose normal is perpendicular to a vector, or -1."""
     found, most = -1, 0.0
     for f in range(len(areas)):
         if areas[f] > most and abs(dot(row(normals, f), across)) < 1e-3:
@@ -118,7 +121,7 @@ def _largest(areas: Floats, normals: Vectors, across: Vectors) -> int:
 
 @kernel
 def _along_range(start: int, stop: int, areas: Floats, normals: Vectors, axes: Vectors, sums: Floats) -> None:
-    """Add to the sums the area of the faces, and that of those whose normals lie along an axis."""
+    """Sum the area of all faces, and of those with a normal along an axis."""
     for f in range(start, stop):
         sums[0] += areas[f]
         for axis in range(3):

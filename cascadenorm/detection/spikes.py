@@ -1,4 +1,4 @@
-"""Spikes: single vertices far off a surface that is flat around them, as photogrammetry leaves them."""
+"""Detection and removal of spikes: single outlier vertices, as in photogrammetry."""
 
 import numpy as np
 
@@ -7,25 +7,26 @@ from cascadenorm.mesh import Bools, Csr, Ints32, Mesh, Vectors, kernel, parallel
 from cascadenorm.mesh.vectors import dot, length, row, subtract
 
 HIGH = 1.5
-"""Height of a spike above the mean of its neighbours, in mean distances of the neighbours from it, at least."""
+"""Least height of a spike above the mean of its neighbours, divided by their mean distance from that mean."""
 MOST_SPIKE_NEIGHBORS = 10
-"""Neighbours of a spike, at most: the tip of a tessellated cone has more."""
+"""Largest number of neighbours of a spike; the tip of a tessellated cone has more."""
 FLAT_BASE = 0.6
-"""Length of the mean normal of the faces around the neighbours, at least: the surface beneath a spike is nearly flat.
-Faces count alike, or those of a neighbouring spike would outweigh all others."""
+"""Least length of the mean normal of the faces around the neighbours: the surface below a spike is nearly flat.
+
+Faces are not weighted by area, since the large faces of a neighbouring spike would dominate."""
 UPRIGHT = 0.6
-"""Cosine of the angle between a spike and the normal of the surface beneath it, at least."""
+"""Least cosine of the angle between a spike and the normal of the surface below it."""
 SPIKE_ROUNDS = 3
-"""Passes in which spikes are removed."""
+"""Largest number of passes that remove spikes."""
 NOISE = 0.02
-"""Noise of the mesh in mean edge lengths, at least: without any noise a spike counts as shape."""
+"""Least noise of the mesh in mean edge lengths; on cleaner meshes, spikes count as shape."""
 
 
 def noise_spikes(mesh: Mesh) -> Bools:
-    """Tell which vertices are spikes.
+    """Detect spikes.
 
-    A spike rises from a neighbourhood that is nearly flat without it, higher than its base is wide. There are none on
-    boundaries.
+    A spike rises above an otherwise nearly flat neighbourhood, higher than the radius of its base. Boundary vertices
+    are never spikes.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ def noise_spikes(mesh: Mesh) -> Bools:
 
     Returns
     -------
-    (n,) bool.
+    (n,) whether each vertex is a spike.
     """
     topology = mesh.topology
     found = np.zeros(len(mesh.vertices), bool)
@@ -50,9 +51,9 @@ def noise_spikes(mesh: Mesh) -> Bools:
 
 
 def without_spikes(mesh: Mesh) -> Mesh:
-    """Move each spike to the mean of its neighbours, and again where neighbours were spikes.
+    """Move each spike to the mean of its neighbours, in several passes in case neighbours are spikes too.
 
-    Nothing moves on a mesh without significant noise.
+    A mesh without significant noise is returned unchanged.
     """
     for done in range(SPIKE_ROUNDS):
         found = noise_spikes(mesh)
@@ -77,7 +78,7 @@ def _mean(vertices: Vectors, around: Ints32) -> tuple[float, float, float]:
 
 @kernel
 def _high_range(start: int, stop: int, vertices: Vectors, neighbors: Csr, vertex_faces: Csr, out: Bools) -> None:
-    """Find inner vertices that are high above the mean of their neighbours."""
+    """Find interior vertices that are high above the mean of their neighbours."""
     for i in range(start, stop):
         around = neighbors.indices[neighbors.indptr[i] : neighbors.indptr[i + 1]]
         faces = vertex_faces.indptr[i + 1] - vertex_faces.indptr[i]
@@ -103,7 +104,7 @@ def _standing_range(
     vertex_faces: Csr,
     out: Bools,
 ) -> None:
-    """Tell which candidates stand upright on faces that are nearly in one plane; their own faces do not count."""
+    """Find candidates that stand upright on nearly coplanar surrounding faces, ignoring their own faces."""
     total = np.empty(3)
     for c in range(start, stop):
         i = candidates[c]

@@ -1,4 +1,4 @@
-"""Steps of rounded heights or depths: many flat, parallel treads, whose typical width a user needs to know."""
+"""Detection of steps from quantised heights or depths."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ import numpy as np
 from cascadenorm.mesh import Mesh, connected_components
 
 FLAT = 1e-3
-"""Radians between the normals of neighbouring faces of one tread, at most."""
+"""Largest angle in radians between the normals of adjacent faces of a tread."""
 FEWEST_FACES = 8
-"""Faces of a tread; fewer are coplanar by chance, as the quadrangles of marching tetrahedra."""
+"""Least number of faces of a tread; fewer may be coplanar by chance, as in marching tetrahedra."""
 FEWEST_TREADS = 12
 SHARE = 0.5
-"""Share of the area that lies on parallel treads."""
+"""Least fraction of the area that lies on parallel treads."""
 PARALLEL = 1e-4
-"""1 - cosine of the angle between the normals of parallel treads, at most."""
+"""Largest 1 - cosine of the angle between the normals of parallel treads."""
 NARROWEST = 5.0
-"""Mean edge lengths: `auto` removes narrower steps by itself."""
+"""Least width in mean edge lengths; `auto` removes narrower steps by itself."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Treads:
     count
         Number of treads.
     width
-        Of a typical one with the rise beside it, in mean edge lengths.
+        Width of a typical tread with its riser, in mean edge lengths.
     """
 
     count: int
@@ -36,10 +36,11 @@ class Treads:
 
 
 def treads(mesh: Mesh) -> Treads | None:
-    """Find the steps that rounding leaves on a height field or a depth image; None where there are none.
+    """Find the steps of quantisation on a height field or depth image; return None if there are none.
 
-    A tread is a set of connected faces in one plane. Its width is its hydraulic diameter, four times the area over the
-    perimeter, and the typical width is the mean by area, so that the many small treads of steep parts count little.
+    A tread is a connected set of coplanar faces. Its width is its hydraulic diameter: four times the area divided by
+    the perimeter. The typical width is the area-weighted mean, so that the many small treads of steep parts have little
+    weight.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Figures of how the triangles of a surface lie; they tell how a mesh was made, whatever its shape.
+"""Features of a triangulation that reveal how a mesh was generated.
 
-Marching cubes, camera grids, octrees and fused volumes leave their mark in valences, lengths and angles. So do programs
-that decimate, subdivide or tessellate.
+Marching cubes, camera grids, octrees and fused volumes have characteristic valences, lengths and angles. So do
+decimation, subdivision and tessellation.
 """
 
 import numpy as np
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Floats, Mesh, angles_between, any_in_rows
 
 SAMPLED_FACES = 20_000
-"""Faces that are looked at; a component with more is sampled."""
+"""Largest number of faces evaluated; larger components are sampled."""
 VALENCES = range(3, 9)
 COPLANAR_DEGREES = 0.02, 0.2
-"""Degrees between neighbouring faces below which they count as coplanar, and as nearly coplanar."""
+"""Angles in degrees below which adjacent faces count as coplanar and as nearly coplanar."""
 FREQUENT_SHAPES = 4, 16
-"""Numbers of the most frequent shapes of triangles whose share is measured; lattices repeat few shapes."""
+"""Numbers of most frequent triangle shapes whose share is measured; lattices repeat few shapes."""
 SAME = 0.01
-"""Mean lengths by which sides of triangles of the same shape differ at most."""
+"""Bin width in mean lengths for the sides of triangles of the same shape."""
 MOST_STEPS = 1 << 21
-"""Longer sides, in steps of SAME, count as equal, so that the three of a triangle make one 64-bit key."""
+"""Number of bins of side lengths; longer sides share the last bin, so that three sides form one 64-bit key."""
 FIGURES = (
     "open sides",
     *("deviation of lengths", *(f"length at {share:.0%}" for share in (0.02, 0.1, 0.5, 0.9, 0.98))),
@@ -32,24 +32,25 @@ FIGURES = (
     "faces inside planes",
     *(f"bend at {share:.0%}" for share in (0.1, 0.25, 0.5, 0.75, 0.9)),
 )
-"""Names of what `triangulation_figures` returns, in order."""
+"""Names of the features that `triangulation_figures` returns, in order."""
 
 
 def triangulation_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
     """Measure valences, lengths, angles and bends of some faces of a mesh.
 
-    The figures depend on neither size nor pose. Lengths are relative to their mean, angles and bends are in degrees.
+    The features are invariant to scale, rotation and translation. Lengths are relative to their mean; angles and bends
+    are in degrees.
 
     Parameters
     ----------
     mesh
         Mesh with m faces.
     faces
-        (k,) numbers of the faces, at least one. Of more than SAMPLED_FACES a sample is used.
+        (k,) indices of the faces, at least one. If there are more than SAMPLED_FACES, a random sample is used.
 
     Returns
     -------
-    (32,) figures in the order of FIGURES.
+    (32,) features in the order of FIGURES.
     """
     if len(faces) > SAMPLED_FACES:
         faces = np.sort(np.random.default_rng(0).choice(faces, SAMPLED_FACES, replace=False))
@@ -74,7 +75,7 @@ def _side_figures(mesh: Mesh, faces: NDArray[np.intp], lengths: Floats) -> Float
 
 
 def _valence_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
-    """Shares of the corners whose vertex has so many neighbours."""
+    """Return the fractions of the corners at vertices of each valence."""
     valences = mesh.topology.vertex_neighbors.counts[mesh.faces[faces]]
     return np.array([*((valences == valence).mean() for valence in VALENCES), (valences > VALENCES[-1]).mean()])
 
@@ -89,7 +90,7 @@ def _angle_figures(sides: NDArray[np.float64], lengths: Floats) -> Floats:
 
 
 def _shape_figures(lengths: Floats) -> Floats:
-    """Shares of the triangles that have the most frequent lengths of sides."""
+    """Return the fractions of the triangles with the most frequent shapes."""
     mean = max(float(lengths.mean()), np.finfo(float).tiny)
     shapes = np.minimum(np.round(np.sort(lengths, axis=1) / (SAME * mean)), MOST_STEPS - 1).astype(np.int64)
     keys = (shapes[:, 0] * MOST_STEPS + shapes[:, 1]) * MOST_STEPS + shapes[:, 2]
@@ -98,7 +99,7 @@ def _shape_figures(lengths: Floats) -> Floats:
 
 
 def _bend_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
-    """Measure the angles to the neighbours across sides that have exactly one; a surface without any counts as flat."""
+    """Measure the angles between faces across manifold edges; a surface without such edges counts as flat."""
     across = mesh.topology.faces_across[faces]
     normals = mesh.face_normals
     has_normal = any_in_rows(normals != 0)

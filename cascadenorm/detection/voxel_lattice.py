@@ -1,4 +1,4 @@
-"""Whether a mesh lies on a lattice, and the lattice of the voxels that it was extracted from."""
+"""Detection of the voxel lattice that a mesh was extracted from."""
 
 from itertools import combinations
 
@@ -9,30 +9,30 @@ from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, kernel, parallel_for, 
 from cascadenorm.mesh.vectors import Vector, row, subtract
 
 VoxelLattice = NDArray[np.float64]
-"""(3, 3), its rows the edges of a voxel."""
+"""(3, 3), the edge vectors of a voxel as rows."""
 
 MOST_EDGES = 20_000
-"""Edges that are looked at, evenly spaced in their order."""
+"""Largest number of edges evaluated, evenly spaced in order."""
 SAME_VECTOR = 2e-3
-"""Mean edge lengths: differences between vertices that agree to this are the same."""
+"""Bin width in mean edge lengths for equal edge vectors and coordinates."""
 RESOLUTION = 0.02
-"""Median edge lengths: edges that agree to this are the same where a lattice is only suspected."""
-MOST_MULTIPLES = 1e6  # multiples of it that are told apart: three numbers below 2^20 make one key
+"""Bin width in median edge lengths for equal edge vectors in `lattice_share`."""
+MOST_MULTIPLES = 1e6  # largest multiple of a bin width: three numbers below 2^20 form one key
 FREQUENT_VECTORS = 64
-"""Vectors that hold nearly all edges of a mesh on a lattice: binary marching cubes have some fifty."""
-FEWEST_LATTICE_EDGES = 1000  # edges of a mesh that can be told to lie on a lattice
+"""Number of vectors that represent nearly all edges of a mesh on a lattice; binary marching cubes have about 50."""
+FEWEST_LATTICE_EDGES = 1000  # edges required to detect a lattice
 DIRECTIONS = 80
-"""Kinds of edges at most; marching cubes make about 50 on a mask, counting both directions once."""
+"""Largest number of distinct edge vectors up to sign; marching cubes on a mask have about 50."""
 COVERED_EDGES = 0.9
-"""Share of the edges that these have to be."""
+"""Least fraction of the edges with these vectors."""
 IN_CELLS = 0.05
-"""Share of the vertices that may lie in the middle of cells, where marching cubes put one if cells are ambiguous."""
+"""Largest fraction of vertices inside cells, where marching cubes may place one in ambiguous cells."""
 ON_NODES = 0.5
-"""Share of the vertices that lie on a plane of nodes across each axis; marching cubes put two thirds there."""
+"""Least fraction of the vertices on planes of nodes along each axis; marching cubes place two thirds there."""
 
 
 def lattice_share(mesh: Mesh) -> float:
-    """Share of the edges that the most frequent vectors hold; near 1 where vertices lie on a lattice, else near 0."""
+    """Return the fraction of edges with the most frequent vectors: near 1 for meshes on a lattice, otherwise near 0."""
     edges, size = mesh.topology.edges, RESOLUTION * mesh.median_edge_length
     if len(edges) < FEWEST_LATTICE_EDGES or size == 0:
         return 0.0
@@ -43,10 +43,10 @@ def lattice_share(mesh: Mesh) -> float:
 
 
 def lattice_of_mask(mesh: Mesh) -> VoxelLattice | None:
-    """Find the voxels of a binary mask that marching cubes meshed, at any rotation; None for any other mesh.
+    """Return the voxel lattice, in any rotation, of a binary mask meshed with marching cubes; None for other meshes.
 
-    Vertices lie in the middle of the edges of the lattice, so that edges of the mesh are sums of halves of these, of
-    which there are few; and relative to one vertex the others are at three places of a half-lattice.
+    The vertices are midpoints of lattice edges. The edges of the mesh are therefore sums of few half lattice vectors,
+    and relative to one vertex, all others lie at three positions of the half-lattice.
     """
     edge = mesh.mean_edge_length
     if not edge > 0:
@@ -65,7 +65,7 @@ def lattice_of_mask(mesh: Mesh) -> VoxelLattice | None:
 
 
 def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
-    """Vectors along edges, each direction once; None where there are too many kinds."""
+    """Return the distinct edge vectors up to sign, or None if there are too many."""
     ends = mesh.topology.edges[:: max(1, len(mesh.topology.edges) // MOST_EDGES)]
     vectors = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
     keys, sign = _keys(vectors, SAME_VECTOR * edge)
@@ -78,11 +78,11 @@ def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
 
 
 def _keys(vectors: Vectors, size: float) -> tuple[Ints, Ints]:
-    """Number vectors by the multiples of a size that they are rounded to, the same for opposite ones.
+    """Round vectors to multiples of a size and encode each as an integer, equal for opposite vectors.
 
     Returns
     -------
-    the numbers, (n,), in the order of the coordinates, and the sign, (n, 1), that makes a vector the one of its number
+    (n,) keys, ordered as the coordinates, and the (n, 1) sign that maps each vector to the one of its key.
     """
     keys, sign = np.empty(len(vectors), np.int64), np.empty((len(vectors), 1), np.int64)
     parallel_for(len(vectors), _key_range, np.ascontiguousarray(vectors), size, keys, sign)
@@ -91,7 +91,7 @@ def _keys(vectors: Vectors, size: float) -> tuple[Ints, Ints]:
 
 @kernel
 def _key(vector: Vector, size: float) -> tuple[int, int]:
-    """Number of a vector, and its sign: that of its first coordinate that is not zero."""
+    """Return the key of a vector and its sign, which is the sign of its first nonzero coordinate."""
     key = sign = 0
     for d in range(3):
         cell = int(np.rint(min(max(vector[d] / size, -MOST_MULTIPLES), MOST_MULTIPLES)))
@@ -114,7 +114,7 @@ def _edge_key_range(start: int, stop: int, vertices: Vectors, edges: Ints32, siz
 
 
 def _different(vectors: Vectors, edge: float) -> Vectors:
-    """Vectors of which none is zero or another's negative, shortest first."""
+    """Return the distinct nonzero vectors up to sign, shortest first."""
     _, first = np.unique(_keys(vectors, 4 * SAME_VECTOR * edge)[0], return_index=True)
     kept = vectors[first]
     lengths = np.linalg.norm(kept, axis=1)
@@ -123,7 +123,7 @@ def _different(vectors: Vectors, edge: float) -> Vectors:
 
 
 def _orthogonal_triples(vectors: Vectors) -> list[VoxelLattice]:
-    """Triples of perpendicular vectors among the shortest, by the volume that they span."""
+    """Return triples of perpendicular vectors among the shortest ones, sorted by volume."""
     few = vectors[:200]
     lengths = np.linalg.norm(few, axis=1)
     perpendicular = np.abs(few @ few.T) < 0.01 * np.outer(lengths, lengths)
@@ -137,22 +137,22 @@ def _orthogonal_triples(vectors: Vectors) -> list[VoxelLattice]:
 
 
 def _in_the_middle_of_edges(offsets: Vectors, lattice: VoxelLattice) -> bool:
-    """Whether vertices, relative to one of them, lie where the middles of the edges of a lattice do."""
+    """Return whether vertices, relative to one of them, lie at the midpoints of lattice edges."""
     halves = 2 * offsets @ np.linalg.inv(lattice)
     near = np.round(halves)
     if np.abs(halves - near).max() > 0.05:
         return False
     places, counts = np.unique(near.astype(np.int64) % 2, axis=0, return_counts=True)
     places = places[counts > IN_CELLS * len(near)]
-    if len(places) != 3:  # an edge along each axis
+    if len(places) != 3:  # one for the edges along each axis
         return False
     return bool((np.abs(places[:, None] - places[None]).sum(axis=2)[np.triu_indices(3, 1)] == 2).all())
 
 
 def lattice_of_grey_values(mesh: Mesh) -> VoxelLattice | None:
-    """Find the voxels of a grey volume that lies along the axes; None for any other mesh.
+    """Return the lattice of an isosurface of an axis-aligned grey volume; None for other meshes.
 
-    Marching cubes put each vertex on an edge of the lattice, where two of its coordinates are those of nodes.
+    Marching cubes place each vertex on a lattice edge, so two of its coordinates are those of nodes.
     """
     edge = mesh.mean_edge_length
     used = mesh.vertices[mesh.topology.used_vertices]
@@ -165,7 +165,10 @@ def lattice_of_grey_values(mesh: Mesh) -> VoxelLattice | None:
 
 
 def _comb(values: NDArray[np.float64], edge: float) -> float | None:
-    """Spacing of the values that many vertices share, if these are evenly spaced and most vertices have one."""
+    """Return the spacing of the values shared by many vertices, or None.
+
+    These values must be evenly spaced and cover enough of the vertices (see ON_NODES).
+    """
     cells, counts = np.unique(np.round(values / (SAME_VECTOR * edge)).astype(np.int64), return_counts=True)
     shared = counts > 8 * max(1.0, np.median(counts))
     if shared.sum() < 4 or counts[shared].sum() < ON_NODES * len(values):

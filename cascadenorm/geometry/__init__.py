@@ -1,1 +1,1 @@
-"""What is true of any surface: Laplacians, sparse systems, spectra, neighbourhoods, nearest points, holes, metrics."""
+"""Geometry processing: Laplacians, solvers, spectra, neighbourhoods, nearest points, holes, metrics."""

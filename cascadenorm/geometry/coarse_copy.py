@@ -1,4 +1,4 @@
-"""An evenly spread coarse copy of a mesh, and how a change of it is carried over to the mesh."""
+"""A uniform coarse copy of a mesh, and transfer of its deformation."""
 
 import math
 from typing import NamedTuple
@@ -11,24 +11,24 @@ from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import Vector, add, dot, row, scaled, subtract
 
 LEAST_CLUSTERS = 100
-"""Clusters on each connected component, if it has so many vertices, however long the edges of the copy shall be."""
+"""Least number of clusters on each connected component with enough vertices, whatever the edge length."""
 EDGE_HALVINGS = 4
-"""How often, at most, the edges are halved where the copy would be torn or folded, as on a tube that is thinner."""
+"""Largest number of times that edges are halved where the copy would be torn or folded, as on thin tubes."""
 EVEN = 3
-"""Passes that even out the correction of a copy that is too small, so that steps in the copy do not become sharper."""
+"""Smoothing passes over the offsets that correct the shrinkage of the copy, so that its steps do not get sharper."""
 
 
 class Feet(NamedTuple):
-    """The nearest point of a coarse copy for each of n vertices.
+    """The nearest points of a coarse copy to n vertices.
 
     Parameters
     ----------
     faces
-        (n,) face of the copy that it lies on; -1 where there is none around.
+        (n,) face of the copy with the nearest point; -1 if there is no face nearby.
     weights
-        (n, 3) its barycentric coordinates there.
+        (n, 3) barycentric coordinates of the nearest point.
     outside
-        (n,) whether it lies on the boundary of the copy.
+        (n,) whether the nearest point lies on the boundary of the copy.
     """
 
     faces: Ints32
@@ -36,7 +36,7 @@ class Feet(NamedTuple):
     outside: Bools
 
     def places(self, copy: Mesh) -> Vectors:
-        """Return where these points are on the copy or, with other vertices, on what became of it, (n, 3)."""
+        """Return the (n, 3) positions of these points on the copy, or on a deformed version of it."""
         return np.asarray(np.einsum("ij,ijk->ik", self.weights, copy.corners[self.faces]))
 
 
@@ -48,16 +48,17 @@ class CoarseCopy(NamedTuple):
     mesh
         The copy.
     labels
-        (n,) vertex of the copy that each vertex belongs to; -1 for a vertex without a face.
+        (n,) vertex of the copy for the cluster of each vertex; -1 for a vertex without a face.
     """
 
     mesh: Mesh
     labels: Ints32
 
     def feet(self, points: Vectors) -> Feet:
-        """Find the nearest point to each vertex, (n, 3), on the faces within two rings of the vertex of its cluster.
+        """Find the nearest point on the copy to each vertex, (n, 3).
 
-        Sheets that lie close together are told apart this way, and the time does not depend on the size of the copy.
+        The search visits the faces within two rings of the vertex's cluster. This distinguishes sheets that are close
+        together, and the cost per vertex does not depend on the size of the copy.
         """
         topology = self.mesh.topology
         single = topology.edge_faces.counts[topology.face_edges] == 1
@@ -71,9 +72,9 @@ class CoarseCopy(NamedTuple):
         return Feet(faces, weights, outside)
 
     def carried_over(self, points: Vectors, vertices: Vectors) -> Vectors:
-        """Return where vertices go as the copy changes: from their nearest point on it to the same point afterwards.
+        """Project vertices onto the copy and return the same points on its deformed version.
 
-        A vertex beyond the boundary of the copy keeps its distance from it along the surface.
+        A vertex beyond the boundary of the copy keeps its tangential distance from it.
 
         Parameters
         ----------
@@ -84,7 +85,7 @@ class CoarseCopy(NamedTuple):
 
         Returns
         -------
-        (n, 3); vertices without a face of the copy around them stay.
+        (n, 3) positions; vertices without a face of the copy nearby stay in place.
         """
         feet, after = self.feet(points), self.mesh.moved(vertices)
         beyond = points - feet.places(self.mesh)
@@ -95,23 +96,24 @@ class CoarseCopy(NamedTuple):
 
 
 def coarse_copy(mesh: Mesh, length: float) -> CoarseCopy | None:
-    """Return a copy with edges of about a given length: a vertex for each cluster, a face where three clusters meet.
+    """Return a coarse copy with edges of about a given length.
 
-    The vertices are the centroids of the clusters, at a boundary those of their boundary vertices, moved along the
-    normals to the middle of the surface around them. Each connected component has at least LEAST_CLUSTERS clusters, if
-    it has so many vertices. Where clusters are so large that the copy would have a hole, a fold, or an edge of three
-    faces that the surface does not have, they are made smaller.
+    The copy has a vertex for each cluster of vertices and a face where three clusters meet. Its vertices are the
+    centroids of the clusters (at a boundary, of their boundary vertices), moved along the normals to the mean position
+    of the surface around them. Each connected component has at least LEAST_CLUSTERS clusters if it has enough vertices.
+    Clusters are made smaller where the copy would have a hole, a fold or a non-manifold edge that the surface does not
+    have.
 
     Parameters
     ----------
     mesh
-        Mesh with n vertices, of any kind; of several faces on the same vertices one counts.
+        Any mesh with n vertices; duplicate faces count once.
     length
-        In the unit of the mesh, above 0.
+        Edge length in mesh units, above 0.
 
     Returns
     -------
-    The copy; None where no three clusters meet.
+    The copy, or None if no three clusters meet.
     """
     spacing, faces = _spacing(mesh, length), _distinct(mesh.faces)
     for halving in range(EDGE_HALVINGS + 1):
@@ -127,7 +129,7 @@ def coarse_copy(mesh: Mesh, length: float) -> CoarseCopy | None:
 
 
 def _spacing(mesh: Mesh, length: float) -> Floats:
-    """Return the distance of the clusters around each vertex, (n,): the length, or less on small components."""
+    """Return the (n,) distance between clusters around each vertex: `length`, or less on small components."""
     components = mesh.topology.components
     areas = scatter_add(mesh.topology.face_components, mesh.areas, int(components.max()) + 1)
     smallest = np.sqrt(areas / (LEAST_CLUSTERS * math.sqrt(0.75)))  # a hexagon of width d has the area √¾ d²
@@ -135,7 +137,7 @@ def _spacing(mesh: Mesh, length: float) -> Floats:
 
 
 def _distinct(faces: Ints32) -> Ints32:
-    """Return the first of the faces on each three vertices, in their order."""
+    """Remove duplicate faces, keeping the first face on each set of three vertices, in order."""
     rows = np.sort(faces, axis=1)
     order = np.lexsort(rows.T)
     new = np.ones(len(rows), bool)
@@ -144,13 +146,13 @@ def _distinct(faces: Ints32) -> Ints32:
 
 
 def _triangles(corners: Ints32) -> tuple[Ints32, Bools]:
-    """Return the faces of the copy, (t, 3), and which of them the surface has facing both ways, (t,).
+    """Return the faces of the copy, (t, 3), and whether the surface has each of them in both orientations, (t,).
 
     Parameters
     ----------
     corners
-        (m, 3) clusters at the corners of the faces of the mesh; among those of three clusters the majority decides
-        which way a face of the copy faces.
+        (m, 3) clusters at the corners of the faces of the mesh. The majority of the faces between three clusters
+        determines the orientation of the face of the copy.
     """
     a, b, c = corners.T
     corners = corners[(a != b) & (b != c) & (c != a)]
@@ -164,10 +166,10 @@ def _triangles(corners: Ints32) -> tuple[Ints32, Bools]:
 
 
 def _torn(mesh: Mesh, labels: Ints32, triangles: Ints32, twice: Bools) -> Bools:
-    """Tell which clusters lie where the copy is no image of the surface, (k,); those of one vertex never do."""
+    """Return (k,) whether the copy is torn or folded at each cluster; False for clusters of one vertex."""
     count = int(labels.max()) + 1
     torn = np.ones(count, bool)
-    torn[triangles] = False  # a cluster without a face
+    torn[triangles] = False  # clusters without a face remain marked
     torn[triangles[twice]] = True
     sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     ends, faces = np.unique(sides, axis=0, return_counts=True)
@@ -178,7 +180,7 @@ def _torn(mesh: Mesh, labels: Ints32, triangles: Ints32, twice: Bools) -> Bools:
 
 
 def _centroids(mesh: Mesh, labels: Ints32) -> Vectors:
-    """Return the centroid of each cluster, (k, 3), or of its boundary vertices where it has some."""
+    """Return the (k, 3) centroid of each cluster, or of its boundary vertices if it has any."""
     count = int(labels.max()) + 1
     boundary, inside = mesh.topology.boundary_vertices, labels >= 0
     at_boundary = np.zeros(count, bool)
@@ -189,9 +191,9 @@ def _centroids(mesh: Mesh, labels: Ints32) -> Vectors:
 
 
 def _fitted(copy: CoarseCopy, mesh: Mesh) -> CoarseCopy:
-    """Move the vertices of a copy along their normals by the mean of what lies between the surface and its faces.
+    """Offset the vertices of a copy along their normals by the mean distance between the surface and its faces.
 
-    The centroid of a cluster lies on the inner side of a curved surface, so that the copy would be too small.
+    The centroid of a cluster lies on the inner side of a curved surface, so the copy would otherwise be too small.
     """
     feet = copy.feet(mesh.vertices)
     weights = feet.weights * (vertex_areas(mesh) * ((feet.faces >= 0) & ~feet.outside))[:, None]
@@ -219,7 +221,7 @@ def _feet_range(
     weights: Floats,
     outside: Bools,
 ) -> None:
-    """Search the faces around the cluster of each point and around its neighbours; among equals the lowest counts."""
+    """Search the faces around each point's cluster and its neighbours; the lowest index breaks ties."""
     for i in range(start, stop):
         faces[i], weights[i], outside[i], best = -1, 0.0, False, np.inf
         cluster = labels[i]
@@ -243,7 +245,7 @@ def _feet_range(
 def foot(p: Vector, a: Vector, b: Vector, c: Vector) -> tuple[float, float, float, float]:
     """Return the barycentric coordinates of the nearest point of a triangle, and its squared distance (Ericson 2005).
 
-    A coordinate is exactly 0 where the nearest point lies on the side across, or at its ends.
+    A coordinate is exactly 0 if the nearest point lies on the opposite side, including its ends.
     """
     ab, ac, bc, ap, bp, cp = (
         subtract(b, a),
@@ -275,7 +277,7 @@ def foot(p: Vector, a: Vector, b: Vector, c: Vector) -> tuple[float, float, floa
         share = (ac_b - ab_b) / ((ac_b - ab_b) + (ab_c - ac_c))
         away = subtract(bp, scaled(share, bc))
         return 0.0, 1 - share, share, dot(away, away)
-    # the inside
+    # the interior
     total = of_a + of_b + of_c
     u, v, w = of_a / total, of_b / total, of_c / total
     away = subtract(ap, add(scaled(v, ab), scaled(w, ac)))

@@ -1,7 +1,7 @@
-"""Conjugate gradients for symmetric positive definite systems of three columns, on all threads, from any start.
+"""Multithreaded conjugate gradients for three right-hand sides with warm starts.
 
-Methods that solve again and again while the solution moves little start from the solution before: a few iterations do
-for each system. `sparse_solvers` starts from zero.
+Methods that solve a sequence of similar systems start from the previous solution, so a few iterations suffice for each
+system. The solvers in `sparse_solvers` start from zero.
 """
 
 from functools import partial
@@ -10,22 +10,22 @@ import numpy as np
 
 from cascadenorm.mesh import Csr, Floats, Vectors, kernel, parallel_for
 
-MOST_ITERATIONS = 400  # for one system; the next one starts where they end, so more change nothing
+MOST_ITERATIONS = 400  # for one system; the next one continues from its result
 SUM_BLOCK = 1024
-"""Rows that are added up in turn, whatever the number of threads, on which the bytes do not depend then."""
+"""Rows summed sequentially, so that results do not depend on the number of threads."""
 LEAST_BLOCKS = 8
-"""Blocks for which a thread is worth its start."""
+"""Smallest number of blocks for a thread."""
 
 
 def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors, bound: float, most: int) -> bool:
-    """Improve x, (n, 3), until the sum of the squared residuals is at most `bound`, or for `most` iterations.
+    """Improve x, (n, 3), in place until the sum of squared residuals is at most `bound`, in at most `most` iterations.
 
-    Preconditioned by the diagonal, which the pattern includes. The three columns are one system with common steps: so
-    they turn with the mesh. One iteration is made in any case: a sequence with small steps goes on to converge.
+    The preconditioner is the diagonal, which the pattern must include. The three columns share their step sizes, so the
+    result is equivariant under rotation. At least one iteration is made, so that sequences with small steps converge.
 
     Returns
     -------
-    whether the bound was reached
+    Whether the bound was reached.
     """
     inverse, residual, image = np.empty(len(x)), np.empty_like(x), np.empty_like(x)
     direction, sums = np.zeros_like(x), np.empty((-(-len(x) // SUM_BLOCK), 2))
@@ -55,7 +55,7 @@ def _begin(
     residual: Vectors,
     sums: Floats,
 ) -> None:
-    """Find the residual of the start, one over the diagonal, and what `_advance` sums."""
+    """Compute the initial residual, the inverse diagonal and the sums of `_advance`."""
     for block in range(start, stop):
         squared = energy = 0.0
         for i in range(block * SUM_BLOCK, min((block + 1) * SUM_BLOCK, len(x))):
@@ -74,7 +74,7 @@ def _begin(
 
 @kernel
 def _turn(start: int, stop: int, inverse: Floats, residual: Vectors, share: float, direction: Vectors) -> None:
-    """Turn the steepest descent so that it does not undo the steps before."""
+    """Make the preconditioned residual conjugate to the previous directions."""
     rows = slice(start * SUM_BLOCK, stop * SUM_BLOCK)
     weights, descents, directions = inverse[rows], residual[rows], direction[rows]
     for i in range(len(weights)):
@@ -86,7 +86,7 @@ def _turn(start: int, stop: int, inverse: Floats, residual: Vectors, share: floa
 def _multiply(
     start: int, stop: int, pattern: Csr, values: Floats, direction: Vectors, image: Vectors, sums: Floats
 ) -> None:
-    """Multiply the direction by the matrix; sum its curvature."""
+    """Multiply the direction by the matrix, and sum its curvature."""
     for block in range(start, stop):
         rows = slice(block * SUM_BLOCK, (block + 1) * SUM_BLOCK)
         starts, directions, images = pattern.indptr[rows.start :], direction[rows], image[rows]
@@ -115,7 +115,7 @@ def _advance(
     residual: Vectors,
     sums: Floats,
 ) -> None:
-    """Go along the direction to the least residual; sum its squares, and these over the diagonal."""
+    """Take a step along the direction; sum the squared residuals, plain and divided by the diagonal."""
     for block in range(start, stop):
         rows = slice(block * SUM_BLOCK, (block + 1) * SUM_BLOCK)
         weights, directions, images = inverse[rows], direction[rows], image[rows]

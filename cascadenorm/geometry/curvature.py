@@ -1,4 +1,4 @@
-"""Curvature of a triangle mesh at its vertices."""
+"""Mean curvature at vertices."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,8 @@ def mean_curvature(mesh: Mesh) -> NDArray[np.float64]:
 
     Returns
     -------
-    (n,) in one over the unit of the mesh, 1/r on a sphere of radius r whose faces point outward; NaN on the boundary,
-    where the formula does not hold, and at vertices without area
+    (n,) in 1 / mesh unit: 1/r on an outward-oriented sphere of radius r. NaN on the boundary, where the formula does
+    not hold, and at vertices without area.
     """
     total = np.einsum("ij,ij->i", cotangent_laplacian(mesh).stiffness @ mesh.vertices, mesh.vertex_normals)
     areas = mixed_areas(mesh)
@@ -23,12 +23,12 @@ def mean_curvature(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def mixed_areas(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the area that belongs to each vertex, (n,): Voronoi cells, and fixed shares of obtuse triangles."""
+    """Return the (n,) mixed area of each vertex: its Voronoi cell, with fixed shares of obtuse triangles."""
     corners = mesh.corners
-    sides = np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1)  # opposite each corner
+    sides = np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1)  # side opposite each corner
     squares = np.square(sides).sum(axis=2)
     others = squares.sum(axis=1, keepdims=True) - squares
-    cosines = others - squares  # times twice the sides that meet at the corner
+    cosines = others - squares  # multiplied by twice the two side lengths at the corner
     areas = mesh.areas[:, None]
     cotangents = np.divide(cosines, 4 * areas, out=np.zeros_like(cosines), where=areas > 0)
     weighted = squares * cotangents

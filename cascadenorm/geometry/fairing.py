@@ -1,4 +1,4 @@
-"""Fair surfaces over a region: membrane, thin plate, minimum variation, and blends between parts."""
+"""Fairing of regions (membrane, thin plate, minimum variation) and blends between parts."""
 
 from typing import Any
 
@@ -16,35 +16,35 @@ from cascadenorm.mesh import Mesh, Vectors, first_places
 def fair(
     mesh: Mesh, region: VertexMask, *, order: Order = 2, weights: Weights = "cotan", iterations: int = 2
 ) -> Vectors:
-    """Replace the vertices of a region by the solution of Δ^order x = 0 that the vertices around it hold.
+    """Replace the vertices of a region by the solution of Δ^order x = 0 with the surrounding vertices fixed.
 
     Parameters
     ----------
     mesh
-        n vertices; where the region reaches a boundary of the mesh, the surface is free there.
+        Mesh with n vertices. The surface is free where the region reaches a boundary of the mesh.
     region
         (n,) bool, the vertices to replace.
     order
-        1 continues the surface around the region, 2 its tangents too, 3 its curvature too.
+        1 continues the position of the surrounding surface, 2 also its tangents, 3 also its curvature.
     weights
-        Of the Laplacian.
+        Weights of the Laplacian.
     iterations
-        Solutions, each with the Laplacian of the one before.
+        Number of solves; each uses the Laplacian of the previous solution.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) vertices.
 
     Raises
     ------
     ParameterError
-        A connected part of the mesh lies in the region as a whole, so that nothing holds it.
+        The region contains a whole connected component, so the solution is not unique.
     """
     free = region & (mesh.topology.vertex_faces.counts > 0)
     _refuse_what_nothing_holds(mesh, free)
     inside = np.flatnonzero(free)
     for _ in track(iterations if len(inside) else 0):
-        # P d = -P x for the displacement d, so that the vertices around keep their bits
+        # solve P d = -P x for the displacement d, so that the surrounding vertices stay byte-identical
         laplacian = laplacian_of(mesh, weights)
         energy, solve = _energy(mesh, laplacian, inside, order)
         vertices = mesh.vertices.copy()
@@ -54,28 +54,28 @@ def fair(
 
 
 def blend(mesh: Mesh, seam: VertexMask, *, width: int = 3, order: Order = 2, iterations: int = 2) -> Vectors:
-    """Round the join of two parts: replace the vertices within `width` rings of a seam by a fair surface.
+    """Blend two parts: replace the vertices within `width` rings of their seam by a fair surface.
 
     Parameters
     ----------
     mesh
-        n vertices.
+        Mesh with n vertices.
     seam
-        (n,) the vertices where the parts meet.
+        (n,) bool, the vertices where the parts meet.
     width
-        Rings of vertices on either side that are replaced as well.
+        Number of rings of vertices on either side of the seam that are also replaced.
     order, iterations
         As in `fair`.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) vertices.
     """
     return fair(mesh, grown(mesh, seam, rings=width), order=order, iterations=iterations)
 
 
 def grown(mesh: Mesh, region: VertexMask, *, rings: int) -> VertexMask:
-    """Return the region and the vertices within that many edges of it."""
+    """Dilate a region by the given number of rings."""
     region, (i, j) = region.copy(), mesh.topology.edges.T
     for _ in range(rings):
         touched = region[i] | region[j]
@@ -84,10 +84,10 @@ def grown(mesh: Mesh, region: VertexMask, *, rings: int) -> VertexMask:
 
 
 def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: Order) -> tuple[Any, Any]:
-    """Return the matrix S (W S)^(order - 1), and what solves with its rows and columns inside the region.
+    """Return the matrix S (W S)^(order - 1), and a solver for its submatrix inside the region.
 
-    W is M⁻¹, but 0 at the vertices of a boundary that stay: they have no neighbours on one side, and the Laplacian
-    there would not vanish on a plane.
+    W is M⁻¹, but 0 at fixed boundary vertices: they have neighbours on one side only, so their Laplacian would not
+    vanish on a plane.
     """
     fixed_boundary = mesh.topology.boundary_vertices.copy()
     fixed_boundary[inside] = False
@@ -101,7 +101,7 @@ def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: 
 
 
 def _refuse_what_nothing_holds(mesh: Mesh, free: VertexMask) -> None:
-    held = np.zeros(len(free), bool)  # by component
+    held = np.zeros(len(free), bool)  # for each component
     held[mesh.topology.components[~free]] = True
     loose = free & ~held[mesh.topology.components]
     if loose.any():

@@ -1,4 +1,4 @@
-"""Quantities on the faces and vertices of meshes, to be seen as heat maps."""
+"""Quantities on faces and vertices for display as heat maps."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -12,22 +12,24 @@ from cascadenorm.geometry.metrics import angles_at_faces, errors
 from cascadenorm.mesh import Floats, Mesh, MeshError
 
 USUAL = 0.98
-"""Share of the values that the colours cover at first."""
+"""Quantile of the absolute values at the end of the default colour range."""
 
 
 class Quantity(NamedTuple):
-    """What can be seen as a heat map.
+    """A quantity that can be displayed as a heat map.
 
     Parameters
     ----------
-    label, unit
-        As it is written; of the values.
+    label
+        Name for display.
+    unit
+        Unit of the values.
     at
-        Faces or vertices.
+        Whether the values belong to faces or to vertices.
     signed
-        Whether 0 is the middle of the colours.
+        Whether the colour range is centred at 0.
     against
-        The other mesh that it needs.
+        Other mesh that the quantity needs.
     """
 
     label: str
@@ -46,20 +48,20 @@ QUANTITIES: Mapping[str, Quantity] = {
     "noise": Quantity("Local noise", "mean edge lengths", "vertex"),
     "curvature": Quantity("Mean curvature", "1 / mesh unit", "vertex", signed=True),
 }
-"""Every quantity, by its name on the command line and in the address of a report."""
+"""All quantities by their name on the command line and in the URL of a report."""
 
 
 class Field(NamedTuple):
-    """A quantity on some meshes.
+    """The values of a quantity on one or more meshes.
 
     Parameters
     ----------
     name
-        One of QUANTITIES, or that of `own`.
+        Key in QUANTITIES, or the name of `own`.
     values
-        By the name of the mesh (m,) or (n,); NaN where there is none.
+        (m,) or (n,) values by the name of the mesh; NaN where undefined.
     own
-        What the values are, where that is none of QUANTITIES.
+        Custom quantity that is not in QUANTITIES.
     """
 
     name: str
@@ -68,12 +70,12 @@ class Field(NamedTuple):
 
     @property
     def quantity(self) -> Quantity:
-        """What the values are."""
+        """Description of the quantity."""
         return self.own or QUANTITIES[self.name]
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Ends of the colours: all but the largest values of all meshes lie between."""
+        """Limits of the colour range, which covers all but the largest values of all meshes."""
         known = np.concatenate([np.abs(values[np.isfinite(values)]) for values in self.values.values()])
         usual = float(np.quantile(known, USUAL)) if len(known) else 0.0
         usual = usual or float(known.max(initial=0.0)) or 1.0
@@ -88,11 +90,11 @@ def fields(
     Parameters
     ----------
     meshes
-        "before", "after", "truth" or "mesh", scaled alike to about unit size.
+        Meshes by name: "before", "after", "truth" or "mesh", with a common scale of about unit size.
     unit
-        Length of 1 in the unit of the files.
+        Unit length of these meshes in the unit of the files.
     known
-        Noise and curvature of some of them, by the names of the quantity and the mesh, which are not computed again.
+        Noise and curvature computed earlier, by the names of the quantity and the mesh.
     """
     noise, curvature = known.get("noise", {}), known.get("curvature", {})
     judged = {key: mesh for key, mesh in meshes.items() if key != "truth"}
@@ -111,23 +113,23 @@ def fields(
 
 
 def field(name: str, meshes: Mapping[str, Mesh], other: Mesh, unit: float) -> Field:
-    """Return a quantity on meshes.
+    """Compute a quantity on one or more meshes.
 
     Parameters
     ----------
     name
-        One of QUANTITIES.
+        Key in QUANTITIES.
     meshes
-        Scaled alike to about unit size.
+        Meshes by name, with a common scale of about unit size.
     other
-        The input or the truth, scaled as well.
+        Input mesh or ground truth, with the same scale.
     unit
-        Length of 1 in the unit of the files.
+        Unit length of these meshes in the unit of the files.
 
     Raises
     ------
     MeshError
-        The faces are not those of the input.
+        The quantity compares with the input, and the faces differ from those of the input.
     """
     return Field(name, {key: _values(name, key, mesh, other, unit) for key, mesh in meshes.items()})
 
@@ -145,13 +147,13 @@ def _values(name: str, key: str, mesh: Mesh, other: Mesh, unit: float) -> Floats
 
 
 def _errors(mesh: Mesh, truth: Mesh, unit: float) -> dict[str, Floats]:
-    """How far faces and vertices are off."""
+    """Return the errors of face normals and vertices against the ground truth."""
     away = errors(mesh, truth)
     return {"normal-error": away.angles, "distance": away.distances * unit}
 
 
 def _changes(before: Mesh, after: Mesh, unit: float) -> dict[str, Floats]:
-    """How far the faces have turned and the vertices have moved."""
+    """Return the rotation of the face normals and the displacement of the vertices."""
     moves = (after.vertices - before.vertices) * unit
     return {
         "angle": angles_at_faces(after.face_normals, before.face_normals),

@@ -1,4 +1,4 @@
-"""Displacements that flip no face and fold no edge, except at foldovers."""
+"""Displacements that flip no face, except to undo foldovers."""
 
 import math
 
@@ -9,33 +9,33 @@ from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, Vectors, kernel, paral
 from cascadenorm.mesh.vectors import dot, length, row
 
 STEP_HALVINGS = 8
-"""Of the displacement of a vertex whose face would flip, before it returns to where it was."""
+"""Number of times that the displacement of a vertex is halved before the vertex returns to its input position."""
 STEEPEST_NORMAL = math.sqrt(0.5)
-"""Cosine of the angle to the mean normal around it, 45°, up to which no face may flip, however noisy the mesh."""
+"""Cosine of 45°: a face within this angle of the mean normal around it never counts as a foldover."""
 FOLDED = math.cos(math.radians(105))
 """Cosine of the angle between the normals of two adjacent faces below which the edge is folded."""
 LEAST_FLOAT = float(np.finfo(float).tiny)
 
 
 def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] | None = None) -> Vectors:
-    """Take back of a displacement what would flip faces.
+    """Reduce displacements that would flip faces.
 
-    Where a face would end with its normal 90° or more from
-    that of the input, the displacements of its three vertices are halved until it does not, and dropped in the end;
-    only faces that were foldovers, or may have been for all that the noise says, may flip (see `foldovers`).
+    If the normal of a face would turn by 90° or more, the displacements of its three vertices are halved repeatedly,
+    and finally set to zero. Only foldovers of the input, including possible ones in strong noise, may flip (see
+    `foldovers`).
 
     Parameters
     ----------
     mesh
-        The input, n vertices.
+        Input mesh with n vertices.
     vertices
-        (n, 3), where a method wants them.
+        (n, 3) target positions.
     may_flip
-        (m,) faces that may; None: the foldovers of the mesh.
+        (m,) faces that may flip. None selects the foldovers of the mesh.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) positions.
     """
     held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
     halvings = np.zeros(len(vertices), np.uint8)
@@ -45,24 +45,24 @@ def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] 
 
 
 def without_folds(mesh: Mesh, vertices: Vectors, smooth: NDArray[np.bool_]) -> Vectors:
-    """Take back of a displacement what would flip faces, or fold edges of a surface without sharp noise.
+    """Reduce displacements that would flip faces, or fold edges of surfaces without independent vertex noise.
 
-    Faces are treated as in `without_flips`. Where the normals of two adjacent faces would end more than 105° from each
-    other, and are not in the input, the displacements of their four vertices are halved in the same way. The limit lies
-    between square edges and blades.
+    Faces are treated as in `without_flips`. If the angle between the normals of two adjacent faces would exceed 105°,
+    and does not in the input, the displacements of their four vertices are reduced in the same way. The limit lies
+    between right-angled edges and thin blades.
 
     Parameters
     ----------
     mesh
-        The input, n vertices.
+        Input mesh with n vertices.
     vertices
-        (n, 3), where a method wants them.
+        (n, 3) target positions.
     smooth
-        (m,) faces whose noise is not independent from vertex to vertex, which would hide blades in the input.
+        (m,) faces without noise that is independent at each vertex; such noise would hide blades in the input.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) positions.
     """
     held = ~foldovers(mesh) & (mesh.areas > 0)
     pairs = mesh.topology.face_pairs
@@ -81,16 +81,20 @@ def halved_where_flipped(
     halvings: NDArray[np.uint8],
     pairs: NDArray[np.int32] | None = None,
 ) -> NDArray[np.bool_]:
-    """Count one more halving, in place, for the vertices of faces that flip or fold, (m,), which are returned.
+    """Add one halving, in place, for the vertices of faces that flip or fold, and return these faces, (m,) bool.
 
     Parameters
     ----------
+    mesh
+        Input mesh with n vertices.
+    vertices
+        (n, 3) target positions.
     held
         (m,) faces that may not flip.
     halvings
-        (n,) of the displacement of each vertex so far.
+        (n,) number of halvings of the displacement of each vertex.
     pairs
-        (p, 2) adjacent faces whose normals may not end more than 105° from each other.
+        (p, 2) adjacent faces whose normals may differ by at most 105°.
     """
     moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
     flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
@@ -102,13 +106,13 @@ def halved_where_flipped(
 
 
 def _folded(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return (p,) which pairs of faces have normals more than 105° from each other."""
+    """Return (p,) whether the normals of each pair of faces differ by more than 105°."""
     one, other = mesh.face_normals[pairs].swapaxes(0, 1)
     return np.asarray(np.einsum("ij,ij->i", one, other) < FOLDED)
 
 
 def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8]) -> Vectors:
-    """Return vertices with their displacements halved so often, and dropped after STEP_HALVINGS of them."""
+    """Return vertices with displacements halved the given number of times, or zero after STEP_HALVINGS halvings."""
     moved, back = vertices.copy(), np.flatnonzero(halvings)
     share = np.where(halvings[back] > STEP_HALVINGS, 0.0, 0.5 ** halvings[back].astype(np.float64))
     moved[back] = mesh.vertices[back] + share[:, None] * (vertices[back] - mesh.vertices[back])
@@ -116,11 +120,11 @@ def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8])
 
 
 def foldovers(mesh: Mesh) -> NDArray[np.bool_]:
-    """Tell which faces are flipped, or may be for all that the scatter of the normals around them says, (m,).
+    """Return (m,) whether each face is flipped, or may be flipped given the scatter of the normals around it.
 
-    With n̄ the mean normal, by area, of the faces within two rings, and R its length, which is 1 where they all agree,
-    these are the faces with <n, n̄ / R> < min(√(1 - R²), cos 45°): on a smooth surface those more than 90° from it, in
-    strong noise those more than 45°.
+    Let n̄ be the area-weighted mean normal of the faces within two rings, and R its length, which is 1 if they all
+    agree. A face is a foldover if <n, n̄ / R> < min(√(1 - R²), cos 45°). On a smooth surface these are the faces more
+    than 90° from n̄, in strong noise those more than 45° from it.
     """
     sums = np.concatenate([mesh.area_vectors, mesh.areas[:, None]], axis=1)
     for _ in range(2):
@@ -132,7 +136,7 @@ def foldovers(mesh: Mesh) -> NDArray[np.bool_]:
 
 @kernel
 def _sum_of_corners_range(start: int, stop: int, values: Floats, faces: Ints32, out: Floats) -> None:
-    """Add what the corners of each face have; numpy makes a copy for each corner, and takes ten times as long."""
+    """Sum the values of the corners of each face."""
     for f in range(start, stop):
         a, b, c = faces[f]
         for column in range(values.shape[1]):
@@ -141,7 +145,7 @@ def _sum_of_corners_range(start: int, stop: int, values: Floats, faces: Ints32, 
 
 @kernel
 def _folded_range(start: int, stop: int, sums: Floats, normals: Vectors, out: Bools) -> None:
-    """Compare each normal with the sum of those around it, whose last column is their area."""
+    """Compare each normal with the sum of area vectors around it; the last column is their total area."""
     for f in range(start, stop):
         around = row(sums, f)
         size = length(around)

@@ -1,4 +1,4 @@
-"""Geodesic distances by the heat method: the lengths of shortest paths along a surface."""
+"""Geodesic distances by the heat method."""
 
 import numpy as np
 import scipy
@@ -22,32 +22,32 @@ from cascadenorm.mesh import (
 )
 
 LEAST_HEAT = 1e-300
-"""Share of the largest heat below which its gradient is not trusted: then it flows for longer."""
+"""Smallest accepted ratio of the least to the largest heat; below it, the diffusion time is increased."""
 
 
 def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
-    """Return the distance along the surface from each vertex to the nearest source.
+    """Return the geodesic distance from each vertex to the nearest source.
 
-    The heat method (Crane, Weischedel, Wardetzky 2013) takes two sparse solves. From one source it is off by 1 to 3 %
-    on average, from several by more, most if they are few edges apart.
+    The heat method (Crane, Weischedel, Wardetzky 2013) needs two sparse solves. The mean error is 1 to 3 % for one
+    source, and larger for several, especially if they are only a few edges apart.
 
     Parameters
     ----------
     mesh
-        n vertices; an edge may have any number of faces, of any orientation.
+        Mesh with n vertices; an edge may have any number of faces, in any orientation.
     sources
-        Number of a vertex, or (s,) of several.
+        Index of a vertex, or (s,) indices.
 
     Returns
     -------
-    (n,) float64, in the unit of the vertices; 0 at sources, inf where no source is connected
+    (n,) float64 in mesh units; 0 at sources, inf on components without a source.
 
     Raises
     ------
     MeshError
         All faces lie in one place.
     ParameterError
-        There is no source, or one that does not exist.
+        There is no source, or a source does not exist.
     """
     chosen = _checked_sources(sources, len(mesh.vertices))
     framed, exponent = in_frame(without_lines(mesh))
@@ -55,16 +55,18 @@ def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
 
 
 def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
-    """Return (n,) approximate distances to the nearest source, inf where none is connected.
+    """Return the (n,) approximate distance to the nearest source; inf on components without one.
 
-    Heat flows from the sources for a time of one squared mean edge length; its gradient points along the shortest
-    paths. The function whose gradient comes nearest to that direction at unit length is the distance, up to a constant
-    for each connected component: distances are 0 at sources on average.
+    Heat flows from the sources for a time of one squared mean edge length. Its gradient points along the shortest
+    paths. The function whose gradient best fits the unit vectors in this direction is the distance up to a constant on
+    each connected component, which is chosen so that the mean distance at the sources is 0.
 
     Parameters
     ----------
+    mesh
+        Mesh with n vertices.
     sources
-        (s,) different vertices, at least one.
+        (s,) distinct vertices, at least one.
     """
     components = mesh.topology.components
     distances = np.where(np.isin(np.arange(len(mesh.vertices)), sources), 0.0, np.inf)
@@ -75,14 +77,14 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
     laplacian = cotangent_laplacian_of(mesh, cotangents, areas)
     stiffness, positions = laplacian.stiffness[near][:, near], mesh.vertices[near]
 
-    # heat flow, and the divergence of its gradient scaled to unit length
+    # heat flow, and the divergence of its normalised gradient
     heat = np.zeros(len(near))
     heat[near] = _heat(stiffness, laplacian.mass[near], positions, (distances == 0)[near], mesh.mean_edge_length**2)
     flux = np.zeros(mesh.faces.shape)
     parallel_for(len(flux), _unit_flux, mesh.faces, cotangents, areas, heat, flux)
     divergence = scatter_add(mesh.faces.ravel(), flux.ravel(), len(near))[near]
 
-    # Poisson equation, with the first source of each component held
+    # Poisson equation, with the first source of each component fixed
     inside = sources[near[sources]]
     held, first = np.unique(components[inside], return_index=True)
     free = near.copy()
@@ -104,7 +106,7 @@ def _heat(
     sources: Bools,
     time: float,
 ) -> Floats:
-    """Return the heat of one implicit step, which flows for longer until some has come everywhere."""
+    """Return the heat after one implicit step, with the time increased until heat has reached every vertex."""
     while True:
         step = scipy.sparse.diags_array(mass) + time * stiffness
         heat = Factorisation(step, positions).solve(sources.astype(np.float64))
@@ -117,17 +119,17 @@ def _heat(
 def _unit_flux(
     start: int, stop: int, faces: Ints32, cotangents: Floats, areas: Floats, heat: Floats, flux: Floats
 ) -> None:
-    """What flows out of each corner of a face, (m, 3), down a heat that is scaled to a gradient of length 1.
+    """Compute the (m, 3) flux at each face corner for the heat gradient scaled to length 1.
 
-    A piecewise linear function u has the energy ∫ |∇u|² = Σ ½ cot (u_i - u_j)² over the sides of a face, and its
-    derivative by u_i is twice ∫ ∇u · ∇φ_i, with the hat function φ_i of the corner.
+    A piecewise linear function u has the energy ∫ |∇u|² = Σ ½ cot (u_i - u_j)² over the sides of a face. Its derivative
+    with respect to u_i is 2 ∫ ∇u · ∇φ_i, where φ_i is the hat function of the corner.
     """
     for f in range(start, stop):
         a, b, c = heat[faces[f, 0]], heat[faces[f, 1]], heat[faces[f, 2]]
         largest = max(abs(a), abs(b), abs(c))
         if not largest > 0.0:
             continue
-        a, b, c = a / largest, b / largest, c / largest  # squares of far, little heat vanish
+        a, b, c = a / largest, b / largest, c / largest  # squares of very small heat would underflow
         along_ab = 0.5 * cotangents[f, 0] * (a - b)
         along_bc = 0.5 * cotangents[f, 1] * (b - c)
         along_ca = 0.5 * cotangents[f, 2] * (c - a)
@@ -140,7 +142,7 @@ def _unit_flux(
 
 
 def _checked_sources(sources: ArrayLike, count: int) -> Ints:
-    """Return the sources, ascending, each once; raises ParameterError where they are no vertices."""
+    """Return the unique sources, ascending; raise ParameterError if they are not vertices."""
     given = np.atleast_1d(np.asarray(sources))
     if given.ndim != 1 or not len(given) or given.dtype.kind not in "iu":
         raise ParameterError("must be a vertex index or several", parameter="sources")

@@ -1,8 +1,8 @@
 """Laplacians of a triangle mesh: cotangent with intrinsic mollification, and uniform.
 
-Both are a symmetric stiffness S and a diagonal mass M, so that the Laplacian is Δ = -M⁻¹S, with negative diagonal.
-At a boundary nothing special is done: the cotangent stiffness then has the natural (Neumann) condition, the uniform one
-the neighbours that there are. Nothing needs a manifold: an edge collects a weight from each of its faces.
+Both consist of a symmetric stiffness matrix S and a diagonal mass matrix M; the Laplacian Δ = -M⁻¹S has a negative
+diagonal. Boundaries need no special treatment: the cotangent Laplacian has natural (Neumann) boundary conditions, and
+the uniform one uses the existing neighbours. The mesh need not be manifold: the weight of an edge sums over its faces.
 """
 
 from dataclasses import dataclass
@@ -17,11 +17,13 @@ from cascadenorm.mesh import Floats, Mesh, Vectors, kernel, parallel_for, scatte
 
 Weights = Literal["uniform", "cotan"]
 Order = Literal[1, 2, 3]
-"""Power of the Laplacian: 1 membrane or plain diffusion, 2 thin plate, 3 minimum variation."""
+"""Power of the Laplacian: 1 membrane or diffusion, 2 thin plate, 3 minimum variation."""
 VertexMask = NDArray[np.bool_]
-"""(n,) bool, vertices."""
+"""(n,) bool mask of vertices."""
 MOLLIFICATION = 1e-3
-"""Slack of the triangle inequality, in mean edge lengths (Sharp & Crane 2020); less ruins powers of the Laplacian."""
+"""Slack of the triangle inequality in mean edge lengths (Sharp & Crane 2020).
+
+With smaller values, powers of the Laplacian become inaccurate."""
 
 
 @dataclass(frozen=True)
@@ -31,30 +33,30 @@ class Laplacian:
     Parameters
     ----------
     stiffness
-        S, (n, n) sparse, symmetric, positive semidefinite, rows sum to zero.
+        S, (n, n), sparse, symmetric and positive semidefinite; its rows sum to zero.
     mass
         M, (n,); zero for a vertex without a face, which then keeps its value.
     positions
-        (n, 3) of the vertices: by them solvers order the unknowns.
+        (n, 3) vertices, which solvers use to order the unknowns.
     """
 
-    stiffness: Any  # scipy.sparse.csr_array, which has no types
+    stiffness: Any  # scipy.sparse.csr_array, which has no type stubs
     mass: NDArray[np.float64]
     positions: Vectors
 
     @cached_property
     def inverse_mass(self) -> NDArray[np.float64]:
-        """(n,) 1 / mass, and 0 where there is none."""
+        """(n,) 1 / mass; 0 where the mass is 0."""
         return np.divide(1.0, self.mass, out=np.zeros_like(self.mass), where=self.mass > 0)
 
     def apply(self, values: NDArray[np.float64], order: int = 1) -> NDArray[np.float64]:
-        """Return (-Δ)^order of the columns of `values`, (n, c)."""
+        """Apply (-Δ)^order to the columns of `values`, (n, c)."""
         for _ in range(order):
             values = self.inverse_mass[:, None] * (self.stiffness @ values)
         return values
 
     def power(self, order: int) -> Any:
-        """Return M (-Δ)^order = S (M⁻¹S)^(order - 1), symmetric and positive semidefinite, sparse."""
+        """Return the sparse matrix M (-Δ)^order = S (M⁻¹S)^(order - 1), symmetric and positive semidefinite."""
         matrix = self.stiffness
         for _ in range(order - 1):
             matrix = scipy.sparse.csr_array(self.stiffness @ (scipy.sparse.diags_array(self.inverse_mass) @ matrix))
@@ -62,7 +64,7 @@ class Laplacian:
 
     @cached_property
     def largest(self) -> float:
-        """An upper bound (Gershgorin) of the eigenvalues of -Δ."""
+        """Upper bound (Gershgorin) of the eigenvalues of -Δ."""
         return float((abs(self.stiffness).sum(axis=1) * self.inverse_mass).max())
 
 
@@ -72,35 +74,39 @@ def laplacian_of(mesh: Mesh, weights: Weights) -> Laplacian:
 
 
 def uniform_laplacian(mesh: Mesh) -> Laplacian:
-    """Return Δx_i = mean of the 1-ring of i - x_i: the mass is the number of neighbours, eigenvalues lie in 0 … 2."""
+    """Return the uniform Laplacian, Δx_i = mean of the 1-ring of vertex i, minus x_i.
+
+    The mass of a vertex is its number of neighbours; the eigenvalues of -Δ lie in 0 … 2.
+    """
     edges = mesh.topology.edges
     return assemble(mesh, np.ones(len(edges)), mesh.topology.vertex_neighbors.counts.astype(np.float64))
 
 
 def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> Laplacian:
-    """Return the cotangent Laplacian (Pinkall & Polthier 1993; Meyer et al. 2003), a third of the area as mass.
+    """Return the cotangent Laplacian (Pinkall & Polthier 1993; Meyer et al. 2003).
 
-    The stiffness has -(cot α + cot β)/2 for an edge with the opposite angles α and β, so that Δx = -2Hn.
+    The stiffness is -(cot α + cot β)/2 for an edge with opposite angles α and β, so that Δx = -2Hn. The mass of a
+    vertex is a third of the area of its faces.
 
     Parameters
     ----------
     mesh
-        n vertices; triangles may be obtuse or degenerate.
+        Mesh with n vertices; triangles may be obtuse or degenerate.
     mollification
-        Each edge length grows by one and the same ε, the least that lets every triangle satisfy the triangle inequality
-        by this many mean edge lengths; ε is 0 for a mesh that does (Sharp & Crane 2020).
+        Required slack of the triangle inequality in mean edge lengths. All edge lengths are increased by the smallest
+        ε with which every triangle has this slack; ε is often 0 (Sharp & Crane 2020).
     """
     return cotangent_laplacian_of(mesh, *face_cotangents(mesh, mollification=mollification))
 
 
 def cotangent_laplacian_of(mesh: Mesh, cotangents: Floats, areas: Floats) -> Laplacian:
-    """Return the cotangent Laplacian from what `face_cotangents` returns."""
+    """Return the cotangent Laplacian from the results of `face_cotangents`."""
     edge_weights = scatter_add(mesh.topology.face_edges.ravel(), 0.5 * cotangents.ravel(), len(mesh.topology.edges))
     return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
 
 
 def face_cotangents(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> tuple[Floats, Floats]:
-    """Return (m, 3) the cotangent of the angle opposite to each side, and (m,) areas, from mollified lengths."""
+    """Return the (m, 3) cotangents of the angles opposite to each side, and (m,) areas, from mollified lengths."""
     lengths = intrinsic_lengths(mesh, mollification=mollification)
     cotangents, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
     parallel_for(len(mesh.faces), _cotangents, lengths, cotangents, areas)
@@ -108,12 +114,12 @@ def face_cotangents(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> tupl
 
 
 def vertex_masses(mesh: Mesh, areas: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (n,) a third of the areas of the faces around each vertex."""
+    """Return the (n,) masses: a third of the area of the faces around each vertex."""
     return mesh.sums_around(areas / 3)
 
 
 def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> NDArray[np.float64]:
-    """Return (m, 3) mollified lengths of the sides of each face; side k joins corners k and k + 1."""
+    """Return the (m, 3) mollified side lengths of each face; side k joins corners k and k + 1."""
     corners = mesh.corners
     lengths: NDArray[np.float64] = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     slack = lengths.sum(axis=1) - 2 * lengths.max(axis=1)
@@ -122,7 +128,7 @@ def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> ND
 
 
 def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]) -> Laplacian:
-    """Return the Laplacian with the given weight of each edge, e.g. (cot α + cot β)/2, and mass of each vertex."""
+    """Assemble a Laplacian from edge weights, such as (cot α + cot β)/2, and vertex masses."""
     proper = mesh.topology.edges[:, 0] != mesh.topology.edges[:, 1]
     (i, j), w = mesh.topology.edges[proper].T, weights[proper]
     n = len(mesh.vertices)
@@ -137,7 +143,7 @@ def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]
 
 @kernel
 def _cotangents(start: int, stop: int, lengths: Floats, cotangents: Floats, areas: Floats) -> None:
-    """Cotangent of the angle opposite to each side, and the area, from three lengths (Kahan's form of Heron's)."""
+    """Compute opposite cotangents and areas from three lengths, with Kahan's version of Heron's formula."""
     for f in range(start, stop):
         a, b, c = lengths[f]
         low, high = min(a, b, c), max(a, b, c)

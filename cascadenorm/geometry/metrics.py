@@ -1,4 +1,4 @@
-"""How far a denoised mesh is from the true one: in the directions of its faces, in its vertices, in its volume."""
+"""Error metrics of a mesh against the ground truth."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,34 +11,35 @@ from cascadenorm.geometry.volume import is_closed
 from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, scaled_alike
 
 LEAST_SIZE = 1e-90
-"""Size of a mesh, as a share of the other's, whose cube is still a number."""
+"""Smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measures:
-    """Errors of a mesh against the true one; 0 is perfect, and 1 for the volume ratio.
+    """Errors of a mesh against the ground truth; a perfect result has 0 everywhere and a volume ratio of 1.
 
     Parameters
     ----------
     normal_error_deg
         E_a, mean angle between the face normals, in degrees.
     normal_error_rms_deg
-        Root of the mean square of that angle.
+        Root mean square of that angle, in degrees.
     normal_error_p95_deg
-        95 % of the faces are at most that far off.
+        95th percentile of that angle, in degrees.
     normal_error_area_deg
-        Mean angle, faces weighted by their true area; by their own where the faces differ.
+        Area-weighted mean of that angle, in degrees. Areas are those of the ground truth, or of the mesh itself if the
+        faces differ.
     flipped_percent
-        Share of the faces that are off by more than 90°.
+        Percentage of faces with an angle above 90°.
     vertex_error_edges
-        E_v, mean distance of the vertices to the true surface, in mean edge lengths of the true mesh.
+        E_v, mean distance of the vertices to the true surface, in mean edge lengths of the ground truth.
     vertex_rms_edges
-        Root of the mean square of that distance.
+        Root mean square of that distance, in the same unit.
     hausdorff_diagonal
-        Largest distance of a vertex of either mesh to the other surface, over the diagonal of the true mesh's bounding
-        box.
+        Largest distance of a vertex of either mesh to the other surface, divided by the diagonal of the bounding box of
+        the ground truth.
     volume_ratio
-        Enclosed volume over the true one; None unless both meshes are closed.
+        Enclosed volume divided by the true one; None unless both meshes are closed.
     """
 
     normal_error_deg: float
@@ -52,7 +53,7 @@ class Measures:
     volume_ratio: float | None
 
     def in_words(self) -> dict[str, str]:
-        """Each measure by what it is, with its unit."""
+        """Return the formatted measures with units, by description."""
         return {
             "normal error E_a, mean": f"{self.normal_error_deg:.3f} deg",
             "normal error, root mean square": f"{self.normal_error_rms_deg:.3f} deg",
@@ -67,22 +68,23 @@ class Measures:
 
 
 def measure(mesh: Mesh, reference: Mesh) -> Measures:
-    """Measure a mesh against the true one.
+    """Measure the errors of a mesh against the ground truth.
 
     Parameters
     ----------
     mesh
-        The one to judge; vertices that no face uses do not count.
+        Mesh to evaluate; vertices without a face are ignored.
     reference
-        The true one. If its faces are the same, they are compared one by one; otherwise each face is compared with the
-        true face nearest to its centroid. Faces without area, in either mesh, have no angle.
+        Ground truth. If both meshes have the same faces, these are compared one by one. Otherwise each face is compared
+        with the face of `reference` nearest to its centroid. Faces without area in either mesh are ignored.
 
     Raises
     ------
     MeshError
-        No face has a normal on both sides, the true mesh has no extent, or they differ in size beyond measure.
+        No pair of compared faces has two normals, the ground truth has no extent, or the sizes of the meshes differ too
+        much.
     """
-    mesh, reference = scaled_alike(mesh, reference)  # which changes no measure
+    mesh, reference = scaled_alike(mesh, reference)  # does not change any measure
     sizes = sorted([mesh.diagonal, reference.diagonal])
     if 0 < sizes[0] < LEAST_SIZE * sizes[1]:
         raise MeshError(f"one mesh is over {1 / LEAST_SIZE:.0e} times as large as the other: bring them to one unit")
@@ -110,14 +112,14 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
 
 
 class Errors(NamedTuple):
-    """Errors of a mesh against the true one, place by place.
+    """Errors of the faces and vertices of a mesh against the ground truth.
 
     Parameters
     ----------
     angles
-        (m,) between the normal of each face and the true one, in degrees; NaN where one of them has no area.
+        (m,) angle between the normal of each face and the true one, in degrees; NaN if either face has no area.
     distances
-        (n,) of each vertex to the true surface; NaN for a vertex without a face.
+        (n,) distance of each vertex to the true surface; NaN for a vertex without a face.
     """
 
     angles: NDArray[np.float64]
@@ -125,7 +127,7 @@ class Errors(NamedTuple):
 
 
 def errors(mesh: Mesh, reference: Mesh) -> Errors:
-    """Measure each face and vertex of a mesh against the true one, as `measure` does; both of about unit size."""
+    """Return the error of each face and vertex, compared as in `measure`; both meshes must be of about unit size."""
     surface = SurfaceTree(reference)
     distances = np.full(len(mesh.vertices), np.nan)
     distances[mesh.topology.used_vertices] = surface.nearest(_used_vertices(mesh)).distances
@@ -136,7 +138,7 @@ def errors(mesh: Mesh, reference: Mesh) -> Errors:
 
 
 def angles_at_faces(ours: Vectors, theirs: Vectors) -> NDArray[np.float64]:
-    """Return the angle between the normals of each face, (m,) in degrees; NaN where one of them is zero."""
+    """Return the (m,) angles between two normals of each face in degrees; NaN if either is zero."""
     angles = np.full(len(ours), np.nan)
     angles[ours.any(axis=1) & theirs.any(axis=1)] = np.degrees(angles_between(ours, theirs))
     return angles

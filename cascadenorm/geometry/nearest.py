@@ -1,4 +1,4 @@
-"""The nearest point of a surface, exactly, by a tree of boxes around its triangles."""
+"""Exact nearest-point queries on a surface with a bounding volume hierarchy."""
 
 from typing import NamedTuple
 
@@ -8,34 +8,34 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
-LEAF_TRIANGLES = 4  # triangles in a box of the lowest level
-CURVE_BITS = 16  # cells along each axis of the curve that orders the triangles, as a power of two
+LEAF_TRIANGLES = 4  # triangles in a leaf box
+CURVE_BITS = 16  # bits of each coordinate in the Morton codes of the triangles
 
 
 class Nearest(NamedTuple):
-    """For each point its distance to the surface, and a face where it is reached."""
+    """The distance of each point to the surface, and a face with the nearest point."""
 
     distances: NDArray[np.float64]
     faces: NDArray[np.int64]
 
 
 class SurfaceTree:
-    """The triangles of a mesh in a complete binary tree of boxes, ordered along a space-filling curve.
+    """A complete binary tree of bounding boxes over the triangles of a mesh, sorted along a space-filling curve.
 
     Parameters
     ----------
     mesh
-        m faces; one without area counts as the segment or point that it is.
+        Mesh with m faces; a face without area counts as a segment or a point.
 
     Attributes
     ----------
     order
-        (m,) the faces along the curve.
+        (m,) faces in the order of the curve.
     corners
-        (m, 3, 3) their corners, in that order.
+        (m, 3, 3) corner positions of the faces, in that order.
     boxes
-        (b, 2, 3) lower and upper corner of the boxes; node i lies over 2i + 1 and 2i + 2, and the lowest level, the
-        last (b + 1) / 2, holds LEAF_TRIANGLES faces each.
+        (b, 2, 3) lower and upper corners of the boxes. Node i has the children 2i + 1 and 2i + 2. The last
+        (b + 1) / 2 boxes are the leaves, with up to LEAF_TRIANGLES faces each.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -55,7 +55,7 @@ class SurfaceTree:
             self.boxes[leaves - 1 : 2 * leaves - 1, 1] = children[:, :, 1].max(axis=1)
 
     def nearest(self, points: Vectors) -> Nearest:
-        """Find the nearest point of the surface to each of the points, (k, 3); among equals the lowest face."""
+        """Find the distance and nearest face for each point, (k, 3); ties go to the lowest face index."""
         points = np.ascontiguousarray(points, np.float64)
         squared, faces = np.empty(len(points)), np.empty(len(points), np.int64)
         parallel_for(len(points), _search, points, self.corners, self.order, self.boxes, squared, faces)
@@ -63,7 +63,7 @@ class SurfaceTree:
 
 
 def _curve(points: Vectors) -> NDArray[np.uint64]:
-    """Place of each point along a Morton curve through the box of all points."""
+    """Return the Morton code of each point in the bounding box of all points."""
     lower = points.min(axis=0)
     extent = np.ptp(points, axis=0).max()
     cells = (1 << CURVE_BITS) - 1
@@ -79,9 +79,9 @@ def _curve(points: Vectors) -> NDArray[np.uint64]:
 def _search(
     start: int, stop: int, points: Vectors, corners: Floats, order: Ints, boxes: Floats, squared: Floats, faces: Ints
 ) -> None:
-    """Visit the nearer child first, and no box that is farther than the best triangle so far."""
+    """Traverse the tree, nearer child first, skipping boxes farther than the best triangle so far."""
     first_leaf = len(boxes) // 2
-    stack, away = np.empty(64, np.int64), np.empty(64)  # boxes to visit, and how far they are
+    stack, away = np.empty(64, np.int64), np.empty(64)  # boxes to visit, and their squared distances
     for i in range(start, stop):
         p = row(points, i)
         best, face = np.inf, -1
@@ -91,7 +91,7 @@ def _search(
             node = stack[top]
             if away[top] > best:
                 continue
-            # an inner box: its nearer child comes to the top of the stack
+            # inner node: push the nearer child last, so that it is visited first
             if node < first_leaf:
                 near, far = 2 * node + 1, 2 * node + 2
                 to_near, to_far = _box_distance2(p, boxes, near), _box_distance2(p, boxes, far)
@@ -101,7 +101,7 @@ def _search(
                 stack[top + 1], away[top + 1] = near, to_near
                 top += 2
                 continue
-            # a leaf: of triangles equally near the one with the smallest number is kept
+            # leaf: ties go to the lowest face index
             first = (node - first_leaf) * LEAF_TRIANGLES
             for t in range(first, min(first + LEAF_TRIANGLES, len(corners))):
                 distance = _triangle_distance2(p, corners[t])
@@ -121,7 +121,7 @@ def _box_distance2(p: Vector, boxes: Floats, node: int) -> float:
 
 @kernel
 def _triangle_distance2(p: Vector, corner: Vectors) -> float:
-    """Distance to the plane where the foot lies inside the triangle, else to the nearest of its sides."""
+    """Return the squared distance to the plane if the foot is inside the triangle, else to the nearest side."""
     a, b, c = subtract(row(corner, 0), p), subtract(row(corner, 1), p), subtract(row(corner, 2), p)
     normal = cross(subtract(b, a), subtract(c, a))
     length2 = dot(normal, normal)
@@ -138,7 +138,7 @@ def _triangle_distance2(p: Vector, corner: Vectors) -> float:
 
 @kernel
 def _side_distance2(a: Vector, b: Vector) -> float:
-    """Squared distance of the origin to the segment from a to b."""
+    """Return the squared distance of the origin to the segment from a to b."""
     along = subtract(b, a)
     length2 = dot(along, along)
     t = min(max(-dot(a, along) / length2, 0.0), 1.0) if length2 > 0 else 0.0

@@ -1,4 +1,4 @@
-"""What lies within a distance, found by walking over neighbours: linear where a search of all pairs is not."""
+"""Neighbourhoods within a radius, found by graph search."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,24 +12,24 @@ UNLIMITED = 2**31 - 1
 def within(
     centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr, *, most: int = UNLIMITED
 ) -> Csr:
-    """Find the points near each centre that a walk over near points reaches from the seeds.
+    """Find the points within a radius of each centre that are connected to its seeds through such points.
 
     Parameters
     ----------
     centers, radii
-        (k, 3), (k,).
+        (k, 3) positions and (k,) radii.
     points
-        (p, 3).
+        (p, 3) positions.
     graph
-        p rows, neighbours of each point.
+        Neighbours of each point, p rows.
     seeds
-        k rows, where the walk of each centre starts; a seed that is too far is left out as any other point.
+        Points where the search of each centre starts, k rows; seeds outside the radius are skipped.
     most
-        Points to find of each centre, the first on the walk.
+        Largest number of points per centre; the first ones found are kept.
 
     Returns
     -------
-    k rows: the points at most radii[i] from centers[i], in the order in which they are found
+    k rows: the points at most radii[i] from centers[i], in breadth-first order.
     """
     count = len(centers)
     parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds, most)
@@ -39,12 +39,22 @@ def within(
 
 
 def each_alone(count: int) -> Csr:
-    """Return rows of one entry, their own number: seeds for a walk from each point itself."""
+    """Return seeds that start the search of each point at the point itself."""
     return Csr(np.arange(count + 1, dtype=np.int64), np.arange(count, dtype=np.int32))
 
 
 def steps_from(topology: Topology, seeds: NDArray[np.bool_], most: int) -> Ints32:
-    """Return (n,) the least number of edges to each vertex from one of the seeds, (n,); `most` + 1 where it is more."""
+    """Return the (n,) number of edges from each vertex to the nearest seed, capped at `most` + 1.
+
+    Parameters
+    ----------
+    topology
+        Topology with n vertices.
+    seeds
+        (n,) bool, the seed vertices.
+    most
+        Largest number of edges that is searched.
+    """
     steps = np.where(seeds, 0, most + 1).astype(np.int32)
     _steps(topology.faces, topology.vertex_faces, np.flatnonzero(seeds).astype(np.int32), most, steps)
     return steps
@@ -52,7 +62,7 @@ def steps_from(topology: Topology, seeds: NDArray[np.bool_], most: int) -> Ints3
 
 @kernel
 def _steps(faces: Ints32, around: Csr, seeds: Ints32, most: int, steps: Ints32) -> None:
-    """Search breadth first; the queue holds the vertices in order of their steps."""
+    """Search breadth first; the queue holds vertices by increasing number of steps."""
     queue = np.empty(len(steps), np.int32)
     queue[: len(seeds)] = seeds
     end = len(seeds)
@@ -80,7 +90,7 @@ def _within_range(
     seeds: Csr,
     most: int,
 ) -> tuple[Ints, Ints32]:
-    """Search breadth first from the seeds of each centre in start … stop; the counts, and what is found."""
+    """Search breadth first from the seeds of each centre in start … stop; return the row lengths and the points."""
     seen = np.full(len(points), -1, np.int32)
     counts = np.empty(stop - start, np.int64)
     found = np.empty(max(64, 24 * (stop - start)), np.int32)
@@ -88,8 +98,8 @@ def _within_range(
     for i in range(start, stop):
         first = end
         limit = radii[i] * radii[i]
-        # a queue in `found` itself: points from `first` on, those before `current` have been visited
-        current = first - 1  # the seeds stand before the first point found
+        # `found` also serves as the queue: it starts at `first`, and points before `current` have been visited
+        current = first - 1  # stands for the seeds
         while current < end and end - first < most:
             if current < first:
                 low, high, source = seeds.indptr[i], seeds.indptr[i + 1], seeds.indices
@@ -108,7 +118,7 @@ def _within_range(
                     continue
                 if end - first == most:
                     break
-                # make room, twice as much each time
+                # grow the buffer
                 if end == len(found):
                     found = doubled(found)
                 found[end] = j

@@ -1,4 +1,4 @@
-"""Faces oriented consistently, whatever orientation they came with: what normals, and so most methods, need."""
+"""Consistent orientation of faces."""
 
 from typing import NamedTuple
 
@@ -10,18 +10,18 @@ from cascadenorm.mesh.vectors import cross, dot, row, subtract
 
 
 class OrientedPatches(NamedTuple):
-    """What is connected across edges of two faces.
+    """Patches of faces connected across manifold edges.
 
     Parameters
     ----------
     patch
-        (m,) the first face of the patch of each.
+        (m,) first face of each face's patch.
     flipped
-        (m,) whether its orientation is opposite to that of this one.
+        (m,) whether each face is oriented opposite to the first face of its patch.
     at_boundary
-        (m,) whether one of its edges bounds the patch.
+        (m,) whether each face has an edge on the boundary of its patch.
     single_sided
-        Whether some patch cannot be oriented, as a Möbius strip.
+        Whether any patch is non-orientable, such as a Möbius strip.
     """
 
     patch: NDArray[np.int32]
@@ -31,19 +31,19 @@ class OrientedPatches(NamedTuple):
 
 
 def oriented(mesh: Mesh) -> Mesh:
-    """Return the mesh with the faces of each patch consistently oriented, those of closed patches outward.
+    """Orient the faces of each patch consistently, and closed patches outward.
 
-    A patch is what is connected across edges of two faces; faces on the same three vertices count as one there. It
-    ends where more faces meet, since there is no telling which of them continues which. A face that repeats a vertex
-    is a patch of its own.
+    A patch is a set of faces connected across edges with two faces, where faces on the same three vertices count as
+    one. Patches end at non-manifold edges, since it is ambiguous which of the faces there continue each other. A face
+    that repeats a vertex is a patch of its own.
 
-    Which way round an open patch lies is up to the majority of its faces, and to the first if there is none; a patch
-    with a single side, such as a Möbius strip, keeps a seam. So the result does not depend on how the faces came, as
-    long as less than half of an open patch was flipped.
+    The majority of its faces determines the orientation of an open patch, or the first face in a tie. A non-orientable
+    patch, such as a Möbius strip, keeps a seam. The result is therefore independent of the input orientation as long as
+    fewer than half of the faces of an open patch are flipped.
 
     Returns
     -------
-    The mesh with some faces flipped, their vertices in reverse order; `mesh` itself where none has to be
+    Mesh in which flipped faces have their vertices in reverse order; `mesh` itself if no face needs flipping.
     """
     flipped = _to_flip(mesh)
     if not flipped.any():
@@ -62,7 +62,7 @@ def oriented_patches(mesh: Mesh) -> OrientedPatches:
 
 
 def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
-    """Return which faces have to be flipped, (m,)."""
+    """Return (m,) whether each face must be flipped."""
     count, (patch, flipped, at_boundary, _) = len(mesh.faces), oriented_patches(mesh)
     wanted, volume = np.zeros(count), np.zeros(count)
     _weigh(mesh.vertices, mesh.faces, patch, flipped, wanted, volume)
@@ -76,7 +76,7 @@ def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
 
 @kernel
 def _weigh(vertices: Vectors, faces: Ints32, patch: Ints32, flipped: Bools, majority: Floats, volume: Floats) -> None:
-    """Count the faces of each patch, those that are flipped as -1, and add six times the volume below each."""
+    """Sum the signs of the faces of each patch, -1 if flipped, and six times the signed volume below each face."""
     for f in range(len(faces)):
         origin = row(vertices, faces[patch[f], 0])
         a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
@@ -87,18 +87,15 @@ def _weigh(vertices: Vectors, faces: Ints32, patch: Ints32, flipped: Bools, majo
 
 @kernel
 def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Bools, at_boundary: Bools) -> bool:
-    """Number each face by the first of its patch, and tell whether its orientation is opposite to that of this one.
+    """Find the first face of each face's patch and the relative orientation; return whether a patch is single-sided.
 
-    Returns whether a patch has a single side.
-
-    Until the end, `patch` leads to an earlier face of the same patch, and `flipped` is relative to that one.
-    Union-find with a bit for each face. The connected components of the orientation double cover, of a spanning tree
-    where a patch has a single side, are the same, but take scipy many times as long.
+    The algorithm is union-find with a parity bit per face. Until the last loop, `patch` refers to an earlier face of
+    the same patch, and `flipped` is relative to that face.
     """
     single_sided = False
     for e in range(len(edges)):
         a, b = edges[e]
-        # an edge is passed where its faces have at most two third vertices: one face, two, or copies of these
+        # an edge joins its faces if they have at most two distinct third vertices: one face, two, or copies of them
         apexes = 0
         one: Index = -1
         other: Index = -1
@@ -107,7 +104,7 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Boo
             if apex not in (-1, one, other):
                 apexes += 1
                 one, other = apex, one
-        first: Index = np.int32(-1)  # as all indices here: a kernel is compiled for each type
+        first: Index = np.int32(-1)  # one index type throughout: kernels are compiled for each type
         first_apex: Index = np.int32(-1)
         first_runs = False
         for k in range(around.indptr[e], around.indptr[e + 1]):
@@ -120,7 +117,7 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Boo
             if first < 0:
                 first, first_apex, first_runs = f, apex, runs
             elif apexes <= 2:
-                # neighbours run along their edge in opposite ways, copies of one face in the same way
+                # neighbours traverse their edge in opposite directions, copies of a face in the same direction
                 single_sided |= _unite(patch, flipped, first, f, (runs == first_runs) != (apex == first_apex))
     for f in range(len(patch)):
         patch[f], flipped[f] = _find(patch, flipped, np.int32(f))
@@ -129,7 +126,7 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Boo
 
 @kernel
 def _unite(patch: Ints32, flipped: Bools, f: Index, g: Index, opposed: bool) -> bool:
-    """Join the patches of two faces; where they are one already, a contradiction is left, and returned as True."""
+    """Join the patches of two faces; return True if they are joined already with a contradictory orientation."""
     root, odd = _find(patch, flipped, f)
     other, other_odd = _find(patch, flipped, g)
     if root != other:
@@ -141,7 +138,7 @@ def _unite(patch: Ints32, flipped: Bools, f: Index, g: Index, opposed: bool) -> 
 
 @kernel
 def _find(patch: Ints32, flipped: Bools, f: Index) -> tuple[Index, bool]:
-    """Return the first face of the patch of f, and whether f is opposite to it; shortens the path there."""
+    """Return the root face of f's patch and whether f is opposite to it, halving the path."""
     odd = False
     while patch[f] != f:
         flipped[f] ^= flipped[patch[f]]
@@ -153,7 +150,10 @@ def _find(patch: Ints32, flipped: Bools, f: Index) -> tuple[Index, bool]:
 
 @kernel
 def _at_edge(faces: Ints32, f: Index, a: Index, b: Index) -> tuple[Index, bool]:
-    """Return the third vertex of a face at an edge, -1 if it repeats a vertex, and whether it runs from a to b."""
+    """Return the third vertex of a face at an edge, and whether the face traverses it from a to b.
+
+    The vertex is -1 if the face repeats a vertex.
+    """
     u, v, w = faces[f]
     if u == v or v == w or w == u:
         return np.int32(-1), False

@@ -1,4 +1,4 @@
-"""Small connected components of a mesh, such as the floaters of a reconstruction."""
+"""Detection of small connected components, such as floaters of a reconstruction."""
 
 import re
 
@@ -9,16 +9,20 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Bools, Mesh
 
 SMALL = "1%"
-"""Share of the faces of the largest component below which another counts as small."""
+"""Fraction of the faces of the largest component below which a component counts as small."""
 
 
 def component_limit(limit: str | int) -> tuple[float, bool]:
-    """Return a number of faces, or a share of those of the largest component, and whether it is a share.
+    """Parse a limit: a number of faces, or a fraction of the faces of the largest component.
 
     Parameters
     ----------
     limit
-        Such as 50, "50" or "1%".
+        Limit such as 50, "50" or "1%".
+
+    Returns
+    -------
+    The number or fraction, and whether it is a fraction.
 
     Raises
     ------
@@ -37,18 +41,18 @@ def component_limit(limit: str | int) -> tuple[float, bool]:
 
 
 def small_components(mesh: Mesh, limit: str | int = SMALL) -> tuple[Bools, NDArray[np.int64]]:
-    """Find the components with fewer faces than a limit; the largest one is never among them.
+    """Find the components with fewer faces than a limit, excluding the largest component.
 
     Parameters
     ----------
     mesh
         Mesh with m faces. Faces that share a vertex are connected.
     limit
-        Number of faces, or a share of the faces of the largest component, as `component_limit` reads it.
+        Number of faces, or percentage of the faces of the largest component (see `component_limit`).
 
     Returns
     -------
-    (m,) bool, whether each face lies in a small component; and the first face of each small component.
+    (m,) bool, whether each face lies in a small component; and the first face of each small component, ascending.
     """
     number, share = component_limit(limit)
     _, first, of_faces, counts = np.unique(

@@ -1,8 +1,8 @@
-"""Sparse symmetric positive definite systems of meshes: one factorisation and many right-hand sides, or few iterations.
+"""Direct and iterative solvers for sparse symmetric positive definite systems.
 
-The unknowns belong to points in space (vertices or faces). Nested dissection by these positions orders them: for a
-surface it leaves less fill than minimum degree and takes a fraction of its time. BLAS runs on one thread here, so
-that the bytes of a solution do not depend on how many there are.
+The unknowns belong to points in space (vertices or faces). They are ordered by nested dissection of these positions,
+which for surfaces gives less fill-in than minimum degree. BLAS runs on one thread, so that solutions do not depend on
+the number of threads.
 """
 
 from collections.abc import Callable
@@ -14,22 +14,22 @@ import scipy
 from cascadenorm.geometry.conjugate_gradients import conjugate_gradients
 from cascadenorm.mesh import Csr, Floats, Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread
 
-DIRECT_LIMIT = 1_000_000  # unknowns of a matrix with about 7 entries a row: some 2 GB of factors
-DENSE_LIMIT = 10_000_000  # entries of a matrix of two or three rings that is still factorised: some 3 GB of factors
+DIRECT_LIMIT = 1_000_000  # unknowns of a factorised matrix with about 7 entries a row: about 2 GB of factors
+DENSE_LIMIT = 10_000_000  # entries of a factorised matrix of two or three rings: about 3 GB of factors
 LEAF_UNKNOWNS = 8  # unknowns that are not split further
-FEW = 300  # iterations of conjugate gradients, which take about as long as a factorisation
+FEW = 300  # iterations of conjugate gradients, about as expensive as a factorisation
 SOLVER_TOLERANCE = 1e-11  # relative residual of the iterative solutions
 
 
 class Factorisation:
-    """A symmetric positive definite matrix, factorised once.
+    """A factorised symmetric positive definite matrix.
 
     Parameters
     ----------
     matrix
-        (n, n) scipy sparse; only the symmetric part of its pattern is relied on.
+        (n, n) scipy sparse matrix.
     positions
-        (n, 3) where in space the unknowns are.
+        (n, 3) positions of the unknowns in space.
 
     Raises
     ------
@@ -63,17 +63,17 @@ class Factorisation:
 
 
 def solver(matrix: Any, positions: Floats) -> Callable[[Floats], Floats]:
-    """Return a function that solves with a matrix of one ring: factorised, or by conjugate gradients if it is huge."""
+    """Return a solver for a one-ring matrix: a factorisation, or conjugate gradients above DIRECT_LIMIT unknowns."""
     if len(positions) <= DIRECT_LIMIT:
         return Factorisation(matrix, positions).solve
     return lambda right: solve_once(matrix, right)
 
 
 def solver_of_steps(matrix: Any, positions: Floats) -> Callable[[Floats], Floats]:
-    """Return a function that solves with the matrix of an implicit step, for (n, c) with at most 3 columns.
+    """Return a solver for the matrix of an implicit step, for right-hand sides (n, c) with at most 3 columns.
 
-    By conjugate gradients, which take few iterations where the step is short, on all threads. Where they take more
-    than FEW, the matrix is factorised as by `solver`, for all further right-hand sides too.
+    It uses multithreaded conjugate gradients, which need few iterations if the step is short. If they need more than
+    FEW, this and all further right-hand sides are solved as by `solver`.
     """
     pattern, prepared = Csr.of(matrix), list[Callable[[Floats], Floats]]()
 
@@ -93,10 +93,10 @@ def solver_of_steps(matrix: Any, positions: Floats) -> Callable[[Floats], Floats
 def solver_of_rings(
     matrix: Any, root: Any, mass: Floats, positions: Floats, *, order: int
 ) -> Callable[[Floats], Floats]:
-    """Return a function that solves with a matrix of two or three rings, which is about root (M⁻¹ root)^(order - 1).
+    """Return a solver for a matrix of two or three rings, which is approximately root (M⁻¹ root)^(order - 1).
 
-    Middling matrices are factorised. The factors of larger ones would fill too much memory: there only the root, of
-    one ring, is factorised, and preconditions conjugate gradients.
+    Matrices up to DENSE_LIMIT entries are factorised. Factors of larger ones would need too much memory; there, a
+    solver for the one-ring matrix `root` preconditions conjugate gradients.
     """
     if matrix.nnz <= DENSE_LIMIT:
         return Factorisation(matrix, positions).solve
@@ -112,15 +112,15 @@ def solver_of_rings(
 
 
 def solve_once(matrix: Any, right: Floats) -> Floats:
-    """Solve with a matrix that is needed only once, and whose factors would be large."""
+    """Solve a single system by conjugate gradients with the diagonal as preconditioner."""
     inverse_diagonal = 1.0 / matrix.diagonal()
     return solve_preconditioned(matrix, right, lambda residual: inverse_diagonal * residual)
 
 
 def solve_preconditioned(matrix: Any, right: Floats, precondition: Callable[[Floats], Floats]) -> Floats:
-    """Solve for each column of `right` by preconditioned conjugate gradients, to a relative residual of 1e-11.
+    """Solve for each column of `right` with scipy's preconditioned conjugate gradients, starting from zero.
 
-    By scipy, from zero, with any matrix and preconditioner.
+    The relative residual is at most 1e-11.
     """
     if right.ndim == 2:
         return np.stack([solve_preconditioned(matrix, column, precondition) for column in right.T.copy()], axis=1)
@@ -137,11 +137,11 @@ def solve_preconditioned(matrix: Any, right: Floats, precondition: Callable[[Flo
 
 @kernel
 def _nested_dissection(indptr: Ints, indices: Ints32, positions: Vectors, leaf: int, order: Ints) -> None:
-    """Order unknowns so that either half of a box comes before the unknowns that separate the two, recursively."""
+    """Order unknowns recursively so that the two halves of a box precede the separator between them."""
     n = len(positions)
     for i in range(n):
         order[i] = i
-    half = np.full(n, -1, np.int64)  # which half of which box an unknown was last put in
+    half = np.full(n, -1, np.int64)  # label of the box half that each unknown was last put in
     separator = np.empty(n, np.int64)
     boxes = [(0, n)]
     label = 0
@@ -149,7 +149,7 @@ def _nested_dissection(indptr: Ints, indices: Ints32, positions: Vectors, leaf: 
         first, last = boxes.pop()
         if last - first <= leaf:
             continue
-        # cut the box in half across its longest side, by the number of unknowns
+        # split the box at the median across its longest side
         inside = order[first:last].copy()
         low, high = positions[inside[0]].copy(), positions[inside[0]].copy()
         for i in inside:
@@ -164,12 +164,12 @@ def _nested_dissection(indptr: Ints, indices: Ints32, positions: Vectors, leaf: 
         inside = inside[np.argsort(along, kind="mergesort")]
         middle = len(inside) // 2
 
-        # mark the two halves; labels of boxes differ, so marks of other boxes do not count
+        # mark the two halves with labels that are unique to this box
         label += 2
         for k in range(len(inside)):
             half[inside[k]] = label if k < middle else label + 1
 
-        # unknowns of the lower half that touch the upper one separate the two, and come last
+        # unknowns of the lower half with neighbours in the upper half form the separator and come last
         end, cut = first, 0
         for i in inside[:middle]:
             touches = False

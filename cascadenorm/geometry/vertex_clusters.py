@@ -1,4 +1,4 @@
-"""Vertices in clusters of about equal size, as in a centroidal Voronoi diagram of the surface."""
+"""Clustering of vertices as in a centroidal Voronoi diagram."""
 
 import numpy as np
 
@@ -6,32 +6,33 @@ from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Mesh, Vectors, kernel
 from cascadenorm.mesh.vectors import row, squared_distance
 
 RADIUS = 0.7
-"""Least distance of two seeds over the mean distance of the centroids. Discs thrown at random until no further one fits
-lie √(0.91/0.55) = 1.29 times as far apart; 0.7 instead of 1/1.29 makes up for the boundaries and for the steps."""
+"""Least distance between seeds, divided by the mean distance between centroids.
+
+In random sequential packing, discs lie √(0.91/0.55) = 1.29 times as far apart as in the densest packing. The value 0.7
+instead of 1/1.29 compensates for boundaries and for the discrete steps."""
 CLUSTER_PASSES = 30
-"""Passes over the edges, at most, in which vertices change their cluster."""
+"""Largest number of passes over the edges in which vertices change their cluster."""
 SETTLED = 0.001
-"""Share of the vertices that change in a pass, below which the clusters count as settled."""
+"""Convergence criterion: fraction of the vertices that change their cluster in a pass."""
 
 
 def vertex_clusters(mesh: Mesh, spacing: Floats) -> Ints32:
-    """Divide the vertices into connected clusters whose centroids lie a given distance apart.
+    """Divide the vertices into connected clusters with a given distance between their centroids.
 
-    Seeds are thrown at random, none of them nearer than RADIUS spacings to one before, and take the vertices around
-    them. Then a vertex at the border of a cluster changes to the neighbouring one where that makes
-    the sum of the squared distances to the centroids smaller (Valette, Chassery 2004). Each step visits a vertex a few
-    times, however many clusters there are.
+    Seeds are chosen at random, at least RADIUS spacings apart, and claim the vertices around them. Then vertices at the
+    border of a cluster move to the neighbouring cluster if this reduces the sum of squared distances to the centroids
+    (Valette, Chassery 2004). The cost does not depend on the number of clusters.
 
     Parameters
     ----------
     mesh
         Mesh with n vertices.
     spacing
-        (n,) distance between the centroids around each vertex, in the unit of the mesh, above 0.
+        (n,) distance between the centroids around each vertex, in mesh units, above 0.
 
     Returns
     -------
-    (n,) number of the cluster of each vertex; -1 for vertices without a face.
+    (n,) cluster of each vertex; -1 for vertices without a face.
     """
     topology = mesh.topology
     around = topology.vertex_neighbors
@@ -44,14 +45,14 @@ def vertex_clusters(mesh: Mesh, spacing: Floats) -> Ints32:
 
 
 def vertex_areas(mesh: Mesh) -> Floats:
-    """Return a third of the area around each vertex, (n,), and not less than a thousandth of the mean."""
+    """Return the (n,) third of the area around each vertex, but at least a thousandth of the mean."""
     areas = mesh.sums_around(mesh.areas[:, None] / 3)[:, 0]
     least = 1e-3 * areas.sum() / max(np.count_nonzero(mesh.topology.used_vertices), 1)
     return np.maximum(areas, max(least, np.finfo(float).tiny))
 
 
 def _connected(labels: Ints32, around: Csr) -> Ints32:
-    """Keep the largest connected piece of each cluster, let its neighbours take the others, and number the clusters."""
+    """Keep the largest connected piece of each cluster, assign other pieces to neighbours, and renumber."""
     labels = labels.copy()
     pieces = np.empty(len(labels), np.int32)
     sizes = np.empty(len(labels), np.int64)
@@ -70,7 +71,7 @@ def _connected(labels: Ints32, around: Csr) -> Ints32:
 
 @kernel
 def _seed(vertices: Vectors, around: Csr, order: Ints, radius: Floats, labels: Ints32) -> None:
-    """Make each vertex that no seed has reached a seed; it takes what is nearer to it than to those before."""
+    """Make each unreached vertex a seed; it claims the vertices in its radius that no earlier seed is nearer to."""
     squared = np.full(len(vertices), np.inf)
     stack = np.empty(len(vertices), np.int64)
     count = 0
@@ -95,9 +96,10 @@ def _seed(vertices: Vectors, around: Csr, order: Ints, radius: Floats, labels: I
 
 @kernel
 def _relax(vertices: Vectors, weights: Floats, edges: Ints32, labels: Ints32, passes: int, settled: float) -> None:
-    """Let the ends of edges between two clusters change to the other one where the energy becomes smaller.
+    """Move the ends of edges between two clusters to the other cluster if this reduces the energy.
 
-    Of a cluster with weights w at places x the energy is Σ w x² - |Σ w x|²/Σ w, of which the first sum stays.
+    A cluster with weights w at positions x has the energy Σ w x² - |Σ w x|²/Σ w; the total of the first terms is
+    constant.
     """
     count = 0
     for i in range(len(labels)):
@@ -139,7 +141,7 @@ def _relax(vertices: Vectors, weights: Floats, edges: Ints32, labels: Ints32, pa
 
 @kernel
 def _gain(totals: Floats, cluster: int, vertices: Vectors, i: int, weight: float) -> float:
-    """|Σ w x|²/Σ w of a cluster after a vertex has come to it, or gone with a negative weight."""
+    """Return |Σ w x|²/Σ w of a cluster after adding a vertex, or removing it with a negative weight."""
     total = totals[cluster, 3] + weight
     if not total > 0.0:
         return -np.inf
@@ -153,7 +155,7 @@ def _gain(totals: Floats, cluster: int, vertices: Vectors, i: int, weight: float
 
 @kernel
 def _pieces(labels: Ints32, around: Csr, pieces: Ints32, sizes: Ints) -> int:
-    """Number the connected pieces of clusters, and count their vertices; returns how many pieces there are."""
+    """Number the connected pieces of clusters, count their vertices, and return the number of pieces."""
     pieces[:] = -1
     stack = np.empty(len(labels), np.int64)
     count = 0
@@ -177,7 +179,7 @@ def _pieces(labels: Ints32, around: Csr, pieces: Ints32, sizes: Ints) -> int:
 
 @kernel
 def _largest_pieces(labels: Ints32, pieces: Ints32, sizes: Ints, largest: Ints32) -> None:
-    """Find the piece of each cluster with the most vertices; among equals the first."""
+    """Find the piece with the most vertices in each cluster; ties go to the first piece."""
     for i in range(len(labels)):
         c = labels[i]
         if c >= 0 and (largest[c] < 0 or sizes[pieces[i]] > sizes[largest[c]]):
@@ -186,7 +188,7 @@ def _largest_pieces(labels: Ints32, pieces: Ints32, sizes: Ints, largest: Ints32
 
 @kernel
 def _take(labels: Ints32, free: Ints, around: Csr) -> None:
-    """Give free vertices the cluster of a neighbour that has one, in rounds, the first neighbour's."""
+    """Assign free vertices, in rounds, to the cluster of their first neighbour that has one."""
     left = len(free)
     while left > 0:
         taken = 0

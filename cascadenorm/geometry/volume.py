@@ -1,4 +1,4 @@
-"""Enclosed volume of the closed parts of a mesh, and bringing it back after the vertices have moved."""
+"""Enclosed volumes of closed parts, and their restoration after displacements."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Mesh, Vectors, scatter_add
 
-NEWTON_STEPS = 20  # converges in about five; the volume is a cubic of the factor
+NEWTON_STEPS = 20  # converges in about five; the volume is a cubic polynomial of the factor
 TOLERANCE = 1e-13
 
 
@@ -17,7 +17,7 @@ class Parts(NamedTuple):
     Parameters
     ----------
     number
-        (n,) part of each vertex, -1 where its component is open or not consistently oriented.
+        (n,) part of each vertex; -1 if its component is open or not consistently oriented.
     total
         Number of parts.
     """
@@ -27,7 +27,7 @@ class Parts(NamedTuple):
 
 
 def closed_parts(mesh: Mesh) -> Parts:
-    """Find the components in which every edge has two faces that run through it in opposite directions."""
+    """Find the components in which every edge has two faces that traverse it in opposite directions."""
     topology = mesh.topology
     open_edges = (topology.edge_faces.counts != 2) | (topology.balance != 0)
     component = topology.components
@@ -39,25 +39,25 @@ def closed_parts(mesh: Mesh) -> Parts:
 
 
 def is_closed(mesh: Mesh) -> bool:
-    """Tell whether every face belongs to a closed part."""
+    """Return whether every face belongs to a closed part."""
     return bool((closed_parts(mesh).number[mesh.faces[:, 0]] >= 0).all())
 
 
 def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.float64]) -> Vectors:
-    """Scale each closed part about the mean of its vertices until it encloses the volume that it had.
+    """Restore the volume of each closed part by scaling it about the mean of its vertices.
 
     Parameters
     ----------
     original
-        The mesh whose volumes are wanted.
+        Mesh with n vertices and the volumes to restore.
     vertices
-        (n, 3) where its vertices are now.
+        (n, 3) current positions of its vertices.
     weights
-        (n,) share of the scaling that each vertex takes part in; those with 0 stay where they are.
+        (n,) weight of the scaling at each vertex; vertices with weight 0 stay in place.
 
     Returns
     -------
-    (n, 3) vertices; a part whose volume is zero, has changed its sign or cannot be reached stays as it is
+    (n, 3) vertices; a part is unchanged if its volume is zero, has changed sign or cannot be restored.
     """
     parts = closed_parts(original)
     if parts.total == 0:
@@ -80,12 +80,12 @@ def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.flo
 
 
 def volumes(mesh: Mesh, parts: Parts) -> NDArray[np.float64]:
-    """Return the signed volume of each part, (total,); negative where it is inside out."""
+    """Return the (total,) signed volume of each part; negative if the part is inside out."""
     return _volumes(mesh, mesh.vertices - _centers(mesh.vertices, parts), parts)
 
 
 def _centers(vertices: Vectors, parts: Parts) -> Vectors:
-    """Mean of the vertices of the part of each vertex; zero outside the parts."""
+    """Return the (n, 3) mean vertex of each vertex's part; zero outside the parts."""
     inside = parts.number >= 0
     counts = np.bincount(parts.number[inside], minlength=parts.total)
     sums = scatter_add(parts.number[inside], vertices[inside], parts.total)
@@ -95,18 +95,18 @@ def _centers(vertices: Vectors, parts: Parts) -> Vectors:
 
 
 def _each(values: NDArray[np.float64], parts: Parts) -> NDArray[np.float64]:
-    """Return for each vertex the value of its part; zero outside the parts."""
+    """Return the (n,) value of each vertex's part; zero outside the parts."""
     return np.where(parts.number >= 0, values[parts.number], 0.0)
 
 
 def _volumes(mesh: Mesh, arms: Vectors, parts: Parts) -> NDArray[np.float64]:
-    """Signed volume of each part: a sixth of the determinants of its faces' corners, seen from its center."""
+    """Return the signed volume of each part: a sixth of the sum of its corner determinants, relative to its centre."""
     a, b, c = np.moveaxis(arms[mesh.faces], 1, 0)
     return _sums(mesh, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, parts)
 
 
 def _volume_slopes(mesh: Mesh, arms: Vectors, pull: Vectors, parts: Parts) -> NDArray[np.float64]:
-    """Change of the volume of each part as arms grow by pull."""
+    """Return the derivative of the volume of each part as `arms` grow along `pull`."""
     a, b, c = np.moveaxis(arms[mesh.faces], 1, 0)
     u, v, w = np.moveaxis(pull[mesh.faces], 1, 0)
     change = np.einsum("ij,ij->i", u, np.cross(b, c))

@@ -1,4 +1,4 @@
-"""Triangle meshes: vertices and faces, topology, checks, and what kernels over them need."""
+"""Triangle meshes: geometry, topology, validation and support for kernels."""
 
 from cascadenorm.compute.arrays import (
     Bools,

@@ -1,4 +1,4 @@
-"""Averages over neighbours, of vertices or of faces."""
+"""Averages over neighbouring vertices or faces."""
 
 from typing import TypeVar
 
@@ -10,22 +10,22 @@ Values = TypeVar("Values", Floats, Floats32)
 
 
 def averaged(values: Values, neighbors: Csr, passes: int, *, spare: Values | None = None) -> Values:
-    """Replace each value, or row of values, by the mean of itself and of those of its neighbours, so many times.
+    """Replace each value or row by the mean over itself and its neighbours, repeatedly.
 
     Parameters
     ----------
     values
         (n,) or (n, p).
     neighbors
-        n rows.
+        Neighbours of each of the n rows.
     passes
-        At least 1.
+        Number of repetitions, at least 1.
     spare
-        As the values, overwritten, for what lies between passes; None: a new one.
+        Work array with the shape and type of `values`, overwritten. Allocated if None.
 
     Returns
     -------
-    of the shape and type of the values
+    Array with the shape and type of `values`.
     """
     run = _mean_range if values.ndim == 2 else _mean_number_range
     out = np.empty_like(values)
@@ -38,7 +38,7 @@ def averaged(values: Values, neighbors: Csr, passes: int, *, spare: Values | Non
 
 
 def averaged_around(values: Values, around: Csr) -> Values:
-    """Return the mean of the rows that stand in each row of a pattern, zero where it is empty.
+    """Return the mean of the values listed in each row of a pattern; zero for empty rows.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def averaged_around(values: Values, around: Csr) -> Values:
 
     Returns
     -------
-    (n, p), of the type of the values
+    (n, p) array with the type of `values`.
     """
     out = np.empty((len(around.indptr) - 1, values.shape[1]), values.dtype)
     parallel_for(len(out), _mean_around_range, values, around, out)
@@ -58,7 +58,7 @@ def averaged_around(values: Values, around: Csr) -> Values:
 
 @kernel
 def _mean_number_range(start: int, stop: int, values: Values, neighbors: Csr, out: Values) -> None:
-    """One pass over numbers, in half of the time of `_mean_range` with one column."""
+    """Compute one averaging pass over scalar values."""
     for i in range(start, stop):
         first, last = neighbors.indptr[i], neighbors.indptr[i + 1]
         total = values[i]
@@ -69,13 +69,13 @@ def _mean_number_range(start: int, stop: int, values: Values, neighbors: Csr, ou
 
 @kernel
 def _mean_range(start: int, stop: int, values: Values, neighbors: Csr, out: Values) -> None:
-    """One pass; iteration i alone writes out[i]; views of the rows of neighbours would take as long as the sums."""
+    """Compute one averaging pass over rows; only iteration i writes out[i]."""
     for i in range(start, stop):
         first, last, total = neighbors.indptr[i], neighbors.indptr[i + 1], out[i]
         for p in range(len(total)):
             total[p] = values[i, p]
 
-        # two neighbours at a time, which takes three quarters of the time of one by one
+        # two neighbours at a time
         for k in range(first, last - 1, 2):
             one, other = neighbors.indices[k], neighbors.indices[k + 1]
             for p in range(len(total)):
@@ -92,7 +92,7 @@ def _mean_range(start: int, stop: int, values: Values, neighbors: Csr, out: Valu
 
 @kernel
 def _mean_around_range(start: int, stop: int, values: Values, around: Csr, out: Values) -> None:
-    """Iteration i alone writes out[i]."""
+    """Average the values listed in each row; only iteration i writes out[i]."""
     for i in range(start, stop):
         first, last, total = around.indptr[i], around.indptr[i + 1], out[i]
         for p in range(len(total)):

@@ -1,4 +1,4 @@
-"""Connected components of a graph of numbered nodes."""
+"""Connected components of a graph."""
 
 from typing import Any
 
@@ -10,12 +10,18 @@ from cascadenorm.compute.kernels import kernel
 
 
 def connected_components(links: NDArray[Any], count: int) -> Ints32:
-    """Return (count,) the number of the connected component of each node, in the order of their first nodes.
+    """Return the connected component of each node.
 
     Parameters
     ----------
     links
-        (k, 2) nodes that are joined, each below `count`.
+        (k, 2) pairs of connected nodes, each below `count`.
+    count
+        Number of nodes.
+
+    Returns
+    -------
+    (count,) component numbers, in the order of the first node of each component.
     """
     labels = np.empty(count, np.int32)
     _label(np.ascontiguousarray(links, np.int32), labels)
@@ -24,7 +30,7 @@ def connected_components(links: NDArray[Any], count: int) -> Ints32:
 
 @kernel
 def root_of(labels: Ints32, node: np.int32) -> np.int32:
-    """Return the least node that is known of a component, and shorten the way to it; labels lead to nodes before."""
+    """Return the root of a node's union-find tree, halving the path to it; each label is at most its node."""
     while labels[node] != node:
         labels[node] = labels[labels[node]]
         node = labels[node]
@@ -33,7 +39,7 @@ def root_of(labels: Ints32, node: np.int32) -> np.int32:
 
 @kernel
 def _label(links: Ints32, labels: Ints32) -> None:
-    """Find components by union-find: until the last loop, the label of a node is a node before it, or itself."""
+    """Find components by union-find: until the last loop, each label is the node itself or a lower node."""
     for i in range(len(labels)):
         labels[i] = i
     for k in range(len(links)):

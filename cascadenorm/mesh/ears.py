@@ -1,4 +1,4 @@
-"""Cut a polygon that no corner sees whole into triangles, ear by ear."""
+"""Triangulation of polygons by ear clipping."""
 
 from typing import Any
 
@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Bools, Floats, Ints, kernel
 
 MOST_CORNERS = 20_000
-"""Of a polygon that is cut; the time grows with their square, to seconds."""
-MOST_PASSES = 16  # over all corners, where rounding hides ears; one is nearly always enough
+"""Largest number of corners of a polygon that is triangulated; the time grows quadratically."""
+MOST_PASSES = 16  # over all corners, needed where rounding errors hide ears; one is nearly always enough
 
 
 def ears(corners: NDArray[Any]) -> NDArray[np.int64] | None:
-    """Cut ears off a polygon as seen along its mean normal: corners that jut out and have no other in their triangle.
+    """Triangulate a polygon by ear clipping, projected along its mean normal.
+
+    An ear is a convex corner with no other corner in its triangle.
 
     Parameters
     ----------
@@ -22,7 +24,7 @@ def ears(corners: NDArray[Any]) -> NDArray[np.int64] | None:
 
     Returns
     -------
-    (c - 2, 3) rows of corners; None where the polygon crosses itself, is not finite or has too many corners.
+    (c - 2, 3) indices of corners; None if the polygon intersects itself, is not finite or has too many corners.
     """
     if len(corners) > MOST_CORNERS:
         return None
@@ -40,14 +42,14 @@ def ears(corners: NDArray[Any]) -> NDArray[np.int64] | None:
 
 @kernel
 def _side(x: Floats, y: Floats, a: int, b: int, c: int) -> float:
-    """Twice the area of a triangle, negative where it is clockwise."""
+    """Return twice the signed area of a triangle, negative if it is clockwise."""
     doubled: float = (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a])
     return doubled
 
 
 @kernel
 def _is_ear(x: Floats, y: Floats, before: Ints, after: Ints, b: int) -> bool:
-    """Test whether a corner juts out and no other one, at another place than the three, is in its triangle."""
+    """Test whether a corner is convex and its triangle contains no other corner, except copies of its own three."""
     a, c = before[b], after[b]
     if not _side(x, y, a, b, c) >= 0:
         return False
@@ -68,7 +70,7 @@ def _is_ear(x: Floats, y: Floats, before: Ints, after: Ints, b: int) -> bool:
 
 @kernel
 def _mark(x: Floats, y: Floats, before: Ints, after: Ints, start: int, is_ear: Bools) -> None:
-    """Tell of all corners that are left whether they are ears."""
+    """Mark which of the remaining corners are ears."""
     k = start
     while True:
         is_ear[k] = _is_ear(x, y, before, after, k)
@@ -79,7 +81,7 @@ def _mark(x: Floats, y: Floats, before: Ints, after: Ints, start: int, is_ear: B
 
 @kernel
 def _cut(x: Floats, y: Floats, out: Ints) -> bool:
-    """Cut all ears off, going around; the two corners beside an ear are looked at anew. False where none is left."""
+    """Cut ears around the polygon, retesting the two neighbours of each; return False if no ear can be found."""
     count = len(x)
     before, after, is_ear = np.arange(-1, count - 1), np.arange(1, count + 1), np.zeros(count, np.bool_)
     before[0], after[count - 1] = count - 1, 0

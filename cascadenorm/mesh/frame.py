@@ -1,4 +1,4 @@
-"""Meshes scaled to about unit size, so that no square overflows or vanishes."""
+"""Scaling of meshes to about unit size, against overflow and underflow."""
 
 from typing import Any, NamedTuple
 
@@ -10,12 +10,12 @@ from cascadenorm.mesh.mesh import Mesh
 
 
 class Frame(NamedTuple):
-    """Where a mesh is seen from, and in which unit.
+    """A local coordinate frame with an origin and a unit of length.
 
     Parameters
     ----------
     center
-        (3,) what becomes the origin.
+        (3,) point that becomes the origin.
     exponent
         2**exponent becomes the unit.
     """
@@ -24,18 +24,18 @@ class Frame(NamedTuple):
     exponent: int
 
     def points(self, positions: NDArray[Any]) -> Vectors:
-        """Return positions, (k, 3), in this frame, exactly."""
+        """Return positions, (k, 3), in this frame; the scaling is exact."""
         return np.asarray(np.ldexp(positions.astype(np.float64, copy=False) - self.center, -self.exponent))
 
     def of(self, mesh: Mesh) -> Mesh:
-        """Return the mesh in this frame, exactly; vertices without a face are at the origin."""
+        """Return the mesh in this frame; vertices without a face are placed at the origin."""
         used = mesh.topology.used_vertices
         vertices = mesh.vertices if used.all() else np.where(used[:, None], mesh.vertices, self.center)
         return mesh.moved(self.points(vertices))
 
 
 def frame_of(mesh: Mesh) -> Frame:
-    """Return the frame of the vertices that a face uses."""
+    """Return the frame of the bounding box of the used vertices."""
     used = mesh.topology.used_vertices
     lower, upper = box_of(mesh.vertices if used.all() else mesh.vertices[used])
     exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
@@ -43,22 +43,25 @@ def frame_of(mesh: Mesh) -> Frame:
 
 
 def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
-    """Return the mesh centred and scaled by 2**-exponent, exactly; vertices without a face are at the origin."""
+    """Return the mesh centred and scaled by 2**-exponent, and the exponent.
+
+    Vertices without a face are placed at the origin.
+    """
     frame = frame_of(mesh)
     return frame.of(mesh), frame.exponent
 
 
 def scaled_alike(*meshes: Mesh) -> list[Mesh]:
-    """Return the meshes scaled by one power of two, so that the largest coordinate of all is about 1.
+    """Scale all meshes by the same power of two so that their largest coordinate is about 1.
 
-    Vertices without a face go where one with a face is.
+    Vertices without a face are moved to a vertex that has one.
     """
     exponent = max(_exponent(mesh) for mesh in meshes)
     return [_scaled(mesh, exponent) for mesh in meshes]
 
 
 def scale_between(mesh: Mesh, scaled: Mesh) -> float:
-    """Return the length of 1 of a scaled mesh in the unit of the mesh, a power of two."""
+    """Return the unit length of a scaled mesh in the unit of the original mesh, a power of two."""
     used = mesh.topology.used_vertices
     large = np.abs(scaled.vertices[used]).argmax()
     return float(mesh.vertices[used].flat[large] / scaled.vertices[used].flat[large])

@@ -1,4 +1,4 @@
-"""Bad vertices and faces, and the mesh without them, so that one bad number does not spoil the rest."""
+"""Detection and removal of invalid vertices and faces."""
 
 from typing import Any
 
@@ -11,12 +11,12 @@ from cascadenorm.mesh.mesh import Mesh, face_array, vertex_array
 
 
 def bad_vertices(vertices: ArrayLike) -> NDArray[np.bool_]:
-    """Return which vertices are not finite, (n,)."""
+    """Return (n,) whether each vertex is not finite."""
     return ~all_in_rows(np.isfinite(vertex_array(vertices)))
 
 
 def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
-    """Return which faces reference a vertex that does not exist or is not finite, or one vertex twice, (m,)."""
+    """Return (m,) whether each face repeats a vertex or references one that is not finite or does not exist."""
     corners, bad = face_array(faces), bad_vertices(vertices)
     out_of_range = (corners < 0) | (corners >= len(bad))
     touching = np.append(bad, True)[np.where(out_of_range, len(bad), corners)].any(axis=1)
@@ -24,19 +24,19 @@ def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
 
 
 def repeats_vertex(faces: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return which faces, (m, 3), repeat a vertex, (m,)."""
+    """Return (m,) whether each of the faces, (m, 3), repeats a vertex."""
     a, b, c = faces.T
     return np.asarray((a == b) | (b == c) | (c == a))
 
 
 def without_lines(mesh: Mesh) -> Mesh:
-    """Return the mesh without faces that repeat a vertex, unless it has no others: no surface, but edges."""
+    """Remove faces that repeat a vertex, unless all faces do: such a mesh has edges but no surface."""
     lines = repeats_vertex(mesh.faces)
     return Mesh(mesh.vertices, mesh.faces[~lines]) if lines.any() and not lines.all() else mesh
 
 
 def without_repeated_faces(mesh: Mesh) -> Mesh:
-    """Return the mesh with one face for each set of three vertices; exporters write each face twice, back and front."""
+    """Keep one face for each set of three vertices; some exporters write a front and a back face."""
     if mesh.topology.edge_faces.counts.max() <= 2:
         return mesh
     first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)[1]
@@ -44,18 +44,18 @@ def without_repeated_faces(mesh: Mesh) -> Mesh:
 
 
 def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, NDArray[np.int32]]:
-    """Return some faces of a mesh over the vertices that they use, and the numbers of these vertices, (k,)."""
+    """Return the submesh of some faces, and the numbers of its vertices in the mesh, (k,)."""
     return compacted(mesh.vertices, mesh.faces[faces])
 
 
 def compacted(vertices: NDArray[Any], faces: NDArray[np.int32]) -> tuple[Mesh, NDArray[np.int32]]:
-    """Return a mesh of the vertices that faces use, and the numbers of these vertices, (k,)."""
+    """Return the mesh of the vertices that the faces reference, and the numbers of these vertices, (k,)."""
     numbers, corners = np.unique(faces, return_inverse=True)
     return Mesh(vertices[numbers], corners.reshape(-1, 3)), numbers
 
 
 def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
-    """Return the mesh without its bad faces; bad vertices, which no face uses any more, are at the origin.
+    """Return the mesh without invalid faces; invalid vertices are moved to the origin.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
 
     Returns
     -------
-    n vertices in their order, and the faces that are not bad in theirs
+    Mesh with all n vertices and the valid faces, both in their original order.
 
     Raises
     ------
     MeshError
-        Wrong shape or type, or no face is left.
+        The arrays have a wrong shape or type, or no valid face is left.
     """
     positions, corners = vertex_array(vertices), face_array(faces)
     left = corners[~bad_faces(positions, corners)]

@@ -1,4 +1,4 @@
-"""A triangle mesh as two contiguous arrays, checked once where it enters."""
+"""The triangle mesh: two validated, contiguous arrays."""
 
 import math
 from functools import cached_property
@@ -18,7 +18,7 @@ from cascadenorm.mesh.vectors import area_vector, row, squared_distance
 
 
 class Mesh:
-    """n vertices and m triangles; immutable, what is derived from them is computed when first asked for.
+    """An immutable triangle mesh with n vertices and m faces; derived quantities are computed on first access.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Mesh:
     Raises
     ------
     MeshError
-        Wrong shape or type, a vertex that is not finite, a face that references a vertex that does not exist.
+        The arrays have a wrong shape or type, a vertex is not finite, or a face references a missing vertex.
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
@@ -39,7 +39,7 @@ class Mesh:
         self.topology = Topology(self.faces, len(self.vertices))
 
     def moved(self, vertices: Vectors) -> "Mesh":
-        """Return the same faces over other positions of the same vertices; the topology is shared."""
+        """Return the mesh with other vertex positions; the topology is shared."""
         mesh = object.__new__(Mesh)
         mesh.vertices = np.array(vertices, np.float64, order="C")
         if mesh.vertices.shape != self.vertices.shape:
@@ -49,18 +49,18 @@ class Mesh:
         return mesh
 
     def forget(self) -> None:
-        """Free the arrays that were derived from the mesh; they are computed again when they are asked for."""
+        """Free all cached derived arrays; they are recomputed on the next access."""
         for name in self.__dict__.keys() - {"vertices", "faces", "topology"}:
             del self.__dict__[name]
         self.topology.forget()
 
     def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
-        """Return the same mesh as a part of a larger one, from which it takes what depends on all of that.
+        """Return the mesh as a part of a larger one, with the vertex colours and facts of the larger mesh.
 
         Parameters
         ----------
         groups
-            (n,) the colour of each vertex in the larger mesh, as in `vertex_colors`, -1 for none.
+            (n,) colour of each vertex in the larger mesh, as in `vertex_colors`; -1 for none.
         facts
             As in `with_facts`.
         """
@@ -69,7 +69,7 @@ class Mesh:
         return mesh.with_facts(**facts)
 
     def with_facts(self, **facts: float) -> "Mesh":
-        """Return the same mesh with facts about a larger one, of which it is a part, in place of its own.
+        """Return the mesh with some of its properties replaced by those of a larger mesh that it is a part of.
 
         Parameters
         ----------
@@ -81,21 +81,21 @@ class Mesh:
         return mesh
 
     def __reduce__(self) -> tuple[type["Mesh"], tuple[Vectors, NDArray[np.int32]]]:
-        """Pickle, and copy, what it is made of, without what was derived from it."""
+        """Pickle and copy the vertices and faces only, without derived arrays."""
         return Mesh, (self.vertices, self.faces)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows of the mesh: its size, and a picture."""
+        """Return HTML for notebooks: the size of the mesh and a picture."""
         return display.described(self)
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """(m, 3, 3) positions of the corners of each face."""
+        """(m, 3, 3) corner positions of each face."""
         return self.vertices[self.faces]
 
     @cached_property
     def centroids(self) -> Vectors:
-        """(m, 3) mean of the corners of each face."""
+        """(m, 3) centroid of each face."""
         out = np.empty(self.faces.shape)
         parallel_for(len(out), _centroid_range, self.vertices, self.faces, out)
         return out
@@ -119,17 +119,17 @@ class Mesh:
 
     @cached_property
     def heights(self) -> NDArray[np.float64]:
-        """(m,) height of each face over its longest edge; zero where it has no extent."""
+        """(m,) height of each face above its longest edge; zero for faces without extent."""
         longest = self.longest_edges
         return np.divide(2 * self.areas, longest, out=np.zeros_like(longest), where=longest > 0)
 
     @cached_property
     def face_normals(self) -> Vectors:
-        """(m, 3) unit normal of each face; zero where the face has no area."""
+        """(m, 3) unit normal of each face; zero for faces without area."""
         return unit(self.area_vectors)
 
     def sums_around(self, values: Floats) -> Floats:
-        """Add what the faces around each vertex have, (m, …), to (n, …)."""
+        """Sum the values of the faces, (m, …), around each vertex, (n, …)."""
         out = np.empty((len(self.vertices), *values.shape[1:]))
         columns = math.prod(values.shape[1:])
         parallel_for(
@@ -145,12 +145,12 @@ class Mesh:
 
     @cached_property
     def vertex_normals(self) -> Vectors:
-        """(n, 3) unit sum of the area vectors around each vertex; zero where they cancel."""
+        """(n, 3) area-weighted unit normal of each vertex; zero where the area vectors cancel."""
         return unit(self.vertex_area_vectors)
 
     @cached_property
     def mean_edge_length(self) -> float:
-        """Mean length of the undirected edges; infinite where it is beyond the largest number."""
+        """Mean length of the undirected edges; infinite on overflow."""
         vertices, exponent = _near_one(np.where(self.topology.used_vertices[:, None], self.vertices, 0.0))
         return _scaled(row_distances(vertices, self.topology.edges).mean(), exponent)
 
@@ -161,7 +161,7 @@ class Mesh:
 
     @cached_property
     def median_area(self) -> float:
-        """Median area of the faces that have one; 1 where none has."""
+        """Median area of the faces with positive area; 1 if there are none."""
         return float(np.median(self.areas[self.areas > 0])) if self.areas.any() else 1.0
 
     @property
@@ -171,19 +171,19 @@ class Mesh:
 
     @property
     def volume(self) -> float:
-        """Signed enclosed volume; of an open mesh, that of the cone over it from the mean of its used vertices."""
+        """Signed enclosed volume; an open mesh is closed by a cone to the mean of its used vertices."""
         origin = self.vertices[self.topology.used_vertices].mean(axis=0)
         return float(np.einsum("ij,ij->", self.centroids - origin, self.area_vectors) / 3)
 
     @cached_property
     def diagonal(self) -> float:
-        """Length of the diagonal of the bounding box of used vertices; infinite if beyond the largest number."""
+        """Diagonal of the bounding box of the used vertices; infinite on overflow."""
         box, exponent = _near_one(np.stack(box_of(self.vertices[self.topology.used_vertices])))
         return _scaled(np.linalg.norm(box[1] - box[0]), exponent)
 
 
 def face_area_vectors(vertices: Vectors, faces: NDArray[np.int32]) -> Vectors:
-    """Return (m, 3) the normal of each face times its area."""
+    """Return the (m, 3) area vectors: the normal of each face times its area."""
     out = np.empty(faces.shape)
     parallel_for(len(out), _area_vector_range, vertices, faces, out)
     return out
@@ -224,7 +224,7 @@ def _longest_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out:
 
 
 def _near_one(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
-    """Return values · 2**-exponent, all within -1 … 1, squares of which do not overflow, and the exponent."""
+    """Scale values by 2**-exponent into -1 … 1, so that squares do not overflow; also return the exponent."""
     exponent = int(np.frexp(np.abs(values).max())[1])
     return np.ldexp(values, -exponent), exponent
 
@@ -235,7 +235,7 @@ def _scaled(length: np.floating[Any], exponent: int) -> float:
 
 
 def vertex_array(vertices: ArrayLike) -> Vectors:
-    """Return vertices as a float64 copy, whatever their values; raises MeshError where they are not (n, 3) numbers."""
+    """Return a float64 copy of the vertices; raise MeshError unless they are (n, 3) numbers, finite or not."""
     array = np.asarray(vertices)
     if array.ndim == 0:
         kind = type(vertices).__name__
@@ -249,7 +249,7 @@ def vertex_array(vertices: ArrayLike) -> Vectors:
 
 
 def face_array(faces: ArrayLike) -> NDArray[Any]:
-    """Return faces as an array, whatever they name; raises MeshError where they are not (m, 3) integers."""
+    """Return the faces as an array; raise MeshError unless they are (m, 3) integers, in range or not."""
     array = np.asarray(faces)
     if array.size == 0:
         return np.zeros((0, 3), np.int32)

@@ -1,4 +1,4 @@
-"""Normals that a file stores, made anew where its vertices have moved."""
+"""Recomputation of the normals stored in a file after vertices have moved."""
 
 from typing import Any, NamedTuple
 
@@ -11,10 +11,10 @@ from cascadenorm.mesh.vectors import area_vector, dot, row
 from cascadenorm.mesh.welding import first_equal
 
 NORMALS = ("Normals", "normals")
-"""What normals are called in VTK."""
+"""Names of normal arrays in VTK."""
 
 UNUSED, SHARED = -1, -2
-"""In place of the vertex at which a normal is used: where there is none, or several."""
+"""Placeholders for the vertex of a normal that no vertex, or more than one, uses."""
 
 
 class Normals(NamedTuple):
@@ -23,9 +23,9 @@ class Normals(NamedTuple):
     Parameters
     ----------
     values
-        (j, 3) as read; not a number where the file has none.
+        (j, 3) as read; NaN where the file has none.
     corners
-        (m, 3) the normal that each corner of each triangle uses, or -1.
+        (m, 3) index of the normal at each triangle corner, or -1.
     """
 
     values: NDArray[Any]
@@ -39,17 +39,17 @@ def renewed_normals(
     before: NDArray[Any],
     after: NDArray[Any],
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Recompute the normals of triangles that moved: the mean, by area, of the triangles that use each.
+    """Recompute the normals of moved triangles as area-weighted means over the triangles that use each normal.
 
-    Normals that were equal on both sides of a seam stay equal. If most were opposite to the triangles' own
-    orientation, the new ones are as well.
+    Normals that were equal on both sides of a seam stay equal. If most stored normals are opposite to the
+    orientation of the triangles, the new ones are too.
 
     Parameters
     ----------
     normals
-        As read.
+        Normals as read.
     triangles
-        (m, 3) rows of positions.
+        (m, 3) indices of positions.
     welds
         (k,) welded vertex of each position.
     before, after
@@ -57,9 +57,9 @@ def renewed_normals(
 
     Returns
     -------
-    (j, 3) unit normals, and (j,) which of them are new; the others are as read
+    (j, 3) normals, and (j,) whether each was recomputed. Recomputed normals are unit vectors; the others are as read.
     """
-    with np.errstate(invalid="ignore"):  # a NaN may be a signalling one
+    with np.errstate(invalid="ignore"):  # signalling NaN
         normals = normals._replace(values=normals.values.astype(np.float64))
     groups = _groups(normals, triangles, welds)
     old, new, moved = np.zeros((len(groups), 3)), np.zeros((len(groups), 3)), np.zeros(len(groups), bool)
@@ -71,7 +71,7 @@ def renewed_normals(
 
 
 def _groups(normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Return for each normal the first one that has the same value at a copy of the same vertex."""
+    """Return for each normal the first normal with the same value at a copy of the same vertex."""
     groups, owner = np.arange(len(normals.values)), np.full(len(normals.values), UNUSED, np.int32)
     _find_owners(normals.corners, triangles, welds, owner)
     candidates = np.flatnonzero(owner >= 0)
@@ -85,7 +85,7 @@ def _groups(normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.in
 
 @kernel
 def _find_owners(corners: Ints, triangles: Ints, welds: Ints32, owner: Ints32) -> None:
-    """Note the vertex at which each normal is used; one that is used at several is in a group of its own."""
+    """Record the vertex that uses each normal, or SHARED if several do."""
     for f in range(len(corners)):
         for k in range(3):
             slot = corners[f, k]
@@ -105,7 +105,7 @@ def _sum_around(
     new: Vectors,
     moved: Bools,
 ) -> None:
-    """Add the area vectors of the triangles that use each group, and tell whether one of them moves."""
+    """Sum the area vectors of the triangles that use each group, and record whether any of them moves."""
     for f in range(len(corners)):
         a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
         moving = moves[a] or moves[b] or moves[c]
@@ -122,7 +122,7 @@ def _sum_around(
 
 @kernel
 def _replace(values: Vectors, groups: Ints, old: Vectors, new: Vectors, moved: Bools, renewed: Bools) -> None:
-    """Replace the values of groups that moved, and tell which; reversed where most were opposite to the old sums."""
+    """Replace and mark the normals of moved groups; reverse them if most stored normals oppose the old sums."""
     balance = 0
     for i in range(len(values)):
         along = dot(row(old, groups[i]), row(values, i))

@@ -1,7 +1,7 @@
-"""Vertices and faces in an order in which neighbours on the surface are near in memory.
+"""Cache-friendly ordering of vertices and faces.
 
-Every pass over a mesh gathers what the neighbours have. Where these lie all over memory, as in a mesh whose vertices or
-faces were shuffled, waiting for memory takes several times as long as the arithmetic.
+Every pass over a mesh gathers the values of neighbours. If the vertices or faces are shuffled, these values are
+scattered in memory, and cache misses dominate the run time.
 """
 
 from typing import Any, NamedTuple
@@ -17,13 +17,14 @@ from cascadenorm.mesh.mesh import Mesh
 from cascadenorm.mesh.topology import rows_with
 from cascadenorm.mesh.topology_kernels import sort
 
-CACHE_LINE = 8  # vertices a cache line holds a part of
+CACHE_LINE = 8  # vertices in a line of the simulated cache
 LINES = 512
 POOR = 20.0
-"""Cache misses, against the fewest possible, from which a mesh is renumbered: shuffled ones have 30 to 48, those of
-scanners and marching cubes 1 to 17, and 1 once they are renumbered."""
-OUTLIER_VERTICES = 0.001  # share of the vertices at either end that do not count for the size of the cells
-BITS = 21  # of each coordinate in a Morton code
+"""Ratio of cache misses to the fewest possible above which a mesh is renumbered.
+
+Shuffled meshes have 30 to 48, meshes of scanners and marching cubes 1 to 17, renumbered meshes 1."""
+OUTLIER_VERTICES = 0.001  # share of the vertices at either end that is ignored for the size of the cells
+BITS = 21  # bits per coordinate in a Morton code
 SPREADS = tuple(
     (np.uint64(shift), np.uint64(mask))
     for shift, mask in (
@@ -34,21 +35,21 @@ SPREADS = tuple(
         (2, 0x1249249249249249),
     )
 )
-"""Steps that put two zeros between the bits of a coordinate: shifts, and the bits that stay."""
+"""Shifts and masks that insert two zeros between the bits of a coordinate."""
 LOWER = (1 << 32) - 1
 
 
 class Renumbered(NamedTuple):
-    """A mesh with its vertices and faces in another order.
+    """A mesh with reordered vertices and faces.
 
     Parameters
     ----------
     mesh
-        n vertices.
+        Reordered mesh with n vertices.
     numbers
-        (n,) the vertex of the given mesh that each of them is.
+        (n,) original index of each vertex.
     places
-        (n,) where each vertex of the given mesh is.
+        (n,) new index of each original vertex.
     """
 
     mesh: Mesh
@@ -57,17 +58,17 @@ class Renumbered(NamedTuple):
 
     @classmethod
     def unchanged(cls, mesh: Mesh) -> "Renumbered":
-        """Return a mesh in the order that it has."""
+        """Return a mesh in its present order."""
         own = np.arange(len(mesh.vertices))
         return cls(mesh, own, own.astype(np.int32))
 
 
 def ordered_for_cache(mesh: Mesh) -> Renumbered:
-    """Return a mesh as it is where its order is good, else with vertices along a curve and faces beside them.
+    """Reorder vertices and faces along a space-filling curve, unless the order of the mesh is already good.
 
-    Vertices are sorted by the Morton code of their position, and where two have one by position; faces begin with their
-    first vertex and are sorted by it. So two poor orders of one mesh, of which no two vertices coincide, give the same
-    mesh.
+    Vertices are sorted by the Morton code of their position, then by position. Faces begin with their lowest vertex
+    and are sorted by their corners. If no two vertices coincide, all poor orders of a mesh therefore give the same
+    result.
     """
     count = len(mesh.vertices)
     if cache_misses(mesh) <= POOR:
@@ -80,38 +81,37 @@ def ordered_for_cache(mesh: Mesh) -> Renumbered:
 
 
 def renumbered_faces(faces: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
-    """Return faces, (m, 3), by the places of their vertices, (n,), each with its corners from the least place on."""
+    """Map faces, (m, 3), to new vertex indices, (n,), and rotate each face to begin with its lowest index."""
     out = np.empty(faces.shape, places.dtype)
     parallel_for(len(faces), _renumber_range, faces, places, out)
     return out
 
 
 def _sorted_faces(faces: Ints32, count: int) -> Ints32:
-    """Sort faces by their corners, the first of which are vertices from 0 to count; in half of the time of numpy."""
+    """Sort faces by their corners; first corners are below `count`."""
     out = np.empty_like(faces)
     parallel_for(count, _sort_range, faces, rows_with(faces[:, :1].copy(), count), out)
     return out
 
 
 def _sorted(codes: NDArray[np.uint64], points: Vectors) -> Ints:
-    """Return indices that sort by codes, and where two are the same by position."""
+    """Return the indices that sort by code, then by position."""
     order = np.argsort(codes)
-    repeated = (codes[order[1:]] == codes[order[:-1]]).any()  # else one sort will do, which takes a fifth of the time
+    repeated = (codes[order[1:]] == codes[order[:-1]]).any()  # otherwise one sort suffices
     return np.asarray(np.lexsort((*points.T, codes)) if repeated else order)
 
 
 def cache_misses(mesh: Mesh) -> float:
-    """Count how often a cache lacks a vertex as face after face asks for its own, against the fewest possible.
+    """Return the ratio of cache misses to the fewest possible when all faces read their vertices in order.
 
-    The cache has lines of memory with vertices and is direct-mapped: of those that have one number modulo LINES it
-    holds the last one used.
+    The simulated cache is direct-mapped with LINES lines of CACHE_LINE vertices each.
     """
     return _ask(mesh.faces, np.full(LINES, -1, np.int64)) * CACHE_LINE / len(mesh.vertices)
 
 
 @kernel
 def _ask(faces: Ints32, held: Ints) -> int:
-    """Count the vertices whose line is not held when a face asks for it; from then on it is."""
+    """Count the cache misses when all faces read their vertices."""
     missed = 0
     for f in range(len(faces)):
         for corner in range(3):
@@ -123,9 +123,9 @@ def _ask(faces: Ints32, held: Ints) -> int:
 
 
 def morton_codes(points: Vectors) -> NDArray[np.uint64]:
-    """Number the cells of a grid over points, (n, 3), along a curve that fills space; points far out go to its border.
+    """Return the (n,) Morton codes of points, (n, 3), with interleaved bits of the three coordinates.
 
-    The bits of the three coordinates take turns.
+    Outliers are clamped to the border of the grid.
     """
     lower, upper = np.quantile(points, [OUTLIER_VERTICES, 1 - OUTLIER_VERTICES], axis=0)
     size = max(float((upper - lower).max()), np.finfo(float).tiny)
@@ -147,7 +147,7 @@ def _code_range(start: int, stop: int, points: Vectors, lower: Floats, size: flo
 
 @kernel
 def _spread(number: np.uint64) -> np.uint64:
-    """Put two zeros above each of the BITS lowest bits."""
+    """Insert two zeros above each of the BITS lowest bits."""
     for shift, mask in SPREADS:
         number = (number | (number << shift)) & mask
     return number
@@ -166,7 +166,7 @@ def _renumber_range(start: int, stop: int, faces: NDArray[Any], places: NDArray[
 
 @kernel
 def _sort_range(start: int, stop: int, faces: Ints32, beginning: Csr, out: Ints32) -> None:
-    """Write the faces that begin with each vertex in start … stop, ascending."""
+    """Write the sorted faces that begin with each vertex in start … stop."""
     begin = beginning.indptr[start]
     others = np.empty(beginning.indptr[stop] - begin, np.int64)
     for k in range(len(others)):

@@ -1,4 +1,4 @@
-"""Faces of any number of corners, and their triangles."""
+"""Polygonal faces and their triangulation."""
 
 from typing import Any, NamedTuple
 
@@ -9,12 +9,12 @@ from cascadenorm.mesh import Floats32, Ints, face_area_vectors, kernel, parallel
 from cascadenorm.mesh.ears import ears
 from cascadenorm.mesh.vectors import area_vector, divided, length, row
 
-MOST_APEXES = 64  # corners tried for a fan without folds
+MOST_APEXES = 64  # corners tried for a fan without folded triangles
 
 
 def ranges(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Join the runs of `counts` successive numbers from each start."""
-    if len(counts) and (counts == counts[0]).all():  # half the time
+    """Concatenate the ranges of `counts` consecutive integers from each start."""
+    if len(counts) and (counts == counts[0]).all():
         return (starts[:, None] + np.arange(counts[0])).ravel()
     first = np.cumsum(counts) - counts
     return np.repeat(starts - first, counts) + np.arange(int(counts.sum()))
@@ -28,19 +28,19 @@ class Polygons(NamedTuple):
 
     @classmethod
     def from_counts(cls, counts: NDArray[np.int64], corners: NDArray[np.int64]) -> "Polygons":
-        """Join polygons of the given numbers of corners."""
+        """Create polygons with the given numbers of corners."""
         return cls(np.concatenate([np.zeros(1, np.int64), np.cumsum(counts, dtype=np.int64)]), corners)
 
     @classmethod
     def from_rows(cls, rows: NDArray[np.int64]) -> "Polygons":
-        """Join polygons that all have the same number of corners, one a row."""
+        """Create polygons from rows of corners; all have the same number of corners."""
         return cls(np.arange(0, rows.size + 1, rows.shape[1], dtype=np.int64), rows.ravel())
 
     def __len__(self) -> int:
         return len(self.indptr) - 1
 
     def part(self, block: slice) -> "Polygons":
-        """Return the polygons of a block."""
+        """Return the polygons in a slice."""
         indptr = self.indptr[block.start : block.stop + 1]
         return Polygons(indptr - indptr[0], self.corners[indptr[0] : indptr[-1]])
 
@@ -55,26 +55,26 @@ class Polygons(NamedTuple):
         return np.repeat(np.arange(len(self)), self.counts)
 
     def out_of_range(self, count: int) -> NDArray[np.bool_]:
-        """Return which corners are not in 0 … count - 1."""
+        """Return whether each corner is outside 0 … count - 1."""
         return np.asarray((self.corners < 0) | (self.corners >= count))
 
 
 def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cut polygons into fans around their first corner, or around the first one that gives no folded triangle.
+    """Triangulate polygons.
 
-    Where no corner does, as in the letter U, into ears: one after another, a corner that juts out and has no other in
-    its triangle is cut off.
+    Each polygon becomes a fan around the first corner that gives no folded triangle. If there is no such corner, as in
+    the letter U, the polygon is triangulated by ear clipping.
 
     Parameters
     ----------
     positions
         (k, 3).
     polygons
-        Corners in 0 … k - 1; those with fewer than three corners have no triangle.
+        Polygons with corners in 0 … k - 1; those with fewer than three corners give no triangle.
 
     Returns
     -------
-    (m, 3) corners of the triangles, and (m,) their polygons, ascending
+    (m, 3) corners of the triangles, and (m,) the polygon of each, ascending.
     """
     counts = polygons.counts
     if (counts == 3).all():
@@ -99,7 +99,7 @@ def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np
 
 
 def _fans(polygons: Polygons, chosen: NDArray[np.int64], apex: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cut the chosen polygons around one corner; the polygon of each triangle, and the triangles."""
+    """Cut the chosen polygons into fans around one corner; return the polygon and the corners of each triangle."""
     sizes = np.maximum(polygons.counts[chosen] - 2, 0)
     owners = np.repeat(chosen, sizes)
     step = ranges(np.zeros_like(sizes), sizes)  # 0, 1, … within each fan
@@ -109,17 +109,17 @@ def _fans(polygons: Polygons, chosen: NDArray[np.int64], apex: int) -> tuple[NDA
 
 
 def _turned(positions: NDArray[Any], triangles: NDArray[np.int64], owners: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which triangles face against the mean normal of their polygon."""
-    with np.errstate(all="ignore"):  # a position need not be finite here
+    """Return whether each triangle is opposite to the mean normal of its polygon."""
+    with np.errstate(all="ignore"):  # positions may be non-finite here
         normals = area_vectors(positions, triangles)
         sums = scatter_add(owners, normals, int(owners.max(initial=-1)) + 1)
         return np.asarray(np.einsum("ij,ij->i", normals, sums[owners]) < 0)
 
 
 def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
-    """Cut triangle strips, which -1 ends and every other triangle of which is turned, into triangles.
+    """Convert triangle strips, optionally terminated by -1, to consistently oriented triangles.
 
-    Those that repeat a vertex stitch one strip to another, and are left out.
+    Triangles that repeat a vertex only connect two strips and are removed.
     """
     ends = np.zeros(len(corners) + 1, bool)
     ends[np.cumsum(counts)] = True
@@ -134,18 +134,18 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
 
 
 def area_vectors(positions: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the normal of each triangle times its area, over the square of the largest coordinate."""
+    """Return the normal of each triangle times its area, divided by the square of the largest coordinate."""
     return face_area_vectors(near_one(positions), triangles.astype(np.int32))
 
 
 def near_one(positions: NDArray[Any]) -> NDArray[np.float64]:
-    """Return positions over the largest coordinate."""
-    with np.errstate(invalid="ignore"):  # triangles with corners that are not finite come out the same way
+    """Return the positions divided by the largest coordinate."""
+    with np.errstate(invalid="ignore"):  # triangles with non-finite corners stay non-finite
         return np.asarray(np.divide(positions, largest_coordinate(positions), dtype=np.float64))
 
 
 def largest_coordinate(positions: NDArray[Any]) -> float:
-    """Return the largest size of a finite coordinate, 1 if all are zero: over it, none is too large to be squared."""
+    """Return the largest absolute finite coordinate, or 1 if all are zero; dividing by it prevents overflow."""
     largest = np.maximum(positions.max(initial=0), -positions.min(initial=0))
     if not np.isfinite(largest):
         largest = np.abs(positions).max(initial=0, where=np.isfinite(positions))
@@ -153,19 +153,19 @@ def largest_coordinate(positions: NDArray[Any]) -> float:
 
 
 def unit_normals(positions: NDArray[Any], triangles: NDArray[np.int64], largest: float) -> NDArray[np.float32]:
-    """Return the (m, 3) unit normals of triangles, zero where they have no area.
+    """Return the (m, 3) unit normals of triangles; zero for triangles without area.
 
     Parameters
     ----------
     positions
         (k, 3).
     triangles
-        (m, 3) rows of positions.
+        (m, 3) indices of positions.
     largest
-        What `largest_coordinate` says of these positions, or of more.
+        Result of `largest_coordinate` for these positions, or for a superset.
     """
     out = np.empty(triangles.shape, np.float32)
-    with np.errstate(invalid="ignore"):  # a position may be no number where bad faces are isolated
+    with np.errstate(invalid="ignore"):  # positions may be NaN where invalid faces are isolated
         parallel_for(len(out), _unit_normal_range, positions, triangles, largest, out)
     return out
 

@@ -1,4 +1,4 @@
-"""Who touches whom: the part of a mesh that does not change when vertices move."""
+"""Mesh connectivity, independent of vertex positions."""
 
 from functools import cached_property
 
@@ -24,17 +24,16 @@ from cascadenorm.mesh.topology_kernels import (
 
 
 class Topology:
-    """Neighbourhoods of m triangles over n vertices, each made when first asked for.
+    """Adjacency of m triangles and n vertices; each relation is computed on first access.
 
-    Nothing here needs a manifold: an edge may have one, two or more faces, and neighbours carry no order beyond
-    that of their numbers.
+    The mesh need not be manifold: an edge may have one, two or more faces. Neighbours are ordered by index only.
 
     Parameters
     ----------
     faces
         (m, 3) int32, every entry in 0 … n - 1.
     vertex_count
-        n.
+        Number of vertices n.
     """
 
     def __init__(self, faces: NDArray[np.int32], vertex_count: int) -> None:
@@ -43,18 +42,21 @@ class Topology:
         self._face_rings: dict[int, Csr] = {}
 
     def forget(self) -> None:
-        """Free all neighbourhoods; they are computed again when they are asked for."""
+        """Free all cached arrays; they are recomputed on the next access."""
         for name in self.__dict__.keys() - {"faces", "vertex_count", "_face_rings"}:
             del self.__dict__[name]
         self._face_rings.clear()
 
     @cached_property
     def vertex_faces(self) -> Csr:
-        """Faces around each vertex, ascending; a face that repeats a vertex is listed twice."""
+        """Faces around each vertex, ascending; a face that repeats the vertex is listed twice."""
         return rows_with(self.faces, self.vertex_count)
 
     def face_rings(self, ring: int) -> Csr:
-        """Faces within `ring` steps of each face, itself left out; a step leads to a face that shares a vertex."""
+        """Return the faces within `ring` steps of each face, without the face itself.
+
+        One step leads to all faces that share a vertex.
+        """
         if ring < 1:
             raise ValueError(f"ring is {ring}; it must be at least 1")
         if ring not in self._face_rings:
@@ -69,12 +71,12 @@ class Topology:
         up = joined_rows(self.vertex_count, parts)
         of_sides = np.empty(self.faces.shape, np.int32)
         parallel_for(self.vertex_count, sides_up_range, self.faces, self.vertex_faces, up, of_sides)
-        of_sides.flags.writeable = False  # as faces are: kernels that take both are compiled once
+        of_sides.flags.writeable = False  # same type as `faces`, so that kernels are compiled once
         return np.stack([up.rows, up.indices], axis=1), of_sides
 
     @property
     def edges(self) -> NDArray[np.int32]:
-        """(e, 2) vertices of each undirected edge, smaller first, rows ascending."""
+        """(e, 2) vertices of each undirected edge, lower index first, rows ascending."""
         return self._edges[0]
 
     @property
@@ -89,65 +91,65 @@ class Topology:
 
     @cached_property
     def interior_edges(self) -> NDArray[np.int32]:
-        """Numbers of the edges that have exactly two faces."""
+        """Numbers of the edges with exactly two faces."""
         return np.flatnonzero(self.edge_faces.counts == 2).astype(np.int32)
 
     @cached_property
     def face_pairs(self) -> NDArray[np.int32]:
-        """(i, 2) the two faces of each interior edge, the smaller number first."""
+        """(i, 2) the two faces of each interior edge, lower index first."""
         out = np.empty((len(self.interior_edges), 2), np.int32)
         parallel_for(len(out), pair_range, self.interior_edges, self.edge_faces, out)
         return out
 
     @cached_property
     def faces_across(self) -> NDArray[np.int32]:
-        """(m, 3) the face on the other side of each face side, -1 where there is none or there are several."""
+        """(m, 3) face across each side; -1 if there is none or more than one."""
         out = np.empty(self.face_edges.shape, np.int32)
         parallel_for(len(out), across_range, self.face_edges, self.edge_faces, out)
         return out
 
     @cached_property
     def balance(self) -> NDArray[np.float64]:
-        """(e,) faces that run along each edge from its smaller vertex, less those that run from the larger one."""
+        """(e,) number of faces that traverse each edge from its lower vertex, minus those in the other direction."""
         rising = np.sign(np.roll(self.faces, -1, axis=1) - self.faces)
         return scatter_add(self.face_edges.ravel(), rising.ravel(), len(self.edges))
 
     def fans(self, across: NDArray[np.bool_] | None = None) -> NDArray[np.int32]:
-        """(3m,) fan of each corner of the faces: those at a vertex whose faces are connected there have one number.
+        """Return the (3m,) fan of each face corner: corners at a vertex share a fan if their faces connect there.
 
         Parameters
         ----------
         across
-            (e,) the edges across which faces are connected; None: all.
+            (e,) whether faces are connected across each edge; None selects all edges.
         """
         order = np.argsort(self.face_edges, axis=None, kind="stable")
         of_edge = self.face_edges.ravel()[order]
         joined = of_edge[1:] == of_edge[:-1]
         pairs = np.flatnonzero(joined if across is None else joined & across[of_edge[1:]])
         corners = np.arange(self.faces.size).reshape(-1, 3)
-        ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)  # of each side
+        ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)  # corners of each side
         falling = self.faces.ravel()[ends[:, 0]] > self.faces.ravel()[ends[:, 1]]
-        ends[falling] = ends[falling, ::-1]  # the corner of the smaller vertex first
+        ends[falling] = ends[falling, ::-1]  # the corner at the lower vertex comes first
         links = np.stack([ends[order[pairs]].ravel(), ends[order[pairs + 1]].ravel()], axis=1)
         return connected_components(links, self.faces.size)
 
     @cached_property
     def used_vertices(self) -> NDArray[np.bool_]:
-        """(n,) whether a face references a vertex."""
+        """(n,) whether each vertex is referenced by a face."""
         mask = np.zeros(self.vertex_count, bool)
         mask[self.faces] = True
         return mask
 
     @cached_property
     def boundary_vertices(self) -> NDArray[np.bool_]:
-        """(n,) whether a vertex lies on an edge with a single face."""
+        """(n,) whether each vertex lies on an edge with a single face."""
         mask = np.zeros(self.vertex_count, bool)
         mask[self.edges[self.edge_faces.counts == 1]] = True
         return mask
 
     @cached_property
     def vertex_neighbors(self) -> Csr:
-        """Vertices joined to each vertex by an edge, ascending."""
+        """Vertices adjacent to each vertex, ascending."""
         indptr = np.zeros(self.vertex_count + 2, np.int64)
         count_neighbors(self.edges, indptr[2:])
         np.cumsum(indptr, out=indptr)
@@ -157,9 +159,9 @@ class Topology:
 
     @cached_property
     def vertex_colors(self) -> Csr:
-        """Vertices with a face, in groups none of which holds two of one face; each takes the first group it can.
+        """Vertices with a face, grouped by a greedy colouring: no group holds two vertices of a face.
 
-        So what moves the vertices of a group, and reads their faces alone, may do so in any order.
+        Vertices of one group can be updated in any order if an update reads only the faces around its vertex.
         """
         colors = np.full(self.vertex_count, -1, np.int32)
         color_vertices(0, self.vertex_count, self.faces, self.vertex_faces, colors)
@@ -167,17 +169,17 @@ class Topology:
 
     @cached_property
     def components(self) -> NDArray[np.int32]:
-        """(n,) number of the connected component of each vertex; a vertex without a face is one of its own."""
+        """(n,) connected component of each vertex; a vertex without a face is a component of its own."""
         return connected_components(self.edges, self.vertex_count)
 
     @cached_property
     def face_components(self) -> NDArray[np.int32]:
-        """(m,) number of the connected component of each face, as in `components`."""
+        """(m,) connected component of each face, as in `components`."""
         return self.components[self.faces[:, 0]]
 
 
 def rows_with(numbers: NDArray[np.int32], count: int) -> Csr:
-    """Rows of an array, (k, w), in which each of 0 … count - 1 stands, ascending, as often as it stands there."""
+    """Return the rows of an array, (k, w), that contain each of 0 … count - 1, ascending and with repetitions."""
     indptr = np.zeros(count + 2, np.int64)
     count_groups(numbers, indptr[2:])
     np.cumsum(indptr, out=indptr)

@@ -1,4 +1,4 @@
-"""Loops over faces and vertices of which the topology of a mesh is made."""
+"""Kernels that compute the topology of a mesh."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from cascadenorm.compute.kernels import kernel
 
 @kernel
 def count_groups(numbers: Ints32, counts: Ints) -> None:
-    """Add to the count of each number how often it stands in an array."""
+    """Add the number of occurrences of each number in an array to its count."""
     for row in range(len(numbers)):
         for column in range(numbers.shape[1]):
             counts[numbers[row, column]] += 1
@@ -20,7 +20,7 @@ def count_groups(numbers: Ints32, counts: Ints) -> None:
 
 @kernel
 def fill_groups(numbers: Ints32, free: Ints, indices: Ints32) -> None:
-    """Put each row of an array where its numbers have their next free place, which moves on."""
+    """Store each row index at the next free place of every number in the row."""
     for row in range(len(numbers)):
         for column in range(numbers.shape[1]):
             number = numbers[row, column]
@@ -30,7 +30,7 @@ def fill_groups(numbers: Ints32, free: Ints, indices: Ints32) -> None:
 
 @kernel
 def count_neighbors(edges: Ints32, counts: Ints) -> None:
-    """Add to the count of each vertex the edges that lead from it to another one."""
+    """Add the number of edges to other vertices to the count of each vertex."""
     for e in range(len(edges)):
         if edges[e, 0] != edges[e, 1]:
             counts[edges[e, 0]] += 1
@@ -39,7 +39,7 @@ def count_neighbors(edges: Ints32, counts: Ints) -> None:
 
 @kernel
 def fill_neighbors(edges: Ints32, free: Ints, indices: Ints32) -> None:
-    """Put each end of an edge where the other one has its next free place; all smaller ends before larger ones."""
+    """Store each end of an edge as a neighbour of the other end; lower ends come before higher ones."""
     for here in (1, 0):
         for e in range(len(edges)):
             if edges[e, 0] != edges[e, 1]:
@@ -50,11 +50,11 @@ def fill_neighbors(edges: Ints32, free: Ints, indices: Ints32) -> None:
 
 @kernel
 def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[Ints, Ints32]:
-    """Other ends of the edges at each vertex in start … stop that is their smaller one, ascending."""
+    """Find the higher ends, ascending, of the edges whose lower end is a vertex in start … stop."""
     counts = np.empty(stop - start, np.int64)
     found = np.empty(
         2 * (around.indptr[stop] - around.indptr[start]) + 1, np.int32
-    )  # two sides of each face at a vertex
+    )  # two sides of each face at the vertex
     end = 0
     for i in range(start, stop):
         first = end
@@ -67,7 +67,7 @@ def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[I
                 if min(a, b) == i:
                     found[end] = max(a, b)
                     end += 1
-        # each inner edge was found twice, from either face: keep one
+        # interior edges were found once from each face: keep one copy
         sort(found[first:end])
         last, end = end, first
         for k in range(first, last):
@@ -87,14 +87,14 @@ def sides_up_range(
     up: Csr,
     of_sides: Ints32,
 ) -> None:
-    """Number of the edge of each face side whose smaller vertex is in start … stop."""
+    """Write the edge number of each face side whose lower vertex is in start … stop."""
     for i in range(start, stop):
         for k in range(around.indptr[i], around.indptr[i + 1]):
             f = around.indices[k]
             for side in range(3):
                 a, b = faces[f, side], faces[f, (side + 1) % 3]
                 if min(a, b) == i:
-                    # halve the row, whose entries ascend, until one is left
+                    # binary search in the ascending row
                     low, high = up.indptr[i], up.indptr[i + 1] - 1
                     while low < high:
                         middle = (low + high) // 2
@@ -107,7 +107,7 @@ def sides_up_range(
 
 @kernel
 def pair_range(start: int, stop: int, edges: Ints32, around: Csr, out: Ints32) -> None:
-    """The two faces of some edges."""
+    """Write the two faces of each given edge."""
     for i in range(start, stop):
         first = around.indptr[edges[i]]
         out[i, 0], out[i, 1] = around.indices[first], around.indices[first + 1]
@@ -115,7 +115,7 @@ def pair_range(start: int, stop: int, edges: Ints32, around: Csr, out: Ints32) -
 
 @kernel
 def across_range(start: int, stop: int, face_edges: Ints32, around: Csr, out: Ints32) -> None:
-    """The other one of two faces at the edge of each side, else -1."""
+    """Write the face across each side; -1 unless its edge has exactly two faces."""
     for f in range(start, stop):
         for side in range(3):
             edge = face_edges[f, side]
@@ -128,7 +128,7 @@ def across_range(start: int, stop: int, face_edges: Ints32, around: Csr, out: In
 
 @kernel
 def sort(values: NDArray[Any]) -> None:
-    """Sort values in place (Shell 1959); numpy's sort takes a second to compile."""
+    """Sort values in place (Shell 1959); it compiles faster than numpy's sort."""
     gap = 1
     while gap < len(values) // 3:
         gap = 3 * gap + 1
@@ -144,11 +144,11 @@ def sort(values: NDArray[Any]) -> None:
 
 @kernel
 def color_vertices(start: int, stop: int, faces: Ints32, around: Csr, colors: Ints32) -> None:
-    """Give each vertex in start … stop, ascending, the least colour that none of its neighbours has; -1 is none."""
+    """Give each vertex in start … stop, in order, the lowest colour unused by its neighbours; -1 means no colour."""
     most = 0
     for i in range(len(colors)):
         most = max(most, colors[i] + 1)
-    taken = np.full(most + stop - start + 1, -1, np.int32)  # by which vertex a colour was last seen in a neighbour
+    taken = np.full(most + stop - start + 1, -1, np.int32)  # last vertex with a neighbour of each colour
     for i in range(start, stop):
         first, last = around.indptr[i], around.indptr[i + 1]
         for k in range(first, last):
@@ -165,7 +165,7 @@ def color_vertices(start: int, stop: int, faces: Ints32, around: Csr, colors: In
 
 @kernel
 def face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int) -> tuple[Ints, Ints32]:
-    """Search breadth first from each face in start … stop; the counts, and the faces found, row after row."""
+    """Search breadth first from each face in start … stop; return the row lengths and the faces found."""
     seen = np.full(len(faces), -1, np.int32)
     counts = np.empty(stop - start, np.int64)
     found = np.empty(max(64, 16 * ring * ring * (stop - start)), np.int32)
@@ -175,7 +175,7 @@ def face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int
         seen[f] = f
         level_start, level_stop = first, first
         for step in range(ring):
-            # the faces of the last ring, or the face itself, lead to the next ring over their vertices
+            # the faces around the vertices of the last ring, or of the face itself, form the next ring
             level_size = 1 if step == 0 else level_stop - level_start
             for i in range(level_size):
                 center = f if step == 0 else found[level_start + i]

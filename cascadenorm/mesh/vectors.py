@@ -1,4 +1,4 @@
-"""Vectors of three numbers in kernels; the compiler puts each function into the kernel that calls it."""
+"""Operations on 3-vectors in kernels; the compiler inlines them."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from cascadenorm.compute.kernels import kernel
 
 Vector = tuple[float, float, float]
 Three = Vector | Floats
-"""A vector, or a row of an array."""
+"""A vector, as a tuple or as a row of an array."""
 
 
 @kernel
 def row(points: Floats, i: Index) -> Vector:
-    """Row i of an (n, 3) array."""
+    """Return row i of an (n, 3) array."""
     return points[i, 0], points[i, 1], points[i, 2]
 
 
@@ -36,19 +36,19 @@ def scaled(factor: float, u: Three) -> Vector:
 
 @kernel
 def divided(u: Three, divisor: float) -> Vector:
-    """Return u / divisor; not the product with 1 / divisor, which rounds twice."""
+    """Return u / divisor; multiplying by 1 / divisor would round twice."""
     return u[0] / divisor, u[1] / divisor, u[2] / divisor
 
 
 @kernel
 def dot(u: Three, v: Three) -> float:
-    """Scalar product."""
+    """Return the scalar product."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 @kernel
 def cross(u: Three, v: Three) -> Vector:
-    """Vector product."""
+    """Return the vector product."""
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
@@ -60,13 +60,13 @@ def area_vector(a: Three, b: Three, c: Three) -> Vector:
 
 @kernel
 def length(u: Three) -> float:
-    """Euclidean norm."""
+    """Return the Euclidean norm."""
     size: float = np.sqrt(dot(u, u))
     return size
 
 
 @kernel
 def squared_distance(p: Three, q: Three) -> float:
-    """Square of the distance of two points; of unit vectors, of their chord."""
+    """Return the squared distance of two points, or the squared chord of two unit vectors."""
     u = subtract(p, q)
     return dot(u, u)

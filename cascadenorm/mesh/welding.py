@@ -1,4 +1,4 @@
-"""Find the copies of vertices that a file has split."""
+"""Welding of vertices that a file stores more than once."""
 
 import secrets
 from typing import Any
@@ -12,7 +12,7 @@ from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, any_in_rows, connected_c
 PRIME = 2**31 - 1
 NEIGHBORS = 8
 NEAR = 1e-3
-"""Median edge lengths: boundary vertices that are at most this far apart nearly coincide."""
+"""Distance, in median edge lengths, within which boundary vertices nearly coincide."""
 
 
 def weld(
@@ -22,24 +22,24 @@ def weld(
     *,
     distance: float = 0.0,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Join vertices that lie at the same place on the boundary of the mesh: there a file has cut it.
+    """Weld boundary vertices at the same position, where a file has cut the surface.
 
-    Copies inside a surface are left apart: there two surfaces touch that the file keeps apart.
+    Coincident vertices inside a surface are not welded: there, two separate surfaces touch.
 
     Parameters
     ----------
     positions
         (k, 3).
     triangles
-        (m, 3) rows of positions.
+        (m, 3) indices of positions.
     parts
-        (k,) only positions of the same part are joined.
+        (k,) part of each position; only positions of the same part are welded.
     distance
-        Boundary vertices that are at most this far apart are joined as well, until none that are left are.
+        Boundary vertices at most this far apart are welded too, repeatedly until none remain.
 
     Returns
     -------
-    (k,) welded vertex of each position, and (n,) the first position of each welded vertex, ascending
+    (k,) welded vertex of each position, and (n,) the first position of each welded vertex, ascending.
     """
     number, first = _weld_equal(positions, triangles, parts)
     if not distance > 0:
@@ -53,18 +53,18 @@ def weld(
 def near_on_boundary(
     points: NDArray[Any], on_boundary: NDArray[np.bool_], distance: float, parts: NDArray[np.int64] | None = None
 ) -> NDArray[np.int64]:
-    """Return (n,) for each vertex the first one that it is joined with, over boundary vertices near one to the next.
+    """Cluster boundary vertices that are near each other, and return the first vertex of each one's cluster, (n,).
 
     Parameters
     ----------
     points
         (n, 3).
     on_boundary
-        (n,).
+        (n,) whether each vertex lies on the boundary.
     distance
-        Between two that are joined at most, in the unit of the points.
+        Largest distance between two vertices that are joined, in the unit of the points.
     parts
-        (n,) only vertices of the same part are joined.
+        (n,) part of each vertex; only vertices of the same part are joined.
     """
     joined = np.arange(len(points))
     left = np.flatnonzero(on_boundary & np.isfinite(points).all(axis=1))
@@ -75,7 +75,7 @@ def near_on_boundary(
     if found is not None:
         joined[left] = left[found[0]]
         left = np.unique(joined[left])
-    while distance > 0 and len(left) > 1:  # a few neighbours at a time, since there may be many in one place
+    while distance > 0 and len(left) > 1:  # a few neighbours at a time: many vertices may share one position
         tree = scipy.spatial.cKDTree(rows[left])
         gaps, nearest = tree.query(rows[left], NEIGHBORS + 1, distance_upper_bound=distance * (1 + 1e-12))
         near, column = np.nonzero((gaps <= distance) & (nearest != np.arange(len(left))[:, None]))
@@ -91,7 +91,7 @@ def near_on_boundary(
 
 
 def nearly_coincident(mesh: Mesh) -> NDArray[np.bool_]:
-    """Return (n,) which boundary vertices lie near an earlier one, at another place and not joined with it."""
+    """Return (n,) whether each boundary vertex lies near an earlier one without coinciding with it."""
     points, on_boundary = mesh.vertices, mesh.topology.boundary_vertices
     if not on_boundary.any():
         return on_boundary
@@ -102,7 +102,7 @@ def nearly_coincident(mesh: Mesh) -> NDArray[np.bool_]:
 def _weld_equal(
     positions: NDArray[Any], triangles: NDArray[np.int64], parts: NDArray[np.int64] | None
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Join vertices at exactly the same place."""
+    """Weld boundary vertices at exactly the same position."""
     found = first_equal(positions if parts is None else np.column_stack([positions, parts]))
     if found is None:
         return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
@@ -114,12 +114,12 @@ def _weld_equal(
 
 
 def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
-    """Return for each row of floating-point numbers the first that is equal to it, and which equal another one.
+    """Return the first row equal to each row of floating-point numbers, and whether it equals any other row.
 
-    None where all differ; NaN equals NaN of the same bits.
+    The result is None if all rows differ. NaN equals NaN with the same bits.
     """
     with np.errstate(invalid="ignore"):  # signalling NaN
-        bits = np.add(rows, 0.0, dtype=np.float64, order="C").view(np.int64)  # those of -0 become those of 0
+        bits = np.add(rows, 0.0, dtype=np.float64, order="C").view(np.int64)  # -0 becomes 0
     same, repeated = np.empty(len(rows), np.int64), np.zeros(len(rows), bool)
     places = np.full(2 << len(rows).bit_length(), -1, np.int32)
     factors = np.array([1 + secrets.randbelow(PRIME - 1) for _ in range(3 * bits.shape[1])])
@@ -128,13 +128,13 @@ def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_
 
 @kernel
 def _find_equal(rows: Ints, factors: Ints, places: Ints32, same: Ints, repeated: Bools) -> bool:
-    """Find rows again in a hash table with linear probing, which is half full at most; whether any equals another.
+    """Find equal rows with a hash table, at most half full, with linear probing; return whether there are any.
 
-    The hash is a sum of products with random factors (Carter, Wegman 1979), so that no file can be made to collide.
+    The hash is a sum of products with random factors (Carter, Wegman 1979), so that no file can provoke collisions.
     """
     any_repeated = False
     for i in range(len(rows)):
-        # hash: the 22, 21 and 21 bits of each number times a factor, within 64 bits, modulo a prime, then folded
+        # hash: multiply 22, 21 and 21 bits of each number by a factor, without overflow, reduce modulo a prime and mix
         slot = np.int64(0)
         for column in range(rows.shape[1]):
             number = rows[i, column]
@@ -144,7 +144,7 @@ def _find_equal(rows: Ints, factors: Ints, places: Ints32, same: Ints, repeated:
         slot = (slot % PRIME) * 0x7FEB352D
         slot = (slot ^ (slot >> 32)) & 0xFFFFFFFF
 
-        # probe from there until the row is found, or a free place
+        # probe until the row or a free place is found
         slot &= len(places) - 1
         same[i] = i
         while places[slot] >= 0:
@@ -163,9 +163,9 @@ def _find_equal(rows: Ints, factors: Ints, places: Ints32, same: Ints, repeated:
 
 @kernel
 def _number(same: Ints, joins: Bools, number: Ints32, first: Ints) -> int:
-    """Number the positions, those that join as the first of their place that does; what each number began with."""
+    """Number the positions, giving welded ones at the same place a common number; return the count of numbers."""
     count = 0
-    first_there = np.full(len(same), -1, np.int32)  # the number of those that join
+    first_there = np.full(len(same), -1, np.int32)  # number of the welded vertices at each place
     for i in range(len(same)):
         if joins[i] and first_there[same[i]] >= 0:
             number[i] = first_there[same[i]]
@@ -178,7 +178,7 @@ def _number(same: Ints, joins: Bools, number: Ints32, first: Ints) -> int:
 
 
 def _on_boundary_edges(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which of the candidates lie on an edge with a single triangle."""
+    """Return which candidates lie on an edge with a single triangle."""
     if not candidates.any():
         return candidates
     near = triangles[any_in_rows(candidates[triangles])]

@@ -1,1 +1,1 @@
-"""Work on a mesh in memory, patch by patch, so that its working arrays are those of one patch."""
+"""Processing of a mesh patch by patch to limit memory use."""

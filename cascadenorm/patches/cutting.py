@@ -1,4 +1,4 @@
-"""A mesh cut into compact patches, each with a halo of what surrounds it."""
+"""Partition of a mesh into compact patches with halos."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,31 +12,31 @@ from cascadenorm.mesh import Bools, Csr, Index, Ints, Ints32, Mesh, Vectors, dou
 
 
 class TooNarrow(Exception):
-    """Raised by work whose result depends on faces beyond the halo; it is repeated with a halo of twice the width."""
+    """Raised if a result depends on faces beyond the halo; the work is repeated with a wider halo."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshPatch:
-    """A part of a mesh with a halo around it, as it is sent to the process that works on it.
+    """A part of a mesh with a halo, as sent to the process that works on it.
 
     Parameters
     ----------
     vertices
         (k, 3) positions.
     corners
-        (j, 3) corners of the faces, by rows of `vertices`.
+        (j, 3) faces as indices of `vertices`.
     box
-        Number of the box that the patch was grown from, see `Cutter`.
+        Index of the box that the patch was grown from (see `Cutter`).
     vertex_numbers, face_numbers
-        (k,) and (j,) ascending numbers of the vertices and faces in the whole mesh.
+        (k,) and (j,) indices of the vertices and faces in the whole mesh, ascending.
     inside
-        (k,) vertices that are not in the halo.
+        (k,) whether each vertex is outside the halo.
     complete
-        (k,) vertices that have all faces of the whole mesh around them.
+        (k,) whether the patch contains all faces of the whole mesh around each vertex.
     facts
-        Facts about the whole mesh, as `Mesh.with_facts` takes them.
+        Properties of the whole mesh for `Mesh.with_facts`.
     components
-        (k,) connected component of each vertex in the whole mesh, or None if the work does not need them.
+        (k,) connected component of each vertex in the whole mesh; None if the work does not need it.
     """
 
     vertices: Vectors
@@ -51,7 +51,7 @@ class MeshPatch:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The patch as a mesh that has the facts and components of the whole mesh in place of its own."""
+        """The patch as a mesh with the facts and components of the whole mesh."""
         mesh = Mesh(self.vertices, self.corners).with_facts(**self.facts)
         if self.components is not None:
             local = np.searchsorted(self.component_numbers, self.components)
@@ -60,22 +60,22 @@ class MeshPatch:
 
     @cached_property
     def component_numbers(self) -> Ints32:
-        """(c,) ascending numbers, in the whole mesh, of the components that the patch meets."""
+        """(c,) components of the whole mesh that occur in the patch, ascending."""
         assert self.components is not None
         return np.unique(self.components)
 
     @property
     def own(self) -> Bools:
-        """(j,) faces that belong to this patch: those whose first corner is inside."""
+        """(j,) whether each face belongs to this patch: its first corner is inside."""
         return np.asarray(self.inside[self.corners[:, 0]])
 
     def check_complete(self, faces: Bools) -> None:
-        """Raise TooNarrow unless all faces of the whole mesh around some faces, (j,) bool, are in the patch."""
+        """Raise TooNarrow unless the patch contains all faces of the whole mesh around the given faces, (j,) bool."""
         if not self.complete[self.corners[faces]].all():
             raise TooNarrow
 
     def narrowed(self, rings: int) -> tuple["MeshPatch", Ints]:
-        """Return the patch with a halo of fewer edges, and the numbers that its faces have in this one."""
+        """Return the patch with a halo of only `rings` edges, and the indices of its faces in this patch."""
         near = steps_from(self.mesh.topology, self.inside, rings) <= rings
         faces = np.flatnonzero(near[self.corners].all(axis=1))
         corners = (np.cumsum(near, dtype=np.int32) - 1)[self.corners[faces]]
@@ -90,7 +90,7 @@ class MeshPatch:
 
     @classmethod
     def whole(cls, mesh: Mesh) -> "MeshPatch":
-        """Return a whole mesh as its only patch."""
+        """Return a patch that covers a whole mesh."""
         every = np.ones(len(mesh.vertices), bool)
         vertices, faces = np.arange(len(mesh.vertices), dtype=np.int32), np.arange(len(mesh.faces), dtype=np.int32)
         patch = cls(mesh.vertices, mesh.faces, 0, vertices, faces, every, every, {})
@@ -99,14 +99,14 @@ class MeshPatch:
 
 
 class Cutter:
-    """Boxes that hold equally many vertices, from which patches grow.
+    """Boxes with equal numbers of vertices, from which patches are grown.
 
     Parameters
     ----------
     points
         (n, 3) positions of the vertices.
     depth
-        Number of times that the boxes are halved across their longest side; there are 2**depth of them.
+        Number of times that boxes are halved across their longest side, which gives 2**depth boxes.
     """
 
     def __init__(self, points: Vectors, depth: int) -> None:
@@ -124,17 +124,17 @@ class Cutter:
         Parameters
         ----------
         mesh
-            Mesh with n vertices, which may be elsewhere than the points that the boxes were made from.
+            Mesh with n vertices, which may have moved since the boxes were created.
         number
-            Number of the box, 0 … `count` - 1.
+            Index of the box, 0 … `count` - 1.
         rings
             Width of the halo in edges.
         facts, components
-            As in `MeshPatch`, the components of all n vertices.
+            As in `MeshPatch`, with the components of all n vertices.
         """
         faces, around, place = mesh.faces, mesh.topology.vertex_faces, self._place
         seeds = self._order[self._starts[number] : self._starts[number + 1]]
-        seeds = seeds[around.indptr[seeds + 1] > around.indptr[seeds]]  # a vertex without a face is in no patch
+        seeds = seeds[around.indptr[seeds + 1] > around.indptr[seeds]]  # vertices without a face belong to no patch
         near = _grown(faces, around, seeds, rings, place)
         near.sort()
         place[near] = np.arange(len(near), dtype=np.int32)
@@ -149,12 +149,12 @@ class Cutter:
 
 
 def lighter(patch: MeshPatch) -> MeshPatch:
-    """Return what tells where results of a patch belong, without its positions."""
+    """Return a patch without its positions, with only the data needed to store its results."""
     return replace(patch, vertices=patch.vertices[:0], complete=patch.complete[:0])
 
 
 def _halve(points: Vectors, order: Ints32, depth: int) -> None:
-    """Sort numbers of points so that each of the 2**depth parts of `order` lies in a box of its own."""
+    """Reorder point indices in place so that each of the 2**depth parts of `order` lies in its own box."""
     if depth == 0:
         return
     mine = points[order]
@@ -168,7 +168,7 @@ def _halve(points: Vectors, order: Ints32, depth: int) -> None:
 
 
 def _starts(count: int, depth: int) -> Ints:
-    """Return where each of the 2**depth parts that `_halve` makes begins, and the end, (2**depth + 1,)."""
+    """Return the (2**depth + 1,) boundaries of the parts that `_halve` creates."""
     starts = [0, count]
     for _ in range(depth):
         middles = [first + (last - first) // 2 for first, last in pairwise(starts)]
@@ -178,7 +178,7 @@ def _starts(count: int, depth: int) -> Ints:
 
 @kernel
 def _grown(faces: Ints32, around: Csr, seeds: Ints32, rings: int, place: Ints32) -> Ints32:
-    """Return the vertices within some rings of the seeds, and mark them by 0 in `place`, which holds -1 elsewhere."""
+    """Return the vertices within `rings` of the seeds, and set their `place` from -1 to 0."""
     found = np.empty(2 * len(seeds) + 64, np.int32)
     found[: len(seeds)] = seeds
     first, end = 0, len(seeds)
@@ -202,7 +202,7 @@ def _grown(faces: Ints32, around: Csr, seeds: Ints32, rings: int, place: Ints32)
 
 @kernel
 def _faces_between(faces: Ints32, around: Csr, vertices: Ints32, place: Ints32) -> Ints32:
-    """Return the faces all of whose corners have a place, which the given vertices are."""
+    """Return the faces with all corners among the given vertices, which are those with a `place`."""
     found = np.empty(2 * len(vertices) + 64, np.int32)
     end = 0
     for v in vertices:

@@ -1,4 +1,4 @@
-"""How large patches may be for the memory that is given, and which processes work on them."""
+"""Choice of patch sizes and processes for a memory limit."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,17 +13,17 @@ from cascadenorm.patches.work import Patching, working_in_patches
 from cascadenorm.registry import Method, registered
 
 WHOLE = 350
-"""Bytes a face that the whole mesh takes at most, with its file, while work is done in patches."""
+"""Largest memory use in bytes per face of the whole mesh, including its file, during work in patches."""
 PATCH = 900
-"""Bytes that each face of a patch takes at most while it is worked on; benchmarks/speed/patches.py measures both."""
+"""Largest memory use in bytes per face of the current patch; benchmarks/speed/patches.py measures both."""
 SMALLEST, LARGEST = 500_000, 4_000_000
-"""Faces of a patch: halos of smaller ones cost more than the patches, larger ones save little."""
+"""Limits on the faces of a patch: halos of smaller patches are too expensive, larger patches save little."""
 IN_STEPS = ("auto", "cascade", "guided-normal")
-"""Methods whose steps see little of the mesh, all of them together most of it."""
+"""Methods with steps that each have a small receptive field, although that of the whole method is large."""
 
 
 def works_in_patches(method: Method, parameters: Mapping[str, Any]) -> bool:
-    """Whether a method with these parameters works on a patch at a time, or needs little memory for the whole."""
+    """Return whether a method with these parameters can work patch by patch, as a whole or in each of its steps."""
     given = method.with_defaults(parameters)
     return method.receptive_field(given, 1) is not None or (
         method.name in IN_STEPS and given.get("fit", "sweeps") == "sweeps"
@@ -31,7 +31,7 @@ def works_in_patches(method: Method, parameters: Mapping[str, Any]) -> bool:
 
 
 def check_works_in_patches(method: Method, parameters: Mapping[str, Any]) -> None:
-    """Raise ParameterError for a method that needs the whole mesh at once."""
+    """Raise ParameterError if a method needs the whole mesh at once."""
     if works_in_patches(method, parameters):
         return
     able = [name for name, known in registered().items() if works_in_patches(known, {})]
@@ -43,24 +43,23 @@ def check_works_in_patches(method: Method, parameters: Mapping[str, Any]) -> Non
 
 @contextmanager
 def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[None]:
-    """Let work inside the block be done in patches where the whole mesh needs more memory than is given.
+    """Process meshes in patches inside the block if they need more memory than the limit.
 
     Parameters
     ----------
     memory
-        Bytes for this process; with a scheduler those of each worker process.
+        Memory limit in bytes for this process, or for each worker process if there is a scheduler.
     faces
         Number of faces of the mesh.
     scheduler
-        Address of the Dask scheduler whose workers work on the patches, "local" for a cluster on this machine, or None
-        for this process.
+        Address of a Dask scheduler for the workers, "local" for a cluster on this machine, or None for this process.
 
     Raises
     ------
     ParameterError
         The memory is too small for the mesh.
     MissingDependencyError, WorkerError
-        Of the cluster.
+        The cluster is not available or fails.
     """
     whole = WHOLE * faces if scheduler is None else 0
     left = memory - PROCESS - whole
@@ -68,7 +67,7 @@ def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[N
         least = PROCESS + whole + PATCH * min(SMALLEST, faces)
         raise ParameterError(f"is {amount(memory)}; {faces:,} faces need at least {amount(least)}", parameter="memory")
     if scheduler is None:
-        # without a halo a patch of LARGEST faces saves little, and what is left keeps results between passes
+        # a larger patch would save little; the remaining memory caches results between passes
         size = left // PATCH if left >= PATCH * faces else min(LARGEST, max(SMALLEST, left // 2 // PATCH))
         with working_in_patches(Patching(size, spare=left - size * PATCH)):
             yield

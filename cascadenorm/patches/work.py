@@ -1,4 +1,4 @@
-"""Work on one patch of a mesh after the other where `working_in_patches` asks for it, else on the whole mesh."""
+"""Execution of work on a whole mesh or patch by patch."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -18,22 +18,23 @@ from cascadenorm.patches.cutting import Cutter, MeshPatch, TooNarrow, lighter
 Result = TypeVar("Result")
 
 EXTRA = 2
-"""Edges by which a halo is wider than the reach of the work: a face inside may have two corners in the halo, and the
-faces around the outermost vertices are not complete."""
+"""Extra width of a halo in edges beyond the reach of the work.
+
+A face inside may have two corners in the halo, and the faces around the outermost vertices are incomplete."""
 
 
 @dataclass
 class Patching:
-    """How work is cut into patches.
+    """Settings for work in patches.
 
     Parameters
     ----------
     faces
-        Number of faces in a patch, those of its halo included.
+        Number of faces in a patch, including its halo.
     each
-        Does the work on the patches: `map` in this process, or another map in the processes of a cluster.
+        Map that does the work on the patches: `map` in this process, or a map over the processes of a cluster.
     spare
-        Bytes of memory for results that a later pass over the patches can reuse; 0 where other processes do the work.
+        Bytes of memory for results that a later pass over the patches can reuse; 0 if other processes do the work.
     """
 
     faces: int
@@ -42,7 +43,7 @@ class Patching:
     _cutters: dict[int, tuple[Ints32, Cutter]] = field(default_factory=dict)
 
     def cutter(self, mesh: Mesh, rings: int) -> Cutter:
-        """Return what cuts a mesh into patches with a halo of so many edges; the last one of each depth is kept."""
+        """Return a cutter for patches with a halo of `rings` edges; the last one of each depth is cached."""
         depth = _depth(mesh, self.faces, rings)
         known = self._cutters.get(depth)
         if known is None or known[0] is not mesh.faces:
@@ -55,7 +56,7 @@ _current: ContextVar[Patching | None] = ContextVar("patching", default=None)
 
 @contextmanager
 def working_in_patches(patching: Patching | None) -> Iterator[None]:
-    """Let work inside the block be done in patches; None lets it be done on whole meshes."""
+    """Process meshes in patches inside the block; None processes whole meshes."""
     token = _current.set(patching)
     try:
         yield
@@ -64,13 +65,13 @@ def working_in_patches(patching: Patching | None) -> Iterator[None]:
 
 
 def patching_of(mesh: Mesh) -> Patching | None:
-    """Return how work on a mesh is cut, or None if it is done on the whole mesh."""
+    """Return the settings for work on a mesh in patches, or None if the whole mesh is processed at once."""
     patching = _current.get()
     return None if patching is None or len(mesh.faces) <= patching.faces else patching
 
 
 def free_derived(*meshes: Mesh) -> None:
-    """Free the arrays that were derived from meshes where work is done in patches, until they are needed again."""
+    """Free the cached arrays of meshes that are processed in patches; they are recomputed when needed."""
     for mesh in meshes:
         if patching_of(mesh) is not None:
             mesh.forget()
@@ -88,25 +89,27 @@ def each_patch(
     components: bool = False,
     boxes: Sequence[int] | None = None,
 ) -> Iterator[tuple[MeshPatch, Result]]:
-    """Do work on each patch of a mesh and yield each patch, without its positions, with the result.
+    """Apply work to each patch of a mesh, and yield each patch, without its positions, with the result.
 
     Parameters
     ----------
     mesh
         Mesh with n vertices and m faces.
+    patching
+        Settings for work in patches.
     work
-        Called with a `MeshPatch` and its rows of `vertices` and `faces`. It can be pickled, and does not change them.
-        It is repeated with a wider halo where it raises `TooNarrow`.
+        Picklable function, called with a `MeshPatch` and its rows of `vertices` and `faces`, which it must not change.
+        If it raises `TooNarrow`, it is repeated with a halo of twice the width.
     reach
-        Number of edges around the corners of a face within which the mesh decides on the result for that face.
+        Receptive field of the work: the number of edges around the corners of a face that affect its result.
     facts
         Properties of the whole mesh that the work depends on, such as "mean_edge_length".
     vertices, faces
-        (n, …) and (m, …) further values.
+        Arrays of shape (n, …) and (m, …) with additional values.
     components
         Whether the work depends on connected components.
     boxes
-        Patches that are worked on, by `MeshPatch.box`; None for all.
+        Patches to process, by `MeshPatch.box`; None selects all patches.
     """
     known = {name: float(getattr(mesh, name)) for name in facts}
     labels = mesh.topology.components if components else None
@@ -123,7 +126,7 @@ def each_patch(
                 begun.append(lighter(patch))
                 ids, numbers = patch.vertex_numbers, patch.face_numbers
                 yield patch, *(rows[ids] for rows in vertices), *(rows[numbers] for rows in faces)
-            del patch  # and what was derived from them, before the next patch is cut
+            del patch  # free its memory before the next patch is cut
 
     while left:
         narrow = list[int]()
@@ -137,20 +140,20 @@ def each_patch(
 
 
 def rows_of_faces(mesh: Mesh, work: Callable[..., NDArray[Any]], *, reach: int, **given: Any) -> NDArray[Any]:
-    """Compute a row for each face, patch by patch where that is asked for.
+    """Compute a row for each face, patch by patch if requested with `working_in_patches`.
 
     Parameters
     ----------
     mesh
         Mesh with m faces.
     work
-        As in `each_patch`; returns a row for each face of the patch, that of a face in the halo may be wrong.
+        As in `each_patch`; returns a row for each face of the patch. Rows of faces in the halo may be wrong.
     reach, given
         As in `each_patch`.
 
     Returns
     -------
-    (m, …)
+    (m, …) rows.
     """
     patching = patching_of(mesh)
     if patching is None:
@@ -173,17 +176,19 @@ def moved_in_patches(
     ----------
     mesh
         Mesh with n vertices.
+    patching
+        Settings for work in patches.
     work
-        As in `each_patch`, called with the patch and its rows of `vertices`; returns where they go, (k, 3), of which
-        those in the halo may be wrong.
+        As in `each_patch`, called with the patch and its rows of `vertices`; returns their new positions, (k, 3).
+        Positions in the halo may be wrong.
     vertices
-        (n, 3) positions before; a vertex without a face stays there.
+        (n, 3) original positions; a vertex without a face stays in place.
     reach, components
         As in `each_patch`.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) new positions.
     """
     out = vertices.copy()
     inside = partial(_inside_rows, work)
@@ -194,20 +199,21 @@ def moved_in_patches(
 
 
 def normals_by_patches(mesh: Mesh, filtered: Callable[[Mesh], Vectors], *, reach: int) -> Vectors:
-    """Filter face normals, patch by patch where that is asked for.
+    """Filter face normals, patch by patch if requested with `working_in_patches`.
 
     Parameters
     ----------
     mesh
         Mesh with m faces.
     filtered
-        Returns the filtered normals of a mesh, of which it knows the mean edge length of the whole; can be pickled.
+        Picklable function that returns the filtered normals of a mesh. A patch has the mean edge length of the whole
+        mesh.
     reach
-        Number of edges around the corners of a face within which the mesh decides on its filtered normal.
+        Receptive field of the filter: the number of edges around the corners of a face that affect its normal.
 
     Returns
     -------
-    (m, 3)
+    (m, 3) filtered normals.
     """
     return rows_of_faces(mesh, partial(_of_mesh, filtered), reach=reach, facts=["mean_edge_length"])
 
@@ -217,7 +223,7 @@ def _of_mesh(filtered: Callable[[Mesh], Vectors], patch: MeshPatch) -> Vectors:
 
 
 def _done(work: Callable[..., Result], item: tuple[Any, ...]) -> list[Result]:
-    """Return the result for a patch in a list, which is empty if its halo is too narrow."""
+    """Return the result for a patch as a list, which is empty if the halo is too narrow."""
     try:
         with working_in_patches(None):
             return [work(*item)]
@@ -234,10 +240,10 @@ def _inside_rows(work: Callable[..., Vectors], patch: MeshPatch, *values: NDArra
 
 
 def _depth(mesh: Mesh, faces: int, rings: int) -> int:
-    """Return how often a mesh is halved so that a patch has so many faces with its halo.
+    """Return how often a mesh must be halved so that a patch with its halo has the given number of faces.
 
-    A square of w edges a side has w² vertices and 2 w² faces. Where halos are wider than patches, a patch keeps an
-    eighth of the faces inside, and its halo makes it larger.
+    A square with w edges per side has w² vertices and 2 w² faces. If halos are wider than patches, a patch keeps an
+    eighth of the faces inside, and its halo makes it larger than requested.
     """
     width = max((faces / 2) ** 0.5 - 2 * rings, (faces / 16) ** 0.5)
     parts = len(mesh.vertices) / width**2

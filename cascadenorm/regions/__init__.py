@@ -1,1 +1,1 @@
-"""Regions of a volume that share walls."""
+"""Multi-region surfaces: regions of a volume that share walls."""

@@ -1,4 +1,4 @@
-"""Meshes whose vertices coincide, as those of regions that share walls, joined into one."""
+"""Joining of meshes with coincident vertices, such as regions with shared walls."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,20 +9,22 @@ import scipy
 from cascadenorm.mesh import Ints, Mesh, connected_components
 
 COINCIDENT = 2.0**-20
-"""Of the largest coordinate: single precision and six decimal digits come within it."""
+"""Tolerance for coincident vertices as a fraction of the largest coordinate.
+
+It exceeds the rounding to single precision and to six decimal digits."""
 LEAST_APART = 0.01
-"""Mean edge lengths: vertices that are farther apart than this are two, however large the coordinates."""
+"""Upper limit of the tolerance in mean edge lengths, for meshes with large coordinates."""
 
 
 class Joined(NamedTuple):
-    """Meshes joined where their vertices coincide.
+    """Meshes joined at coincident vertices.
 
     Parameters
     ----------
     mesh
-        The vertices of all, those that coincide once, at the place of the first; and the faces of all, in order.
+        Mesh with the faces of all meshes in order. Coincident vertices occur once, at the position of the first.
     vertices
-        (k,) the vertex of `mesh` that each vertex of each mesh is, one mesh after the other.
+        (k,) vertex of `mesh` for each vertex of the original meshes, one mesh after the other.
     """
 
     mesh: Mesh
@@ -32,12 +34,12 @@ class Joined(NamedTuple):
 def coincident(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     """Find the vertices of different meshes that coincide within rounding.
 
-    Vertices of one mesh are not joined with one another, unless both coincide with one of another mesh.
+    Vertices of the same mesh are joined only if both coincide with a vertex of another mesh.
 
     Returns
     -------
-    (k,) for each vertex of each mesh, one mesh after the other, the first that it coincides with; and for each mesh the
-    number of its group, those of meshes that vertices connect
+    (k,) first coincident vertex of each vertex, one mesh after the other; and the group of each mesh, where meshes with
+    coincident vertices belong to the same group.
     """
     # Pairs of used vertices of different meshes within the tolerance
     counts = [len(mesh.vertices) for mesh in meshes]
@@ -49,7 +51,7 @@ def coincident(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     pairs = used[scipy.spatial.cKDTree(positions[used]).query_pairs(tolerance, output_type="ndarray")]
     pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
 
-    # The first vertex of those that pairs connect, and the meshes that they connect
+    # The first vertex of each connected set of pairs, and the connected meshes
     part = connected_components(pairs, len(positions))
     _, first, which = np.unique(part, return_index=True, return_inverse=True)
     return first[which.reshape(-1)].astype(np.int64), connected_components(owner[pairs], len(meshes)).astype(np.int64)
@@ -60,8 +62,10 @@ def joined_meshes(meshes: Sequence[Mesh], first: Ints) -> Joined:
 
     Parameters
     ----------
+    meshes
+        Meshes with k vertices in total.
     first
-        (k,) for each vertex of these meshes the first that it coincides with, as `coincident` returns it.
+        (k,) first coincident vertex of each vertex, as returned by `coincident`.
     """
     kept = first == np.arange(len(first))
     vertices = (np.cumsum(kept) - 1)[first]

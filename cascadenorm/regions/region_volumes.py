@@ -1,4 +1,4 @@
-"""Volumes of regions that share walls, brought back together after the vertices have moved."""
+"""Joint restoration of the volumes of regions that share walls."""
 
 import numpy as np
 import scipy
@@ -8,29 +8,30 @@ from cascadenorm.mesh import Floats, Mesh, Vectors
 from cascadenorm.regions.shells import Shells
 
 NEWTON_STEPS = 10  # converges in about three
-TOLERANCE = 1e-12  # of the largest volume
+TOLERANCE = 1e-12  # relative to the largest volume
 
 
 def with_region_volumes(shells: Shells, mesh: Mesh, vertices: Vectors, *, weights: Floats) -> Vectors:
-    """Offset the walls of regions along their normals until each closed region encloses the volume that it had.
+    """Restore the volume of each closed region by offsetting the walls along their normals.
 
-    The offset of a wall is the difference of two numbers, those of the regions on its sides: one grows by what the
-    other loses. Newton's method finds the numbers, by one linear equation for each region.
+    Each region has one unknown. The offset of a wall is the difference between the unknowns of its two regions, so one
+    region gains the volume that the other loses. Newton's method solves for the unknowns, with one linear equation per
+    region.
 
     Parameters
     ----------
     shells
-        Of the walls.
+        Shells of the walls.
     mesh
-        The walls as they were, n vertices.
+        Original walls with n vertices.
     vertices
-        (n, 3) where their vertices are now.
+        (n, 3) current positions of their vertices.
     weights
-        (n,) share of the offset that each vertex takes part in; those with 0 stay where they are.
+        (n,) weight of the offset at each vertex; vertices with weight 0 stay in place.
 
     Returns
     -------
-    (n, 3); `vertices` themselves where the volumes cannot be reached
+    (n, 3) vertices; `vertices` itself if the volumes cannot be restored.
     """
     before = shells.of(mesh)
     parts = _closed(before)
@@ -54,7 +55,7 @@ def with_region_volumes(shells: Shells, mesh: Mesh, vertices: Vectors, *, weight
 
 
 def _closed(shells: Mesh) -> Parts:
-    """Find the shells without a boundary; unlike `closed_parts`, those that touch themselves along an edge too."""
+    """Find the shells without a boundary, including those that touch themselves along an edge."""
     component = shells.topology.components
     closed = np.ones(component.max() + 1, bool)
     closed[component[shells.topology.edges[shells.topology.balance != 0, 0]]] = False
@@ -62,7 +63,7 @@ def _closed(shells: Mesh) -> Parts:
 
 
 def _slopes(shells: Shells, now: Mesh, parts: Parts, count: int) -> "scipy.sparse.csr_array":
-    """Change of the volume of each closed region by each coordinate of the walls' vertices, (parts, 3 count)."""
+    """Return the derivatives of the region volumes with respect to the wall vertices, (parts, 3 count)."""
     inside = np.flatnonzero(parts.number >= 0)
     rows = np.repeat(parts.number[inside], 3)
     columns = (3 * shells.owners[inside, None] + np.arange(3)).ravel()

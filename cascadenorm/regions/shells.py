@@ -1,8 +1,8 @@
-"""Regions that share walls, told from the walls alone: the closed surface, or shell, around each region.
+"""Shells: the closed surfaces around regions that share walls.
 
-Walls meet at junction curves, edges of three faces or more. Each face has two sides. Around an edge the faces lie in
-cyclic order, and between one and the next is a wedge of some region, which joins their sides that look into it. What
-is joined is the shell of a region.
+Walls meet at junction curves, which consist of edges with three or more faces. The faces around an edge are in cyclic
+order, and the wedge between two consecutive faces belongs to a single region. Connecting the two face sides at each
+wedge gives the shells of the regions.
 """
 
 from collections import defaultdict
@@ -15,24 +15,24 @@ from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, kernel,
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
 Pattern = tuple[int, ...]
-"""The walls around an edge in cyclic order: 2 w + 1 where a face of wall w runs along it, 2 w where against it."""
+"""The walls around an edge in cyclic order: 2 w + 1 if the face of wall w traverses the edge forward, otherwise 2 w."""
 
 
 class Shells(NamedTuple):
-    """The shells of regions side by side: a wall twice, once for each of its sides, with vertices of their own.
+    """The shells of all regions as one mesh; each wall occurs twice, once per side, with separate vertices.
 
     Parameters
     ----------
     mesh
-        k vertices and q faces, each shell oriented outward of its region.
+        Mesh with k vertices and q faces; each shell is oriented outward from its region.
     owners
-        (k,) the vertex of the walls that each is a copy of.
+        (k,) wall vertex that each vertex is a copy of.
     faces
-        (q,) the face of the walls that each is a copy of.
+        (q,) wall face that each face is a copy of.
     flipped
-        (q,) whether it is oriented against that face.
+        (q,) whether each face is oriented opposite to its wall face.
     junctions
-        (j, 2) vertices of the edges of the walls where three or more meet.
+        (j, 2) vertices of the junction edges, where three or more walls meet.
     """
 
     mesh: Mesh
@@ -42,26 +42,34 @@ class Shells(NamedTuple):
     junctions: Ints32
 
     def of(self, mesh: Mesh) -> Mesh:
-        """Return the shells with other positions of the vertices of the walls."""
+        """Return the shells with other positions of the wall vertices."""
         return self.mesh.moved(mesh.vertices[self.owners])
 
     def of_edges(self, mesh: Mesh, marked: Bools) -> Bools:
-        """Return which edges of the shells are copies of marked edges of the walls, (e,) over those of `mesh`."""
+        """Return whether each edge of the shells is a copy of a marked wall edge.
+
+        Parameters
+        ----------
+        mesh
+            The walls.
+        marked
+            (e,) bool, whether each edge of `mesh` is marked.
+        """
         edges, count = mesh.topology.edges.astype(np.int64), len(mesh.vertices)
         copies = np.sort(self.owners[self.mesh.topology.edges], axis=1)
         places = np.searchsorted(edges[:, 0] * count + edges[:, 1], copies[:, 0] * count + copies[:, 1])
         return marked[places]
 
     def wall_normals(self, mesh: Mesh, normals: Vectors) -> Vectors:
-        """Average what the two sides of each face of the walls have, (q, 3), to (m, 3)."""
+        """Sum the normals of the shells, (q, 3), over the two sides of each wall face, (m, 3)."""
         signed = np.where(self.flipped[:, None], -normals, normals)
         return scatter_add(self.faces, signed, len(mesh.faces))
 
 
 def into_shells(mesh: Mesh) -> tuple[Mesh, Shells | None]:
-    """Return a mesh, without the second of faces on the same three vertices where regions share walls, and its shells.
+    """Return a mesh without duplicate faces on shared walls, and its shells.
 
-    See `shells`; a mesh whose regions share no walls is returned as it is.
+    If no regions share walls, the mesh is returned unchanged with None (see `shells`).
     """
     parts = shells(mesh)
     if parts is None:
@@ -74,19 +82,20 @@ def into_shells(mesh: Mesh) -> tuple[Mesh, Shells | None]:
 
 
 def shells(mesh: Mesh) -> Shells | None:
-    """Return the shells of a mesh whose regions share walls.
+    """Return the shells of a mesh in which regions share walls.
 
-    Components without an edge where an odd number of walls separates three regions or more stay as they are: such
-    edges are those of bodies that touch themselves or others. Of faces on the same three vertices one is kept.
+    A component is divided into shells only if it has an edge where an odd number of walls separates three or more
+    regions. Non-manifold edges of other components occur where bodies touch themselves or each other. On divided
+    components, one of several faces on the same three vertices is kept.
 
     Parameters
     ----------
     mesh
-        m faces, consistently oriented on each wall, as `oriented` leaves them.
+        Mesh with m faces, consistently oriented on each wall, as returned by `oriented`.
 
     Returns
     -------
-    None if no component has such an edge
+    The shells; None if no component is divided.
     """
     if (mesh.topology.edge_faces.counts < 3).all():
         return None
@@ -97,7 +106,7 @@ def shells(mesh: Mesh) -> Shells | None:
     wall = np.unique(oriented_patches(mesh).patch, return_inverse=True)[1]
     region, meets = _regions_at(mesh, junctions, wall, distinct)
 
-    # Components with such an edge
+    # Components to divide: those with such an edge
     component = mesh.topology.components
     divided = np.zeros(component.max() + 1, bool)
     divided[component[mesh.topology.edges[junctions[meets], 0]]] = True
@@ -110,15 +119,15 @@ def shells(mesh: Mesh) -> Shells | None:
 
 
 def _junctions(mesh: Mesh, distinct: Bools) -> Ints:
-    """Return the edges at which three faces or more meet, those on the same three vertices counted once."""
+    """Return the edges with three or more faces, counting duplicate faces once."""
     counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))
     return np.flatnonzero(counts >= 3)
 
 
 def _regions_at(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple[Ints, Bools]:
-    """Return the region of each side of the walls, and at which junctions an odd number of walls separates three.
+    """Return the region of each wall side, and whether an odd number of walls separates three regions at each junction.
 
-    The side ahead of wall w is 2 w, that behind it 2 w + 1.
+    The front side of wall w is 2 w, the back side 2 w + 1.
     """
     pattern_of, votes = _patterns(mesh, junctions, wall, distinct)
     region, kinds = _regions(int(wall.max()) + 1, votes)
@@ -133,7 +142,10 @@ def _side_by_side(
     ahead: Ints,
     behind: Ints,
 ) -> tuple[Mesh, Ints, Ints, Bools]:
-    """Copy faces for the regions ahead of and behind them; those not inside, or between a region and itself, once."""
+    """Copy faces for the regions in front of and behind them.
+
+    Faces that are not inside, or have the same region on both sides, occur once.
+    """
     count = np.int64(1 + max(ahead.max(), behind.max()))
     first = np.flatnonzero(~inside | distinct)
     second = np.flatnonzero(inside & distinct & (ahead != behind))
@@ -141,7 +153,7 @@ def _side_by_side(
     flipped = np.arange(len(faces)) >= len(first)
     shell = np.concatenate([np.where(inside, behind, count)[first], ahead[second]])
 
-    # A copy of a vertex for each shell that it belongs to
+    # One copy of a vertex for each of its shells
     keys = mesh.faces[faces].astype(np.int64) * (count + 1) + shell[:, None]
     copies, corners = np.unique(keys, return_inverse=True)
     corners = corners.reshape(-1, 3)
@@ -151,7 +163,7 @@ def _side_by_side(
 
 
 def _first_of_twins(faces: Ints32) -> Bools:
-    """Return (m,) which faces are the first on their three vertices."""
+    """Return (m,) whether each face is the first on its three vertices."""
     _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     distinct = np.zeros(len(faces), bool)
     distinct[first] = True
@@ -159,9 +171,9 @@ def _first_of_twins(faces: Ints32) -> Bools:
 
 
 def _patterns(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple[list[Pattern], dict[Pattern, float]]:
-    """Return the pattern of the walls at each junction edge, and of each pattern the angle that speaks for it.
+    """Return the pattern of the walls at each junction edge, and the votes for each pattern.
 
-    That is the sum, over the edges that have it, of the narrowest angle between two of their walls.
+    The votes are the sum, over all edges with the pattern, of the smallest angle between consecutive walls.
     """
     around = mesh.topology.edge_faces
     found, votes = list[Pattern](), defaultdict[Pattern, float](float)
@@ -176,17 +188,17 @@ def _patterns(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple
 
 
 def _regions(walls: int, votes: dict[Pattern, float]) -> tuple[Ints, set[Pattern]]:
-    """Join the sides of walls that look into one wedge.
+    """Join the wall sides that share a wedge into regions.
 
-    Noise changes the order of walls around some edges. So the patterns with most votes come first, and one that would
-    join the two sides of a wall, which separates regions, is left out.
+    Noise changes the order of walls around some edges. Patterns are therefore applied in the order of their votes, and
+    a pattern that would join the two sides of a wall is skipped, since walls separate regions.
 
     Returns
     -------
-    (2 walls,) the region of each side, and the patterns that were followed
+    (2 walls,) region of each side, and the patterns that were applied.
     """
     region = np.arange(2 * walls)
-    sides = [[side] for side in range(2 * walls)]  # of each region
+    sides = [[side] for side in range(2 * walls)]  # sides of each region
     followed = set()
     for pattern in sorted(votes, key=lambda p: (-votes[p], p)):
         wedges = [tuple(region[[one, other]].tolist()) for one, other in _wedges(pattern)]
@@ -203,13 +215,13 @@ def _regions(walls: int, votes: dict[Pattern, float]) -> tuple[Ints, set[Pattern
 
 
 def _canonical(pattern: Pattern) -> Pattern:
-    """Return the least form of a pattern, among those seen along and against the edge and begun at any face."""
+    """Return the lexicographically least form of a pattern, over all rotations and both directions of the edge."""
     against = tuple(token ^ 1 for token in reversed(pattern))
     return min(_least_rotation(pattern), _least_rotation(against))
 
 
 def _least_rotation(pattern: Pattern) -> Pattern:
-    """Return the least form of a pattern begun at any place, in linear time: the worse of two places skips ahead."""
+    """Return the lexicographically least rotation of a pattern in linear time, with two competing start positions."""
     one, other, same, count = 0, 1, 0, len(pattern)
     while max(one, other, same) < count:
         first, second = pattern[(one + same) % count], pattern[(other + same) % count]
@@ -227,20 +239,21 @@ def _least_rotation(pattern: Pattern) -> Pattern:
 
 
 def _wedges(pattern: Pattern) -> list[tuple[int, int]]:
-    """Return the pairs of sides of walls that look into each wedge of a pattern."""
+    """Return the pairs of wall sides at each wedge of a pattern."""
     following = pattern[1:] + pattern[:1]
     return [(one ^ 1, other) for one, other in zip(pattern, following, strict=True)]
 
 
 @kernel
 def _around(vertices: Floats, faces: Ints32, around: Ints32, a: int, b: int) -> tuple[Ints, Ints, float]:
-    """Order the faces at an edge by their angle about it, counterclockwise seen against the direction from a to b.
+    """Sort the faces at an edge by angle, counterclockwise when viewed against the direction from a to b.
 
     Returns
     -------
-    (k,) the order; (k,) 1 where a face runs from a to b, else 0; the narrowest angle between one and the next
+    (k,) order of the faces; (k,) 1 if a face traverses the edge from a to b, else 0; and the smallest angle between
+    consecutive faces.
     """
-    # The direction of each face across the edge; angles are measured from the first
+    # The direction of each face perpendicular to the edge; angles are measured from the first
     angles, runs = np.zeros(len(around)), np.zeros(len(around), np.int64)
     edge = subtract(row(vertices, b), row(vertices, a))
     size = length(edge)
@@ -254,7 +267,7 @@ def _around(vertices: Floats, faces: Ints32, around: Ints32, a: int, b: int) -> 
             first, second = across, cross(edge, across)
         angles[k] = np.arctan2(dot(across, second), dot(across, first) * size) % (2 * np.pi)
 
-    # The gaps between one and the next, around
+    # The angles between consecutive faces, cyclically
     order = np.argsort(angles)
     narrowest = angles[order[0]] + 2 * np.pi - angles[order[-1]]
     for k in range(1, len(order)):

@@ -1,4 +1,4 @@
-"""Walls that regions share, joined from what a method has made of the shell of each region."""
+"""Reconstruction of shared walls from the denoised shells of the regions."""
 
 import numpy as np
 
@@ -8,30 +8,31 @@ from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.mesh import Bools, Mesh, Vectors, scatter_add, unit
 from cascadenorm.regions.shells import Shells
 
-JUNCTION_SPREAD = 100.0  # of the range weight along junction curves: none, since the steps of voxels look like corners
+JUNCTION_SPREAD = 100.0  # disables the range weight along junction curves, where voxel steps look like corners
 DIRECTION_PASSES, VERTEX_PASSES = 2, 60
 
 
 def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
-    """Join the shells of regions: one place for each vertex of the walls.
+    """Join the shells of regions by finding one position for each wall vertex.
 
-    Each shell has a copy of a wall, and a method moves the two nearly alike, but not at junctions, where each shell
-    bends in its own way. So a vertex takes the mean displacement of its copies and a face the mean normal of its two
-    sides, and the vertices at and next to junctions move until their faces have these normals: at a junction curve to
-    where its walls intersect. Then the curve is smoothed along itself, and what is next to it fits again.
+    A method moves the two copies of a wall almost identically, except at junctions, where each shell bends differently.
+    Each vertex therefore gets the mean displacement of its copies, and each face the mean normal of its two sides. The
+    vertices at and next to junctions are then fitted to these normals, which moves junction curves to the intersection
+    of their walls. Finally, the curves are smoothed, and the vertices next to them are fitted again.
 
     Parameters
     ----------
     shells
-        k copies of vertices.
+        Shells with k copies of vertices.
     mesh
-        The walls before the method, n vertices.
+        Walls before denoising, n vertices.
     vertices
-        (k, 3) where the method moved the copies.
+        (k, 3) denoised positions of the copies.
 
     Returns
     -------
-    (n, 3); vertices of which no copy moved stay, and joining flips no face but foldovers of the shells
+    (n, 3) positions. Vertices without a moved copy stay in place. Joining flips no faces, except to undo foldovers in
+    the shells.
     """
     # The mean displacement of the copies, and the mean normal of the sides
     count = len(mesh.vertices)
@@ -41,7 +42,7 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     joined = mesh.moved(mesh.vertices + moves)
     normals = unit(shells.wall_normals(mesh, before.moved(vertices).face_normals))
 
-    # Fit what is at and next to junctions, smooth the curves, and fit what is next to them
+    # Fit the vertices at and next to junctions, smooth the curves, and refit the vertices next to them
     moved = np.zeros(count, bool)
     moved[shells.owners[(vertices != before.vertices).any(axis=1)]] = True
     at = np.zeros(count, bool)
@@ -59,7 +60,7 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     smooth = fitted.moved(np.where((at & moved)[:, None], curves, fitted.vertices))
     fitted = _fitted(smooth, normals, near & moved & ~at)
 
-    # Take back what flips a face next to a junction
+    # Reduce displacements that flip a face next to a junction
     may_flip = np.ones(len(mesh.faces), bool)
     may_flip[near[mesh.faces].any(axis=1)] = False
     may_flip[shells.faces[foldovers(before)]] = True

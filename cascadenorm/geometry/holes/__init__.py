@@ -1,1 +1,1 @@
-"""Holes of a mesh, found and closed."""
+"""Detection and filling of holes."""

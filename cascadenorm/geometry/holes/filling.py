@@ -1,4 +1,4 @@
-"""Holes of a mesh: their loops found, triangulated, refined to the density around them, and faired (Liepa 2003)."""
+"""Hole filling: boundary loops, triangulation, refinement and fairing (Liepa 2003)."""
 
 import math
 from typing import Literal, NamedTuple
@@ -13,31 +13,31 @@ from cascadenorm.geometry.holes.triangulation import triangulate_loop
 from cascadenorm.geometry.laplacians import Order
 from cascadenorm.mesh import Mesh, connected_components, in_frame, scatter_add, without_lines
 
-FAIRINGS = 5  # solutions with a new Laplacian each, from a membrane to the order wanted
+FAIRINGS = 5  # solves with an updated Laplacian, starting from a membrane
 
 OUTER = 2 * math.pi
-"""Square of the length of a boundary over the area of its component from which on it is an outer one.
+"""Ratio of squared boundary length to component area above which a boundary is an outer one.
 
-That of a hemisphere is 2π and that of a disk 4π; a sphere with a small hole has much less.
+It is 2π for a hemisphere, 4π for a disk, and much smaller for a sphere with a small hole.
 """
 
 STRAIGHTENED = range(-2, 3)
-"""Neighbours along a loop whose mean is taken before its length: zigzags of triangles and noise do not count."""
+"""Window of neighbours that smooths a loop before its length is measured, against zigzags and noise."""
 
 Outer = Literal["keep", "fill"]
 
 
 class Holes(NamedTuple):
-    """The boundary loops of a mesh, each by its vertices.
+    """The boundary loops of a mesh, each as an array of vertices.
 
     Parameters
     ----------
     closed
-        Loops that are closed.
+        Loops that are filled.
     outer
         Outer boundaries of open components, which are kept.
     long
-        Further loops of more edges than are closed, which are kept.
+        Other loops with too many edges, which are kept.
     """
 
     closed: list[NDArray[np.int32]]
@@ -46,33 +46,34 @@ class Holes(NamedTuple):
 
 
 def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None, outer: Outer = "keep") -> Mesh:
-    """Close the holes of a mesh by patches as dense as the mesh around them.
+    """Fill the holes of a mesh with patches of the same density as the surrounding mesh.
 
-    Existing vertices and faces keep their positions and numbers; those of the patches come after them.
+    Existing vertices and faces keep their positions and indices; new ones are appended.
 
     Parameters
     ----------
     mesh
-        An edge with a single face belongs to a hole or to an outer boundary. A chain of such edges that does not close,
-        as between faces of opposite orientation, is left open.
+        Mesh with holes. Chains of boundary edges that do not form a loop, as between faces of opposite orientation, are
+        left open.
     order
-        1 membrane, 2 thin plate, which continues the tangents, 3 minimum variation, which continues the curvature.
+        1 for a membrane, 2 for a thin plate, which continues the tangents, 3 for minimum variation, which continues the
+        curvature.
     max_edges
-        Longest hole that is filled; None fills all.
+        Largest number of edges of a hole that is filled; None fills all holes.
     outer
-        "keep" leaves the outer boundary of an open surface, such as a scan from one side: the longest boundary of a
-        component, where it is longer than that of a hemisphere of the same area. "fill" closes it like a hole.
+        "keep" preserves the outer boundary of an open surface, such as a scan from one side: the longest boundary of a
+        component, if it is longer than that of a hemisphere of the same area. "fill" fills it like a hole.
 
     Raises
     ------
     ParameterError
-        Order is not 1, 2 or 3, max_edges is below 3, or outer is another word.
+        `order` is not 1, 2 or 3, `max_edges` is below 3, or `outer` is invalid.
     """
     return filled(mesh, order=order, max_edges=max_edges, outer=outer)[0]
 
 
 def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> tuple[Mesh, Holes]:
-    """Close the holes of a mesh as `fill_holes` does, and return which were closed and which were kept."""
+    """Fill the holes of a mesh as `fill_holes` does, and also return the filled and kept loops."""
     if order not in (1, 2, 3):
         raise ParameterError(f"order is {order!r}; it must be 1, 2 or 3")
     if max_edges is not None and max_edges < 3:
@@ -82,7 +83,7 @@ def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> 
     given, (mesh, exponent) = mesh, in_frame(without_lines(mesh))
     vertices, faces, scale = mesh.vertices, mesh.faces, _edge_length_around(mesh)
     beside = _faces_at_boundary(mesh)
-    chords = np.empty((0, 2), np.int64)  # edges of patches between vertices that were there before
+    chords = np.empty((0, 2), np.int64)  # edges of patches between original vertices
     holes = _sorted(mesh, max_edges, outer)
     for loop in holes.closed:
         taken = _edges_within(mesh, loop, chords)
@@ -107,7 +108,7 @@ def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> 
 
 
 def _sorted(mesh: Mesh, max_edges: int | None, outer: Outer) -> Holes:
-    """Return which of the boundary loops are closed, and which are kept."""
+    """Sort the boundary loops into those to fill and those to keep."""
     loops = boundary_loops(mesh)
     outermost = _outer_boundaries(mesh, loops) if outer == "keep" else set()
     holes = Holes([], [], [])
@@ -122,7 +123,7 @@ def _sorted(mesh: Mesh, max_edges: int | None, outer: Outer) -> Holes:
 
 
 def _outer_boundaries(mesh: Mesh, loops: list[NDArray[np.int32]]) -> set[int]:
-    """Return the numbers of the loops that are the outer boundary of an open component."""
+    """Return the indices of the loops that are the outer boundary of an open component."""
     part = connected_components(mesh.topology.edges, len(mesh.vertices))
     areas = np.bincount(part[mesh.faces[:, 0]], mesh.areas, minlength=len(mesh.vertices))
     longest: dict[int, tuple[float, int]] = {}
@@ -135,12 +136,12 @@ def _outer_boundaries(mesh: Mesh, loops: list[NDArray[np.int32]]) -> set[int]:
 
 
 def boundary_loops(mesh: Mesh) -> list[NDArray[np.int32]]:
-    """Return the vertices of each hole, once each, in the order in which faces that close it run along its boundary.
+    """Return the vertices of each boundary loop, in the direction of the faces that would fill it.
 
-    A vertex at which holes touch is in each of their loops. Loops come in the order of their smallest edges.
+    A vertex where holes touch belongs to each of their loops, once per loop. Loops are ordered by their lowest edges.
     """
     single = mesh.topology.edge_faces.counts[mesh.topology.face_edges] == 1
-    starts, ends = np.roll(mesh.faces, -1, axis=1)[single], mesh.faces[single]  # against the face
+    starts, ends = np.roll(mesh.faces, -1, axis=1)[single], mesh.faces[single]  # opposite to the face
     onward: dict[int, list[int]] = {}
     for start, end in sorted(zip(starts.tolist(), ends.tolist(), strict=True), reverse=True):
         onward.setdefault(start, []).append(end)
@@ -163,7 +164,7 @@ def boundary_loops(mesh: Mesh) -> list[NDArray[np.int32]]:
 
 
 def _faces_at_boundary(mesh: Mesh) -> dict[tuple[int, int], int]:
-    """Face of each edge that has only one, by the edge's vertices in the order of the face."""
+    """Return the face of each boundary edge, by the edge's vertices in the order of the face."""
     single = mesh.topology.edge_faces.counts[mesh.topology.face_edges] == 1
     face, side = np.nonzero(single)
     first, second = mesh.faces[face, side], mesh.faces[face, (side + 1) % 3]
@@ -171,7 +172,7 @@ def _faces_at_boundary(mesh: Mesh) -> dict[tuple[int, int], int]:
 
 
 def _edges_within(mesh: Mesh, loop: NDArray[np.int32], chords: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (e, 2) edges of the mesh, and the given ones, between vertices of a loop."""
+    """Return the (e, 2) edges between vertices of a loop, among those of the mesh and the given chords."""
     neighbors = mesh.topology.vertex_neighbors
     pairs = [(np.full(len(row), i), row) for i, row in ((i, neighbors.row(i)) for i in loop)]
     edges = np.concatenate([chords, *(np.stack(pair, axis=1) for pair in pairs)]).astype(np.int64)
@@ -179,13 +180,13 @@ def _edges_within(mesh: Mesh, loop: NDArray[np.int32], chords: NDArray[np.int64]
 
 
 def _places(loop: NDArray[np.int32], edges: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (e, 2) where on a loop the ends of edges between its vertices are."""
+    """Return the (e, 2) positions along a loop of the ends of edges between its vertices."""
     order = np.argsort(loop)
     return np.asarray(order[np.searchsorted(loop, edges, sorter=order)])
 
 
 def _edge_length_around(mesh: Mesh) -> NDArray[np.float64]:
-    """Return (n,) mean length of the edges of each vertex."""
+    """Return the (n,) mean edge length at each vertex."""
     ends = mesh.vertices[mesh.topology.edges]
     lengths = np.repeat(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 2)
     edges, n = mesh.topology.edges, len(mesh.vertices)

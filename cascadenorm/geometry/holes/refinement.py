@@ -1,12 +1,12 @@
-"""Vertices inside a patch, as dense as those around it, and edges flipped until they are Delaunay (Liepa 2003)."""
+"""Refinement of hole patches with Delaunay edge flips (Liepa 2003)."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Vectors
 
-DENSITY = 2**0.5  # Liepa's α: the larger, the more vertices
-MOST_ROUNDS = 60  # of splits, and of flips after each: a bound that regular patches never reach
+DENSITY = 2**0.5  # Liepa's α: larger values give more vertices
+MOST_ROUNDS = 60  # of splits, and of flips after each; regular patches never reach this bound
 
 Faces = NDArray[np.int32]
 
@@ -14,25 +14,25 @@ Faces = NDArray[np.int32]
 def refine(
     vertices: Vectors, faces: Faces, scale: NDArray[np.float64], taken: NDArray[np.int64]
 ) -> tuple[Vectors, Faces]:
-    """Split the triangles of a patch at their centres until its edges are about as long as those around it.
+    """Split the triangles of a patch at their centroids until its edges are about as long as those around it.
 
     Parameters
     ----------
     vertices
-        (n, 3), those of the whole mesh.
+        (n, 3) vertices of the whole mesh.
     faces
-        (k, 3) of the patch; edges of its boundary stay.
+        (k, 3) faces of the patch; its boundary edges are kept.
     scale
-        (n,) length that edges should have around each vertex; centres get the mean of the corners.
+        (n,) target edge length around each vertex; new vertices get the mean of the corners.
     taken
-        (e, 2) edges of the rest of the mesh, which must not appear a second time.
+        (e, 2) edges of the rest of the mesh, which must not be created again.
 
     Returns
     -------
     vertices
-        (n + new, 3), the given ones first.
+        (n + new, 3) vertices, the given ones first.
     faces
-        (k + 2 new, 3) of the patch.
+        (k + 2 new, 3) faces of the patch.
     """
     faces = _flipped(vertices, faces, taken)
     for _ in range(MOST_ROUNDS):
@@ -50,7 +50,7 @@ def refine(
 
 
 def _flipped(vertices: Vectors, faces: Faces, taken: NDArray[np.int64]) -> Faces:
-    """Flip inner edges of the patch whose two opposite angles exceed half a turn, until there are none."""
+    """Flip interior edges of the patch until the sum of their two opposite angles is at most 180°."""
     n = len(vertices)
     taken_keys = _keys(taken, n)
     for _ in range(MOST_ROUNDS):
@@ -62,7 +62,7 @@ def _flipped(vertices: Vectors, faces: Faces, taken: NDArray[np.int64]) -> Faces
         (a, b, c), d = sides[first].T, sides[second, 2]
         angles = _angle(vertices, c, a, b) + _angle(vertices, d, a, b)
         crossing = np.sort(np.stack([c, d], axis=1).astype(np.int64), axis=1)
-        opposed = sides[first, 0] == sides[second, 1]  # the two faces run along the edge in opposite directions
+        opposed = sides[first, 0] == sides[second, 1]  # the two faces traverse the edge in opposite directions
         free = ~np.isin(_keys(crossing, n), np.concatenate([keys, taken_keys])) & (c != d)
         wanted = (angles > np.pi + 1e-6) & opposed & free & _stays_upright(vertices, a, b, c, d)
         if not wanted.any():
@@ -81,7 +81,7 @@ def _flipped(vertices: Vectors, faces: Faces, taken: NDArray[np.int64]) -> Faces
 
 
 def _keys(edges: NDArray[np.integer], n: int) -> NDArray[np.int64]:
-    """One number for each undirected edge."""
+    """Return a unique number for each undirected edge."""
     low, high = edges.min(axis=1).astype(np.int64), edges.max(axis=1)
     return np.asarray(low * n + high, np.int64)
 
@@ -92,7 +92,7 @@ def _angle(vertices: Vectors, at: Faces, a: Faces, b: Faces) -> NDArray[np.float
 
 
 def _stays_upright(vertices: Vectors, a: Faces, b: Faces, c: Faces, d: Faces) -> NDArray[np.bool_]:
-    """Whether the two new faces lie on the side of the two old ones."""
+    """Return whether the two new faces have the orientation of the two old ones."""
 
     def area(i: Faces, j: Faces, k: Faces) -> Vectors:
         return np.cross(vertices[j] - vertices[i], vertices[k] - vertices[i])

@@ -1,4 +1,4 @@
-"""Triangles over a closed loop of vertices in space, without new vertices (Liepa 2003; Barequet & Sharir 1995)."""
+"""Triangulation of closed loops in space (Liepa 2003; Barequet & Sharir 1995)."""
 
 import heapq
 
@@ -8,22 +8,26 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Bools, Floats, Ints32, Vectors, kernel
 from cascadenorm.mesh.vectors import cross, length, row, subtract
 
-LARGEST_OPTIMAL = 300  # vertices of a loop; the best triangulation takes cubic time
+LARGEST_OPTIMAL = 300  # vertices of a loop; the optimal triangulation takes cubic time
 
 
 def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Return (n - 2, 3) triangles over a loop: the least bend, and with the same bend the least area.
+    """Triangulate a loop with the smallest maximum dihedral angle, then the smallest area.
 
-    Beyond 300 vertices ears are cut, shortest new edge first.
+    Loops with more than 300 vertices are triangulated by ear clipping, shortest new edge first.
 
     Parameters
     ----------
     points
-        (n, 3), in the order in which the triangles are to run along the loop.
+        (n, 3) positions, in the direction of the triangles along the loop.
     outside
-        (n, 3) unit normal of the face on the other side of the edge from point k to k + 1.
+        (n, 3) unit normal of the face across the edge from point k to k + 1.
     taken
-        (e, 2) pairs of points that must not become an edge if there is another way, for they are one elsewhere.
+        (e, 2) pairs of points that are already joined by an edge elsewhere; these edges are avoided if possible.
+
+    Returns
+    -------
+    (n - 2, 3) indices of points.
     """
     n = len(points)
     if n > LARGEST_OPTIMAL:
@@ -55,7 +59,7 @@ def _cut_ears(points: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
     while len(triangles) < n - 2:
         _, _, a, i, b = heapq.heappop(queue)
         if before[i] != a or after[i] != b:
-            continue  # an ear beside it was cut since
+            continue  # outdated: a neighbouring ear was cut
         triangles.append((a, i, b))
         after[a], before[b] = b, a
         before[i] = after[i] = -1
@@ -66,7 +70,7 @@ def _cut_ears(points: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
 
 @kernel
 def _normal(points: Vectors, i: int, m: int, k: int, normal: Floats) -> float:
-    """Write the unit normal of a triangle, zero if it has none; return its area."""
+    """Write the unit normal of a triangle, or zero if it has no area, and return the area."""
     u, v = subtract(row(points, m), row(points, i)), subtract(row(points, k), row(points, i))
     normal[0], normal[1], normal[2] = cross(u, v)
     size = length(cross(u, v))
@@ -77,14 +81,14 @@ def _normal(points: Vectors, i: int, m: int, k: int, normal: Floats) -> float:
 
 @kernel
 def _least_bend(points: Vectors, outside: Vectors, taken: Bools, choice: Ints32) -> None:
-    """Fill choice[i, k]: the third corner over the chord i k of the best triangulation of the points i … k.
+    """Fill choice[i, k]: the third corner at the chord i k in the best triangulation of the points i … k.
 
-    Bend is the largest 1 - cos of the angle across an edge; a chord that is taken counts as worse than any bend.
+    The bend is the largest 1 - cos of the angle across an edge; a taken chord counts as worse than any bend.
     """
     n = len(points)
     bend, area = np.zeros((n, n)), np.zeros((n, n))
     normal, beside = np.empty(3), np.empty(3)
-    # dynamic programming (Barequet, Sharir 1995): chords in order of their span, each from two shorter ones
+    # dynamic programming (Barequet, Sharir 1995): chords by increasing span, each from two shorter ones
     for gap in range(2, n):
         for i in range(n - gap):
             k = i + gap
@@ -92,14 +96,14 @@ def _least_bend(points: Vectors, outside: Vectors, taken: Bools, choice: Ints32)
             for m in range(i + 1, k):
                 total = area[i, m] + area[m, k] + _normal(points, i, m, k, normal)
                 worst = max(bend[i, m], bend[m, k])
-                # bends across the two other sides: to the triangle beyond a chord, or to the face beyond the hole
+                # bends across the two other sides: to the triangle across a chord, or to the face around the hole
                 for a, b in ((i, m), (m, k)):
                     if b == a + 1:
                         beside[:] = outside[a]
                     else:
                         _normal(points, a, choice[a, b], b, beside)
                     worst = max(worst, 1.0 - (normal * beside).sum())
-                # the last chord closes the loop and has a face beyond it; one that is an edge elsewhere is avoided
+                # the last chord closes the loop and has a face across it; edges that exist elsewhere are avoided
                 if gap == n - 1:
                     worst = max(worst, 1.0 - (normal * outside[k]).sum())
                 elif taken[i, k]:

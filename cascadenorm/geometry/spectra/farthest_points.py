@@ -1,4 +1,4 @@
-"""Vertices spread over a surface: each is farthest along it from those before (farthest point sampling)."""
+"""Farthest point sampling by geodesic distance."""
 
 import heapq
 from typing import NamedTuple
@@ -9,22 +9,22 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Bools, Csr, Floats, Ints, Ints32, Mesh, in_frame, kernel, without_lines
 
 PROGRESS = 1e-12
-"""Relative decrease of a distance that is worth passing on."""
+"""Smallest relative decrease of a distance that is propagated."""
 
 
 class UnfoldedFaces(NamedTuple):
-    """Faces in their planes; side 3f + k of face f joins its corners k and k + 1.
+    """Faces unfolded into their planes; side 3f + k of face f joins its corners k and k + 1.
 
     Parameters
     ----------
     faces
         (m, 3).
     lengths
-        (3m,) of the sides.
+        (3m,) lengths of the sides.
     apexes
-        (3m, 2) the third corner of the face, from the first corner of the side along it, and off it.
+        (3m, 2) third corner of the face in coordinates along and perpendicular to the side, from its first corner.
     vertex_faces
-        The faces around each vertex.
+        Faces around each vertex.
     """
 
     faces: Ints32
@@ -34,29 +34,29 @@ class UnfoldedFaces(NamedTuple):
 
 
 def farthest_points(mesh: Mesh, count: int, *, first: int | None = None) -> Ints:
-    """Spread samples over the vertices of a mesh: each is farthest along the surface from those before it.
+    """Sample vertices of a mesh, each as far as possible along the surface from all previous samples.
 
-    Distances are those of fast marching by unfolding (Kimmel & Sethian 1998; Novotni & Klein 2002), within about 1 % of
-    the exact ones. Each sample visits only what comes nearer, so that thousands take seconds.
+    Distances are computed by fast marching with unfolding (Kimmel & Sethian 1998; Novotni & Klein 2002), within about
+    1 % of the exact ones. Each sample visits only the vertices to which it is nearer than all previous samples.
 
     Parameters
     ----------
     mesh
-        n vertices.
+        Mesh with n vertices.
     count
-        How many, from 1 to the number of vertices that a face references. Each connected component gets one before any
-        gets its second.
+        Number of samples, from 1 to the number of vertices with a face. Each connected component gets one sample before
+        any component gets its second.
     first
-        Number of the first sample; None: the first vertex that a face references.
+        Index of the first sample. None selects the first vertex with a face.
 
     Returns
     -------
-    (count,) numbers of vertices, in the order in which they were chosen; fewer if all others coincide with them
+    (count,) vertex indices in the order of selection; fewer if all other vertices coincide with a sample.
 
     Raises
     ------
     ParameterError
-        Count is out of range, or first is no vertex with a face.
+        `count` is out of range, or `first` is not a vertex with a face.
     """
     mesh, _ = in_frame(without_lines(mesh))
     used = np.flatnonzero(mesh.topology.used_vertices)
@@ -70,12 +70,12 @@ def farthest_points(mesh: Mesh, count: int, *, first: int | None = None) -> Ints
 
 
 def spread_samples(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]:
-    """Return samples as `farthest_points` does, and (n,) the distance from each vertex to the nearest of them.
+    """Return samples as `farthest_points` does, and the (n,) distance from each vertex to the nearest sample.
 
-    Vertices without a face are no samples, and their distance is inf.
+    Vertices without a face are not sampled, and their distance is inf.
     """
     samples, distances = np.empty(count, np.int64), np.full(len(mesh.vertices), np.inf)
-    nearest = np.full(len(mesh.vertices), -1)  # sample of each vertex
+    nearest = np.full(len(mesh.vertices), -1)  # nearest sample of each vertex
     found = _spread(_unfolded(mesh), mesh.topology.used_vertices, first, samples, nearest, distances)
     return samples[:found], distances
 
@@ -91,7 +91,7 @@ def _unfolded(mesh: Mesh) -> UnfoldedFaces:
 
 @kernel
 def _spread(unfolded: UnfoldedFaces, used: Bools, first: int, samples: Ints, nearest: Ints, distances: Floats) -> int:
-    """March from one sample after the other; only vertices that come nearer are visited again."""
+    """Choose samples one by one, updating only the vertices nearest to the new sample; return their number."""
     center = first
     for s in range(len(samples)):
         samples[s] = center
@@ -107,7 +107,7 @@ def _spread(unfolded: UnfoldedFaces, used: Bools, first: int, samples: Ints, nea
 
 @kernel
 def _march(unfolded: UnfoldedFaces, center: int, nearest: Ints, distances: Floats) -> None:
-    """Lower distances from a vertex on, nearest first, across the faces around each vertex."""
+    """Update distances by fast marching from a vertex."""
     faces, lengths, around = unfolded.faces, unfolded.lengths, unfolded.vertex_faces
     distances[center], nearest[center] = 0.0, center
     queue = [(0.0, np.int64(center))]
@@ -119,7 +119,7 @@ def _march(unfolded: UnfoldedFaces, center: int, nearest: Ints, distances: Float
             f = around.indices[n]
             k = 0 if faces[f, 0] == i else 1 if faces[f, 1] == i else 2
             b, c = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-            # along the two edges, and across the face from a side that ends here, if its other end has this sample too
+            # along both edges, and across the face from the side at this vertex if its other end has the same sample
             to_b, to_c = distance + lengths[3 * f + k], distance + lengths[3 * f + (k + 2) % 3]
             if nearest[c] == center:
                 to_b = min(to_b, _across(unfolded, 3 * f + (k + 2) % 3, distances))
@@ -135,9 +135,10 @@ def _march(unfolded: UnfoldedFaces, center: int, nearest: Ints, distances: Float
 
 @kernel
 def _across(unfolded: UnfoldedFaces, side: int, distances: Floats) -> float:
-    """Distance of the third corner of a face from the sample, unfolded into its plane by the distances of two corners.
+    """Return the distance of the third corner of a face from the sample, unfolded into the plane of the face.
 
-    It is inf where the straight line does not cross the side between these two.
+    The distances of the two ends of the side locate the unfolded sample. The result is inf if the straight line from it
+    does not cross the side.
     """
     f, k = side // 3, side % 3
     at_a, at_b = distances[unfolded.faces[f, k]], distances[unfolded.faces[f, (k + 1) % 3]]
@@ -150,7 +151,7 @@ def _across(unfolded: UnfoldedFaces, side: int, distances: Floats) -> float:
         return np.inf
     y = np.sqrt(squared)
     apex_x, apex_y = unfolded.apexes[side]
-    entry = x * apex_y + apex_x * y  # times y + apex_y, from the first end
+    entry = x * apex_y + apex_x * y  # position along the side, multiplied by y + apex_y
     if 0.0 <= entry <= length * (y + apex_y):
         return float(np.hypot(apex_x - x, apex_y + y))
     return np.inf

@@ -1,4 +1,4 @@
-"""Approximate manifold harmonics of large meshes, from a few thousand local functions (Nasikun et al. 2018)."""
+"""Approximate manifold harmonics of large meshes (Nasikun et al. 2018)."""
 
 import numpy as np
 import scipy
@@ -11,35 +11,36 @@ from cascadenorm.mesh import Csr, Floats, Ints, Mesh, Vectors, kernel, one_blas_
 from cascadenorm.mesh.vectors import length, row, subtract
 
 SAMPLES_PER_HARMONIC = 3
-OVERLAP = 10.0  # how many local functions reach a point, on average
-CROWDED = 3  # vertices a sample up to which local functions are too alike, and the exact problem is small enough
-RELAXATIONS = 4  # Jacobi steps that fit the local functions to the roughness of a noisy surface
-RELAXATION = 2 / 3  # their size
+OVERLAP = 10.0  # mean number of local functions at a point
+CROWDED = 3  # vertices per sample up to which the exact problem is solved: the local functions would be too similar
+RELAXATIONS = 4  # Jacobi steps that adapt the local functions to the roughness of a noisy surface
+RELAXATION = 2 / 3  # damping factor of these steps
 
 
 def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Harmonics:
-    """Return about the lowest eigenpairs of the cotangent Laplacian.
+    """Return approximations of the lowest eigenpairs of the cotangent Laplacian.
 
-    Functions around samples fall from 1 to 0 as 1 - 3r² + 2r³, over the patch that is connected within their reach;
-    they are divided by their sum, and the eigenproblem is solved among their combinations. r is the distance in
-    space: that along edges has kinks, which alone raise the eigenvalues by a tenth. A few Jacobi steps on the functions
-    fit them to the roughness of a noisy mesh, which else costs as much. All eigenvalues are overestimated, the lower
-    half by less than 2 %; eigenvectors are M-orthonormal. benchmarks/speed.md has times and errors beside Lanczos.
+    The eigenproblem is restricted to the span of local functions around samples. These fall from 1 to 0 as
+    1 - 3r² + 2r³ over the connected patch within their radius, and are divided by their sum. Here r is the Euclidean
+    distance; the distance along edges has kinks that would increase the eigenvalues by about 10 %. A few Jacobi steps
+    adapt the functions to the roughness of a noisy mesh, which would otherwise cause an error of the same size. All
+    eigenvalues are overestimated, the lower half by less than 2 %; eigenvectors are M-orthonormal.
+    benchmarks/speed.md compares times and errors with those of Lanczos.
 
     Parameters
     ----------
     mesh
-        n vertices.
+        Mesh with n vertices.
     count
-        k, at most the number of samples.
+        Number of eigenpairs k, at most the number of samples.
     samples
-        How many, spread by farthest points; None: 3 k, at least 1,000. Every connected part gets one; with a third of
-        the vertices or more the pairs are exact instead.
+        Number of samples, chosen by farthest point sampling. None uses 3 k, but at least 1,000. Every connected
+        component gets a sample. If the samples are a third of the vertices or more, exact eigenpairs are computed.
 
     Raises
     ------
     ParameterError
-        Count is out of range.
+        `count` is out of range.
     """
     laplacian = cotangent_laplacian(mesh)
     available = int((laplacian.mass > 0).sum())
@@ -50,7 +51,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     centers, distances = spread_samples(mesh, wanted, first=int(np.argmax(laplacian.mass > 0)))
     check_count(count, len(centers))
     reach = np.sqrt(OVERLAP * laplacian.mass.sum() / (np.pi * len(centers)))
-    reach = max(reach, 1.1 * distances[np.isfinite(distances)].max())  # so that every vertex is reached
+    reach = max(reach, 1.1 * distances[np.isfinite(distances)].max())  # cover every vertex
     basis = _local_functions(mesh, centers, reach)
     diagonal = laplacian.stiffness.diagonal()
     weights = np.divide(RELAXATION, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
@@ -64,7 +65,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
 
 
 def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> "scipy.sparse.csr_array":
-    """Return (n, d) the local function of each centre, rows divided by their sum."""
+    """Return the (n, d) local functions of the centres, normalised so that rows sum to 1."""
     neighbors, n = mesh.topology.vertex_neighbors, len(mesh.vertices)
     parts = parallel_for(len(centers), _local_range, neighbors, mesh.vertices, centers, reach, smallest=16)
     counts = np.concatenate([counts for counts, _, _ in parts])
@@ -82,7 +83,7 @@ def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> "s
 def _local_range(
     start: int, stop: int, neighbors: Csr, positions: Vectors, centers: Ints, reach: float
 ) -> tuple[Ints, Ints, Floats]:
-    """Vertices of the connected patch within reach of each centre, and 1 - 3r² + 2r³ there, row after row."""
+    """Return the connected patch within `reach` of each centre as row lengths, vertices and values 1 - 3r² + 2r³."""
     seen = np.full(len(neighbors.indptr) - 1, -1, np.int64)
     counts = np.zeros(stop - start, np.int64)
     found, weights = np.empty(1024, np.int64), np.empty(1024)
@@ -97,7 +98,7 @@ def _local_range(
         found[end], weights[end] = center, 1.0
         end += 1
 
-        # breadth first from there, over vertices within reach alone: what another sheet brings near stays out
+        # breadth first over vertices within reach: this excludes other sheets that are close in space
         while next_one < end:
             i = found[next_one]
             next_one += 1

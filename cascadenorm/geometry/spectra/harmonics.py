@@ -1,4 +1,4 @@
-"""Manifold harmonics: the lowest eigenpairs of the Laplacian, band by band (Vallet & Lévy 2008), and shape DNA."""
+"""Manifold harmonics (Vallet & Lévy 2008) and shape DNA."""
 
 from typing import Literal, NamedTuple
 
@@ -13,9 +13,9 @@ from cascadenorm.mesh import Mesh, one_blas_thread
 
 BAND = 60  # eigenpairs around one shift
 EIGENVALUE_TOLERANCE = 1e-10
-"""Relative residual of an eigenvalue of the inverse; its own error is of the order of the square."""
-RESTARTS = 60  # of Lanczos in one band; 2 to 5 are usual
-DENSE = 1200  # vertices up to which all eigenpairs at once are faster
+"""Relative residual of eigenvalues of the inverse; their error is of the order of its square."""
+RESTARTS = 60  # Lanczos restarts in one band, at most; 2 to 5 are usual
+DENSE = 1200  # vertices up to which a dense solver is used
 
 Pairs = tuple[NDArray[np.float64], NDArray[np.float64]]
 BoundaryCondition = Literal["free", "fixed"]
@@ -30,12 +30,12 @@ class Harmonics(NamedTuple):
     mass: NDArray[np.float64]  # (n,)
 
     def coefficients(self, functions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (k, c) M-inner products of the columns of `functions`, (n, c), with the eigenvectors."""
+        """Return the (k, c) M-inner products of the columns of `functions`, (n, c), with the eigenvectors."""
         with one_blas_thread():
             return np.asarray(self.vectors.T @ (self.mass[:, None] * functions))
 
     def combined(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (n, c) the sums of the eigenvectors with (k, c) coefficients."""
+        """Return the (n, c) linear combinations of the eigenvectors with (k, c) coefficients."""
         with one_blas_thread():
             return np.asarray(self.vectors @ coefficients)
 
@@ -43,33 +43,33 @@ class Harmonics(NamedTuple):
 def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = "free") -> Harmonics:
     """Return the lowest eigenpairs of the cotangent Laplacian.
 
-    Shift-invert Lanczos finds 60 pairs around a shift; the shift then moves up. Between the bands the signs of the
-    pivots of a factorisation count the eigenvalues below, so that no pair is missed and none comes twice.
+    Shift-invert Lanczos finds 60 pairs around a shift, and the shift then increases. Between bands, the signs of the
+    pivots of a factorisation count the eigenvalues below, so that no pair is missed or found twice.
 
     Parameters
     ----------
     mesh
-        n vertices.
+        Mesh with n vertices.
     count
-        k, from 1 to the number of vertices that have a face (and are not held).
+        Number of eigenpairs k, from 1 to the number of free vertices with a face.
     boundary
-        "free" is Neumann's condition, "fixed" Dirichlet's: zero at the boundary of an open mesh.
+        "free" for Neumann boundary conditions, "fixed" for Dirichlet: zero at the boundary of an open mesh.
 
     Returns
     -------
-    k pairs; eigenvectors are 0 at vertices without a face, and their largest entry in size is positive
+    k pairs. Eigenvectors are 0 at vertices without a face, and their entry of largest absolute value is positive.
 
     Raises
     ------
     ParameterError
-        Count is out of range.
+        `count` is out of range.
     """
     laplacian = cotangent_laplacian(mesh)
     free = laplacian.mass > 0
     if boundary == "fixed":
         free &= ~mesh.topology.boundary_vertices
     check_count(count, int(free.sum()))
-    # connected parts one by one: together, equal ones would have each eigenvalue many times
+    # components are solved separately: identical ones would give multiple eigenvalues
     component = np.where(free, mesh.topology.components, -1)
     order = np.argsort(component, kind="stable")[(~free).sum() :]
     parts = np.split(order, np.flatnonzero(np.diff(component[order])) + 1)
@@ -85,7 +85,7 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
 
 
 def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pairs:
-    """Return the lowest eigenpairs of functions on some vertices, zero elsewhere; vectors for these vertices alone."""
+    """Return the lowest eigenpairs among functions that vanish outside some vertices, restricted to these vertices."""
     stiffness, mass = laplacian.stiffness[inside][:, inside], laplacian.mass[inside]
     if len(inside) > DENSE and 3 * count <= len(inside):
         return _in_bands(Laplacian(stiffness, mass, laplacian.positions[inside]), count)
@@ -96,43 +96,43 @@ def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pair
 
 
 def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.float64]:
-    """Return the lowest eigenvalues of the Laplacian (Reuter, Wolter, Peinecke 2006), the same for isometric shapes.
+    """Return the lowest eigenvalues of the Laplacian (Reuter, Wolter, Peinecke 2006), invariant under isometries.
 
     Parameters
     ----------
     mesh
-        n vertices.
+        Mesh with n vertices.
     count
-        How many, at most n.
+        Number of eigenvalues, at most n.
     scale
-        "keep": values go with 1 / length²; "area" multiplies them by the area, so that size does not matter.
+        "keep" returns values in 1 / length²; "area" multiplies them by the area, which makes them independent of size.
 
     Returns
     -------
-    (count,) ascending, the first 0 for each connected part
+    (count,) eigenvalues, ascending, with a 0 for each connected component.
     """
     values = manifold_harmonics(mesh, count).values
     return values * mesh.area if scale == "area" else values
 
 
 def check_count(count: int, available: int) -> None:
-    """Refuse more harmonics than there are."""
+    """Raise ParameterError unless `count` is between 1 and `available`."""
     if not 1 <= count <= available:
         raise ParameterError(f"{count} harmonics were requested; this mesh has {available}: ask for 1 to {available}")
 
 
 def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
-    """Return the lowest `count` eigenpairs, from bands that overlap."""
+    """Return the lowest `count` eigenpairs, computed in overlapping bands."""
     n = len(laplacian.mass)
     values, vectors = np.empty(count), np.empty((n, count))
     weyl = 4 * np.pi / laplacian.mass.sum()  # mean spacing of the eigenvalues of a surface
     have, floor, shift = 0, -np.inf, -0.01 * weyl
     for _ in range(20 + 4 * count // BAND):
         found, parts = _band(laplacian, shift, min(BAND, n - 1))
-        if have > 0 and found[0] > floor:  # a gap may be left: come closer
+        if have > 0 and found[0] > floor:  # pairs may be missing in between: reduce the shift
             shift = 0.5 * (shift + floor)
             continue
-        # end at the widest gap near the top, so that no cluster of equal eigenvalues is divided between two bands
+        # end at the widest gap near the top, so that no cluster of equal eigenvalues is split between bands
         gaps = np.diff(found[-BAND // 6 :])
         end = len(found) - len(gaps) + int(gaps.argmax())
         ceiling = 0.5 * (found[end - 1] + found[end])
@@ -155,7 +155,7 @@ def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
 
 
 def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.float64] | None = None) -> Pairs:
-    """Return the eigenpairs nearest to a shift, ascending; those with the eigenvectors `known` are left out."""
+    """Return the eigenpairs nearest to a shift, ascending, except those with the eigenvectors `known`."""
     factorisation = Factorisation(
         laplacian.stiffness - shift * scipy.sparse.diags_array(laplacian.mass), laplacian.positions
     )
@@ -184,7 +184,7 @@ def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.floa
 def _completed(
     laplacian: Laplacian, shift: float, values: NDArray[np.float64], vectors: NDArray[np.float64], missing: int
 ) -> Pairs:
-    """Add eigenpairs with eigenvalues that Lanczos found less often than they occur, as on a symmetric mesh."""
+    """Add missing eigenpairs of multiple eigenvalues, which Lanczos may find incompletely, as on symmetric meshes."""
     more, parts = _band(laplacian, shift, missing + 5, vectors)
     values, vectors = np.concatenate([values, more]), np.concatenate([vectors, parts], axis=1)
     order = np.argsort(values)
@@ -192,7 +192,7 @@ def _completed(
 
 
 def _count_below(laplacian: Laplacian, value: float) -> int:
-    """Return how many eigenvalues are smaller: the negative pivots of S - value M (Sylvester's law of inertia)."""
+    """Count the eigenvalues below a value: the negative pivots of S - value M (Sylvester's law of inertia)."""
     factorisation = Factorisation(
         laplacian.stiffness - value * scipy.sparse.diags_array(laplacian.mass), laplacian.positions
     )
