@@ -29,7 +29,25 @@ def main() -> None:
 
 def command_page() -> str:
     """Return the page of all commands, as Markdown."""
-    return "\n".join([INTRODUCTION, *(part for command in app.registered_commands for part in _command(command))])
+    parts = [part for command in app.registered_commands for part in _command(command)]
+    return "\n".join([INTRODUCTION, *parts, "## Controls\n", table(("control", "meaning", "default"), _controls())])
+
+
+def _controls() -> list[tuple[str, str, str]]:
+    """Return a row for each control, in the order of their declaration."""
+    rows: dict[str, tuple[str, str, str]] = {}
+    for command in app.registered_commands:
+        for parameter in inspect.signature(command.callback).parameters.values():
+            kind, about = get_args(parameter.annotation)
+            if not isinstance(about, ArgumentInfo) and about.rich_help_panel == "Controls":
+                rows.setdefault(parameter.name, _row(parameter, kind, about))
+    return list(rows.values())
+
+
+def _row(parameter: inspect.Parameter, kind: Any, about: Any) -> tuple[str, str, str]:
+    """Return an option as it is written, its meaning and its default."""
+    shown = "" if parameter.default in (None, False, inspect.Parameter.empty) else f"`{parameter.default}`"
+    return _spelled(parameter.name, kind, about), about.help, shown
 
 
 def _command(command: Any) -> Iterator[str]:
@@ -40,17 +58,20 @@ def _command(command: Any) -> Iterator[str]:
     words = ["cascadenorm", name]
     for parameter in inspect.signature(function).parameters.values():
         kind, about = get_args(parameter.annotation)
-        shown = "" if parameter.default in (None, False, inspect.Parameter.empty) else f"`{parameter.default}`"
+        row = _row(parameter, kind, about)
         if isinstance(about, ArgumentInfo):
             metavar = about.metavar or f"[{parameter.name.upper()}]"
             words.append(metavar)
-            tables.setdefault("argument", []).append((f"`{metavar}`", about.help, shown))
+            tables.setdefault("argument", []).append((f"`{metavar}`", *row[1:]))
         else:
-            panel = "control" if about.rich_help_panel == "Controls" else "option"
-            tables.setdefault(panel, []).append((_spelled(parameter.name, kind, about), about.help, shown))
+            tables.setdefault("control" if about.rich_help_panel == "Controls" else "option", []).append(row)
     yield f"```text\n{' '.join(words)}{' [OPTIONS]' if {'option', 'control'} & set(tables) else ''}\n```\n"
+    controls = tables.pop("control", [])
     for title, rows in tables.items():
         yield table((title, "meaning", "default"), rows)
+    if controls:
+        known = ", ".join(option.split(" ")[0].strip("`") for option, *_ in controls)
+        yield f"It also has the [controls](#controls) {known}.\n"
 
 
 def _spelled(name: str, kind: Any, about: Any) -> str:

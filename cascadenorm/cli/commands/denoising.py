@@ -153,7 +153,7 @@ def batch(
     ] = None,
     scheduler: Scheduler = None,
     manifest: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="What records what is done; else manifest.jsonl in DIR.")
+        Path | None, typer.Option(metavar="FILE", help="Record of what is done; by default manifest.jsonl in DIR.")
     ] = None,
     force: Force = False,
     as_json: JsonOption = False,

@@ -67,7 +67,7 @@ ValuesOption = Annotated[
 Reference = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Mesh to compare with; by default the first mesh.")
 ]
-Limits = Annotated[str | None, typer.Option(metavar="LOW,HIGH", help="ValuesOption at the ends of the colours.")]
+Limits = Annotated[str | None, typer.Option(metavar="LOW,HIGH", help="Values at the ends of the colours.")]
 Crops = Annotated[
     list[str] | None,
     typer.Option(

@@ -95,7 +95,7 @@ Copy = Annotated[
     Path | None,
     typer.Option("--from", metavar="DIR", help="Your copy of the public set: a clone or an unpacked archive."),
 ]
-SplitOption = Annotated[str, typer.Option(metavar="test|train", help="SplitOption of the public set, as published.")]
+SplitOption = Annotated[str, typer.Option(metavar="test|train", help="Split of the public set, as published.")]
 Noise = Annotated[
     float | None,
     typer.Option(
