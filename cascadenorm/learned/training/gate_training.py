@@ -35,7 +35,7 @@ GATE_DATA = DatasetConfig(
         "decimated", "decimated", "decimated", "subdivided", "subdivided", "structured", "structured", "structured",
         "cad_tessellation", "cad_tessellation", "view", "view", "view", "view", "view", "laser", "laser", "laser",
         "fused", "fused", "segmentation", "segmentation", "segmentation", "slices", "slices", "slices", "tomogram",
-        "tomogram", "tomogram", "tetrahedra", "tetrahedra", "isosurface", "isosurface", "points", "points", "points",
+        "tomogram", "tomogram", "tetrahedra", "tetrahedra", "points", "points", "points",
     ),
     min_faces=1200,
     max_faces=2500,
