@@ -5,6 +5,7 @@ To let the server of the studio start quickly, this module imports no numerical 
 """
 
 import signal
+import sys
 import time
 from collections.abc import Callable, Sequence
 from multiprocessing import get_context
@@ -19,6 +20,9 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 Sent = TypeVar("Sent")
 Received = TypeVar("Received")
+
+RETRY_S = 0.05
+"""Time until a process whose exit was swallowed exits again."""
 
 
 class Worker(Generic[Sent, Received]):
@@ -109,6 +113,7 @@ def do_jobs(link: Connection, work: Callable[[Item], Result]) -> None:
 def _run(link: Connection, serve: Callable[[Connection], object]) -> None:
     """Run the new process until its function returns or the parent exits."""
     signal.signal(signal.SIGTERM, _terminated)
+    sys.unraisablehook = _exit_again
     end_with_parent()
     serve(link)
     _ending()
@@ -118,6 +123,15 @@ def _terminated(number: int, _: FrameType | None) -> NoReturn:
     """Exit as after an error, so that temporary files are removed."""
     _ending()
     raise SystemExit(128 + number)
+
+
+def _exit_again(lost: "sys.UnraisableHookArgs") -> None:
+    """Exit a little later if a callback of a library, such as the compiler of kernels, has swallowed the exit."""
+    if isinstance(lost.exc_value, SystemExit) and hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, _terminated)
+        signal.setitimer(signal.ITIMER_REAL, RETRY_S)
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def _ending() -> None:

@@ -1,9 +1,15 @@
 """Processes that do one job after the other, each for itself."""
 
 import atexit
+import ctypes
 import os
+import signal
 import time
 from functools import partial
+from pathlib import Path
+from threading import Event
+
+import pytest
 
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.worker_processes import Worker, do_jobs, first_ready
@@ -41,3 +47,26 @@ def test_a_process_that_is_stopped_while_it_ends_says_nothing(capfd):
     time.sleep(0.5)  # it has seen that, and is within its exit
     Worker.stop([worker])
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no exit can be swallowed here")
+def test_an_exit_that_a_callback_of_a_library_swallows_is_made_again(tmp_path, capfd):
+    worker = Worker(partial(do_jobs, work=terminated_in_a_callback))
+    worker.send((tmp_path / "cleaned", 1))
+    with pytest.raises(WorkerError):
+        worker.receive()
+    Worker.stop([worker])
+    assert (tmp_path / "cleaned").exists() and capfd.readouterr().err == ""
+
+
+def terminated_in_a_callback(path: Path) -> None:
+    """Receive SIGTERM within a callback from C, where Python cannot raise SystemExit, then work on."""
+
+    def callback() -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    try:
+        ctypes.CFUNCTYPE(None)(callback)()
+        Event().wait()
+    finally:
+        path.touch()
