@@ -1,4 +1,4 @@
-"""The classical denoising methods, one module a family; importing this package registers them."""
+"""The classical denoising methods, one module per family; importing this package registers them."""
 
 from cascadenorm.baselines import (
     anisotropic_diffusion,

@@ -277,7 +277,9 @@ def find(name: str) -> Method:
         There is no such method.
     """
     if name not in _methods:
-        raise ParameterError(f"there is no method {name!r}; there are: {', '.join(sorted(_methods))}")
+        near = get_close_matches(str(name).lower(), _methods, n=1)
+        known = f"did you mean {near[0]!r}? There" if near else "there"
+        raise ParameterError(f"there is no method {name!r}; {known} are: {', '.join(sorted(_methods))}")
     return _methods[name]
 
 

@@ -100,7 +100,7 @@ def table(figures: results.Figures) -> str:
             *(f"{times[name]:.2f}" if name in times else "" for name in columns),
         ],
     ]
-    notes = [f"{STEERED} led to the fused scans among the training shapes, so the means leave it out."]
+    notes = [f"Fused scans were added to the training shapes because of {STEERED}, so the means leave it out."]
     notes = (notes if without else []) + ([TUNED_NOTE, PUBLISHED_NOTE] if TUNED in columns else [])
     return "\n\n".join([results.markdown(["pair", *columns], rows), *([" ".join(notes)] if notes else [])])
 

@@ -39,7 +39,7 @@ def numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | No
         return None
     found = _numbers(text)
     if len(found) != count:
-        raise typer.BadParameter(f"{option} {text}: write {count} numbers, such as {','.join(['0.5'] * count)}")
+        raise typer.BadParameter(f"{option} {text}: write {count} numbers, such as {','.join(map(str, range(count)))}")
     return found
 
 

@@ -186,7 +186,7 @@ class Controls(TypedDict, total=False):
     threads: Annotated[
         int | None,
         Control(
-            help="Use at most this many threads, by default all; the result has the same bytes.",
+            help="Use at most this many threads, by default all; the result does not depend on it.",
             minimum=1,
             example=2,
             metavar="N",
@@ -195,7 +195,7 @@ class Controls(TypedDict, total=False):
     progress: Annotated[
         Callable[[float], object] | None,
         Control(
-            help="Called with the fraction done, from 0 to 1; what it raises ends the work.",
+            help="Called with the fraction done, from 0 to 1; an exception that it raises stops the work.",
             metavar="function",
             hidden=True,
         ),

@@ -116,15 +116,21 @@ class Treated:
         Probability of this treatment according to the gate, averaged over those faces.
     share
         Share of the faces with this treatment. The other components get the other treatment.
+    given
+        Whether the user chose the treatment, so that the gate was not asked.
     """
 
     treatment: Treatment
     probability: float
     share: float
+    given: bool = False
 
     def __str__(self) -> str:
         """Return a phrase, such as "measured surface, 0.93"."""
-        phrase = f"{self.treatment.replace('-', ' ')}, {self.probability:.2f}"
+        name = self.treatment.replace("-", " ")
+        if self.given:
+            return f"{name} (as set)"
+        phrase = f"{name}, {self.probability:.2f}"
         return phrase if self.share == 1 else f"{phrase} ({self.share:.0%} of the faces)"
 
 
@@ -151,4 +157,5 @@ def treated(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Tre
         treatment="measured-surface" if mostly else "vertex-noise",
         probability=mean if mostly else 1 - mean,
         share=float(np.mean(measured == mostly)),
+        given=treat_as is not None,
     )

@@ -84,6 +84,9 @@ class Mesh:
         """Pickle and copy the vertices and faces only, without derived arrays."""
         return Mesh, (self.vertices, self.faces)
 
+    def __repr__(self) -> str:
+        return f"<cascadenorm.Mesh of {len(self.vertices)} vertices and {len(self.faces)} faces>"
+
     def _repr_html_(self) -> str:
         """Return HTML for notebooks: the size of the mesh and a picture."""
         return display.described(self)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cascadenorm.api.opened_files import Denoised, DenoisingSummary
-from cascadenorm.errors import counted
+from cascadenorm.errors import OutputError, ParameterError, counted
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.io.atomic import check_output, write_atomically
@@ -43,8 +43,15 @@ class Contents(NamedTuple):
 
 def check_report(output: str | PathLike[str], *, force: bool) -> Path:
     """Return the path of a report; raise the errors of `report` before any work."""
-    check_output(Path(output), force=force)
-    return Path(output)
+    if not isinstance(output, str | PathLike):
+        raise ParameterError(
+            f"is a {type(output).__name__}; the path of the report comes before the meshes", parameter="output"
+        )
+    path = Path(output)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"{path} is not the name of an HTML file: end it in .html")
+    check_output(path, force=force)
+    return path
 
 
 def report(
@@ -88,8 +95,10 @@ def report(
     ------
     ReadError, MeshError
         A mesh cannot be read or drawn, or is invalid.
+    ParameterError
+        `output` is not a path.
     OutputError
-        The file exists and force is not given, or it cannot be written.
+        The file has no extension of HTML, exists although force is not given, or cannot be written.
     """
     output = check_report(output, force=force)
     judged = [given("mesh" if result is None else "before", mesh)]

@@ -117,6 +117,7 @@ def test_a_mesh_of_one_point_stays():
         ({"fixed": {1, 2}}, "fixed is a set; it must be a list or an array"),
         ({"progress": 3}, "progress is 3; it must be a function"),
         ({"method": "magic"}, "there is no method 'magic'; there are: "),
+        ({"method": "Bilatral-normal"}, "no method 'Bilatral-normal'; did you mean 'bilateral-normal'"),
         ({"iterations": -1}, "iterations is -1; it must be at least 0"),
         ({"wings": 2}, "bilateral-normal has no parameter 'wings'; it has: "),
     ],

@@ -37,7 +37,7 @@ Meshes = Annotated[
 Output = Annotated[Path | None, typer.Option("-o", "--output", help="PNG, WebP, SVG or PDF file.", show_default=False)]
 Turntable = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Animated WebP file in which the meshes turn once around, or MP4, by ffmpeg."),
+    typer.Option(metavar="FILE", help="Animated WebP file of one full turn of the meshes, or MP4, by ffmpeg."),
 ]
 Size = Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")]
 View = Annotated[
@@ -48,7 +48,7 @@ View = Annotated[
         "degrees; or in the direction X,Y,Z.",
     ),
 ]
-Upward = Annotated[str, typer.Option(metavar="x|y|z", help="Axis of the meshes that is upward.")]
+Upward = Annotated[str, typer.Option(metavar="x|y|z", help="Up axis of the meshes.")]
 Target = Annotated[
     str | None,
     typer.Option(metavar="X,Y,Z", help="Point in the middle of the picture; by default the middle of the mesh."),
