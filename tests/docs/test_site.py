@@ -76,11 +76,18 @@ def test_sections_of_a_docstring():
 def test_the_page_of_commands_has_every_command_and_option():
     page = command_line.PAGE.read_text(encoding="utf-8")
     assert page == command_line.command_page(), "run python docs/generate/command_line.py"
-    sections = dict(zip(command_line.names(), page.split("\n## ")[1:], strict=True))
+    *commands, controls = page.split("\n## ")[1:]
+    sections = dict(zip(command_line.names(), commands, strict=True))
     assert next(iter(sections)) == "denoise"  # what most come for
+    explained = spelled("\n".join(re.findall(r"^\| `(-.*?)` \|", controls, re.MULTILINE)))
     for name, section in sections.items():
         assert section.startswith(f"`{name}`\n")
-        listed = spelled("\n".join(re.findall(r"^\| `(-.*?)` \|", section, re.MULTILINE)))
+        rows = re.findall(r"^\| `(-.*?)` \|", section, re.MULTILINE)
+        named = spelled(
+            "\n".join(re.findall(r"^It also has the \[controls\]\(#controls\) (.*)\.$", section, re.MULTILINE))
+        )
+        assert named <= explained
+        listed = spelled("\n".join(rows)) | named
         known = spelled("\n".join(re.findall(r"^│ [* ]*((?:--?[a-z][\w-]*[ ,]*)+)", help_of(name), re.MULTILINE)))
         assert listed == known - {"--help"}, name
 
