@@ -17,12 +17,20 @@ FOLDED = math.cos(math.radians(105))
 LEAST_FLOAT = float(np.finfo(float).tiny)
 
 
-def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] | None = None) -> Vectors:
-    """Reduce displacements that would flip faces.
+def without_flips(
+    mesh: Mesh,
+    vertices: Vectors,
+    *,
+    may_flip: NDArray[np.bool_] | None = None,
+    smooth: NDArray[np.bool_] | None = None,
+) -> Vectors:
+    """Reduce displacements that would flip faces, or fold edges of surfaces without independent vertex noise.
 
     If the normal of a face would turn by 90° or more, the displacements of its three vertices are halved repeatedly,
     and finally set to zero. Only foldovers of the input, including possible ones in strong noise, may flip (see
-    `foldovers`).
+    `foldovers`). If the angle between the normals of two adjacent `smooth` faces would exceed 105°, and does not in the
+    input, the displacements of their four vertices are reduced in the same way. The limit lies between right-angled
+    edges and thin blades.
 
     Parameters
     ----------
@@ -32,42 +40,20 @@ def without_flips(mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] 
         (n, 3) target positions.
     may_flip
         (m,) faces that may flip. None selects the foldovers of the mesh.
+    smooth
+        (m,) faces without noise that is independent at each vertex; such noise would hide blades in the input. None
+        selects no face.
 
     Returns
     -------
     (n, 3) positions.
     """
     held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
-    halvings = np.zeros(len(vertices), np.uint8)
-    while halved_where_flipped(mesh, vertices, held, halvings).any():
-        pass
-    return partly_displaced(mesh, vertices, halvings)
-
-
-def without_folds(mesh: Mesh, vertices: Vectors, smooth: NDArray[np.bool_]) -> Vectors:
-    """Reduce displacements that would flip faces, or fold edges of surfaces without independent vertex noise.
-
-    Faces are treated as in `without_flips`. If the angle between the normals of two adjacent faces would exceed 105°,
-    and does not in the input, the displacements of their four vertices are reduced in the same way. The limit lies
-    between right-angled edges and thin blades.
-
-    Parameters
-    ----------
-    mesh
-        Input mesh with n vertices.
-    vertices
-        (n, 3) target positions.
-    smooth
-        (m,) faces without noise that is independent at each vertex; such noise would hide blades in the input.
-
-    Returns
-    -------
-    (n, 3) positions.
-    """
-    held = ~foldovers(mesh) & (mesh.areas > 0)
-    pairs = mesh.topology.face_pairs
-    pairs = pairs[smooth[pairs].all(axis=1)]
-    pairs = pairs[~_folded(mesh, pairs)]
+    pairs = None
+    if smooth is not None:
+        pairs = mesh.topology.face_pairs
+        pairs = pairs[smooth[pairs].all(axis=1)]
+        pairs = pairs[~_folded(mesh, pairs)]
     halvings = np.zeros(len(vertices), np.uint8)
     while halved_where_flipped(mesh, vertices, held, halvings, pairs).any():
         pass

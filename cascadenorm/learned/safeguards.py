@@ -7,7 +7,7 @@ import numpy as np
 
 from cascadenorm.detection.chords import CHORD_RINGS, NOISE_PASSES, chord_noise, chord_residuals
 from cascadenorm.detection.segmentation_steps import has_voxel_faces
-from cascadenorm.geometry.foldovers import without_flips, without_folds
+from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
 from cascadenorm.patches.cutting import MeshPatch
 from cascadenorm.patches.work import moved_in_patches, patching_of
@@ -25,8 +25,8 @@ FACE_HEIGHTS = 4.0
 def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) -> Vectors:
     """Return vertices whose displacements are limited to the bounds.
 
-    No vertex moves farther than `displacement_bounds`, and no face flips, except to undo foldovers in the input (see
-    `without_flips`). On measured surfaces no edge folds either (see `without_folds`).
+    No vertex moves farther than `displacement_bounds`, and no face flips, except to undo foldovers in the input. On
+    measured surfaces no edge folds either (see `without_flips`).
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) ->
     else:
         work = partial(_within_bounds_of_patch, what_is_bounded(mesh))
         bounded = moved_in_patches(mesh, patching, work, vertices, reach=CHORD_RINGS + NOISE_PASSES, components=True)
-    return without_flips(mesh, bounded) if measured is None else without_folds(mesh, bounded, measured)
+    return without_flips(mesh, bounded, smooth=measured)
 
 
 def _within_bounds_of_patch(bounded: "Bounded", patch: MeshPatch, vertices: Vectors) -> Vectors:

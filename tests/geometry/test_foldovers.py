@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from shapes import coil, cube, cylinder, grid, icosphere, mean_angle, noisy, torus
 
 import cascadenorm as cn
-from cascadenorm.geometry.foldovers import foldovers, without_flips, without_folds
+from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.learned.safeguards import safeguarded
 from cascadenorm.mesh import Mesh
 
@@ -46,11 +46,11 @@ def angles(mesh: Mesh) -> np.ndarray:
 def test_no_edge_folds_whatever_is_asked_for(name, seed, size):
     mesh = SHAPES[name]
     wanted = mesh.vertices + size * np.random.default_rng(seed).normal(size=mesh.vertices.shape)
-    found = mesh.moved(without_folds(mesh, wanted, np.ones(len(mesh.faces), bool)))
+    found = mesh.moved(without_flips(mesh, wanted, smooth=np.ones(len(mesh.faces), bool)))
     limit = np.cos(np.radians(105))
     assert angles(found)[angles(mesh) >= limit].min() > limit - 1e-9
     assert not (flipped(mesh, found.vertices) & ~foldovers(mesh)).any()
-    none = without_folds(mesh, wanted, np.zeros(len(mesh.faces), bool))
+    none = without_flips(mesh, wanted, smooth=np.zeros(len(mesh.faces), bool))
     assert np.array_equal(none, without_flips(mesh, wanted))
 
 
@@ -60,8 +60,8 @@ def test_a_ridge_that_flips_no_face_is_made_lower():
     ridge = (mesh.vertices[:, 1] == 3)[:, None] * np.array((0, 0, 1.0))
     high, low = mesh.vertices + 3 * ridge, mesh.vertices + 0.9 * ridge
     assert np.array_equal(without_flips(mesh, high), high)
-    assert np.array_equal(without_folds(mesh, high, smooth), mesh.vertices + 0.75 * ridge)
-    assert np.array_equal(without_folds(mesh, low, smooth), low)
+    assert np.array_equal(without_flips(mesh, high, smooth=smooth), mesh.vertices + 0.75 * ridge)
+    assert np.array_equal(without_flips(mesh, low, smooth=smooth), low)
 
 
 @pytest.mark.parametrize("mesh", [cube(1), cube(6), cylinder(10), cylinder(90)])
