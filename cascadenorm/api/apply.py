@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.halo import Halo, as_part, check_halo
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
-from cascadenorm.controls.detail import TREAT_AS, Removal, Removed, applied, finer_than, without_finer
+from cascadenorm.controls.detail import Removal, Removed, applied, as_measured_surface, finer_than, without_finer
 from cascadenorm.controls.displacement import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.sliding import Sliding, sliding
@@ -103,7 +103,8 @@ def controlled(
         displacement = _accumulated(step, framed, strength * weights, steps)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, parts, displacement, weights)
-            displacement = displacement if slides is None else slides.constrained(displacement)
+            if slides is not None:
+                displacement = slides.constrained(displacement)
     del step
     free_derived(mesh, order.mesh, framed)
     if controls["progress"] is not None:
@@ -237,8 +238,8 @@ def _surface_step(
     if sides is not None and REGION in parameters:
         parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
     # Cutting creates boundaries everywhere; only one of the two networks of `auto` is trained for them
-    if sides is not None and TREAT_AS in method.settings and parameters.get(TREAT_AS) is None:
-        parameters = {**parameters, TREAT_AS: "measured-surface"}
+    if sides is not None:
+        parameters = as_measured_surface(method, parameters)
 
     # Boundary edges come from the uncut mesh, numbered as in the cut one; detail is smoothed on each side separately
     edges = boundary_edges(mesh, seen.faces) if controls["boundary"] == "smooth" else None

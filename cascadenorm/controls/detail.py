@@ -94,9 +94,16 @@ def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) ->
         parameters = {**parameters, REGION: ~held}
     coarser = len(copy.mesh.vertices) < len(copy.labels)
     # The triangles of a coarse copy do not show the kind of surface
-    if coarser and TREAT_AS in method.settings and parameters.get(TREAT_AS) is None:
-        parameters = {**parameters, TREAT_AS: "measured-surface"}
+    if coarser:
+        parameters = as_measured_surface(method, parameters)
     return np.asarray(method.function(copy.mesh, **parameters))
+
+
+def as_measured_surface(method: Method, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the parameters with which `auto` uses its surface network, unless they set the treatment."""
+    if TREAT_AS not in method.settings or parameters.get(TREAT_AS) is not None:
+        return parameters
+    return {**parameters, TREAT_AS: "measured-surface"}
 
 
 class Removal(NamedTuple):
