@@ -12,8 +12,8 @@ from cascadenorm.mesh import Mesh, Vectors
 LEVELS = 0.04, 0.25  # standard deviation in mean edge lengths
 MOST_WHITE = 0.6  # largest share of the variance that is independent per vertex
 STEEPEST_VIEW = 0.2  # least cosine between viewing direction and normal; steeper parts have the same error
-RIM = 1.0, 5.0  # ratio of the error at the boundary to that within the sheet
-RIM_PASSES = 1, 5  # averages over neighbours over which the larger error at the boundary fades out
+BOUNDARY_RATIO = 1.0, 5.0  # ratio of the error at the boundary to that within the sheet
+BOUNDARY_PASSES = 1, 5  # averages over neighbours over which the larger error at the boundary fades out
 
 
 def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
@@ -35,14 +35,14 @@ def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generato
     """
     mean = mesh.area_vectors.sum(axis=0)
     toward = mean / max(float(np.linalg.norm(mean)), np.finfo(float).tiny)
+    means = neighbor_means(mesh)
     white = rng.normal(size=len(mesh.vertices))
     share = rng.uniform(0, MOST_WHITE)
-    wide = blurred(rng.normal(size=len(white)), neighbor_means(mesh), int(rng.choice([1, 2], p=[2 / 3, 1 / 3])))
+    wide = blurred(rng.normal(size=len(white)), means, int(rng.choice([1, 2], p=[2 / 3, 1 / 3])))
     error = np.sqrt(share) * white + np.sqrt(1 - share) * wide / wide.std()
     error *= np.maximum(mesh.vertex_normals @ toward, STEEPEST_VIEW) ** -rng.uniform(0, 1)
-    near = blurred(
-        mesh.topology.boundary_vertices.astype(np.float64), neighbor_means(mesh), int(rng.integers(*RIM_PASSES))
-    )
-    error *= 1 + (log_uniform(RIM, rng=rng) - 1) * near / max(near.max(), np.finfo(float).tiny)
+    boundary = mesh.topology.boundary_vertices.astype(np.float64)
+    near = blurred(boundary, means, int(rng.integers(*BOUNDARY_PASSES)))
+    error *= 1 + (log_uniform(BOUNDARY_RATIO, rng=rng) - 1) * near / max(near.max(), np.finfo(float).tiny)
     error *= deviation / np.sqrt(np.mean(error**2))
     return np.asarray(error[:, None] * toward)

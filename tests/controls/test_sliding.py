@@ -24,7 +24,7 @@ FREE = (SIDES == 0).sum(axis=1)  # 3 in the wall, 2 on sides, 1 on edges, 0 at c
 
 
 def rough_box(turn: np.ndarray = TURN) -> Mesh:
-    """The box with a wall out of its plane, whose rim zigzags in the sides of the box."""
+    """The box with a wall out of its plane, whose boundary zigzags in the sides of the box."""
     moves = np.random.default_rng(0).normal(size=BOX.vertices.shape) * 0.02 * (SIDES == 0)
     number = np.round((BOX.vertices + 1) * STEPS / 2).astype(int)[:, 1:].sum(axis=1)
     moves[:, 0] += np.where((BOX.vertices[:, 0] == 0) & (FREE < 3), 0.04 * (-1.0) ** number, 0)
@@ -82,8 +82,8 @@ def test_a_box_stays_flat_and_its_walls_slide_along_it(method, volume):
     assert (np.linalg.norm(slid - rough.vertices, axis=1)[(FREE == 1) & (BOX.vertices[:, 0] == 0)] > 1e-3).all()
 
     # Where the wall meets a side, it comes nearer to its plane
-    rim = (BOX.vertices[:, 0] == 0) & (FREE == 2)
-    away = [np.abs((v - (1, 2, 3)) @ TURN[:, 0])[rim].mean() for v in (rough.vertices, slid)]
+    boundary = (BOX.vertices[:, 0] == 0) & (FREE == 2)
+    away = [np.abs((v - (1, 2, 3)) @ TURN[:, 0])[boundary].mean() for v in (rough.vertices, slid)]
     assert away[1] < 0.6 * away[0]
 
 

@@ -91,9 +91,9 @@ def test_a_laser_scanner_errs_along_the_view_alike_over_a_step_or_two_of_the_gri
 
 def test_the_error_of_a_laser_scanner_is_larger_at_the_boundary_of_a_scan():
     flat = grid(60, 60)
-    rim = flat.topology.boundary_vertices
+    boundary = flat.topology.boundary_vertices
     draws = [displacements(flat, "laser", level=0.13, rng=np.random.default_rng(seed))[:, 2] for seed in range(20)]
-    ratios = [np.std(errors[rim]) / np.std(errors[~rim]) for errors in draws]
+    ratios = [np.std(errors[boundary]) / np.std(errors[~boundary]) for errors in draws]
     assert np.min(ratios) > 0.8 and 1.3 < np.median(ratios) < 5
 
 
