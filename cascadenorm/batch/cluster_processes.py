@@ -179,11 +179,25 @@ class ClusterProcesses:
     def _outcome(self, member: Member, future: Future[Outcome]) -> Outcome | WorkerError:
         """Return the outcome of finished work, which is stored on the worker."""
         try:
-            found: Outcome = future.result(timeout=ANSWER)
+            return self._received(member.address, future)
         except Exception as error:  # any error that Dask raises if a worker or its answer is lost
             self._members.pop(member.address, None)  # another process may now use its address
             return WorkerError(f"the worker {member.address} did not do the work: {dask_message(error)}")
-        return found
+
+    def _received(self, address: str, future: Future[Outcome]) -> Outcome:
+        """Wait for the outcome as long as its worker is there, since Dask would wait for a lost worker to return."""
+        from distributed import TimeoutError as Late
+
+        late = time.monotonic() + ANSWER
+        while True:
+            try:
+                found: Outcome = future.result(timeout=POLL)
+                return found
+            except Late:
+                if address not in self._client.nthreads():
+                    raise WorkerError("it has left the cluster before it gave its result") from None
+                if time.monotonic() > late:
+                    raise
 
     def _look(self) -> list[tuple[Job, Outcome | WorkerError]]:
         """Update the list of workers; return the files that lost workers were processing."""
