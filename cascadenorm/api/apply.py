@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.halo import Halo, as_part, check_halo
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
-from cascadenorm.controls.detail import Removal, Removed, applied, as_measured_surface, finer_than, without_finer
+from cascadenorm.controls.detail import Removal, Removed, applied, as_unknown_surface, finer_than, without_finer
 from cascadenorm.controls.displacement import displaced, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.sliding import Sliding, sliding
@@ -239,7 +239,7 @@ def _surface_step(
         parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
     # Cutting creates boundaries everywhere; only one of the two networks of `auto` is trained for them
     if sides is not None:
-        parameters = as_measured_surface(method, parameters)
+        parameters = as_unknown_surface(method, parameters)
 
     # Boundary edges come from the uncut mesh, numbered as in the cut one; detail is smoothed on each side separately
     edges = boundary_edges(mesh, seen.faces) if controls["boundary"] == "smooth" else None

@@ -95,15 +95,15 @@ def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) ->
     coarser = len(copy.mesh.vertices) < len(copy.labels)
     # The triangles of a coarse copy do not show the kind of surface
     if coarser:
-        parameters = as_measured_surface(method, parameters)
+        parameters = as_unknown_surface(method, parameters)
     return np.asarray(method.function(copy.mesh, **parameters))
 
 
-def as_measured_surface(method: Method, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the parameters with which `auto` uses its surface network, unless they set the treatment."""
+def as_unknown_surface(method: Method, parameters: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the parameters with which `auto` does not ask its gate, unless they set the treatment."""
     if TREAT_AS not in method.settings or parameters.get(TREAT_AS) is not None:
         return parameters
-    return {**parameters, TREAT_AS: "measured-surface"}
+    return {**parameters, TREAT_AS: "unknown"}
 
 
 class Removal(NamedTuple):

@@ -10,9 +10,10 @@ from cascadenorm.detection.segmentation_steps import is_segmentation
 from cascadenorm.detection.triangulation import FIGURES, triangulation_figures
 from cascadenorm.mesh import Bools, Floats, Floats32, Ints32, Mesh, part_of
 
-Treatment = Literal["vertex-noise", "measured-surface"]
+Treatment = Literal["vertex-noise", "measured-surface", "unknown"]
 """Treatment of a component: `vertex-noise` for shapes whose vertices may be noisy, `measured-surface` for surfaces from
-volumes, scanners, cameras and point clouds."""
+volumes, scanners, cameras and point clouds, `unknown` for meshes whose triangles do not show what they come from, such
+as coarse copies."""
 
 THRESHOLD = 0.6
 """Probability above which a component is treated as a measured surface."""

@@ -52,7 +52,7 @@ class GatedCascades:
         """Judge each component of a mesh, or treat all of them alike."""
         if treat_as is None:
             return judged(self.gate, mesh)
-        probability = float(treat_as == "measured-surface")
+        probability = float(treat_as != "vertex-noise")
         count = int(mesh.topology.components.max()) + 1
         return Judged(np.full(count, probability == 1), np.full(count, probability))
 

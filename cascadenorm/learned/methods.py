@@ -16,6 +16,7 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.gated import ChosenNetworks, GatedCascades, read_model
 from cascadenorm.learned.safeguards import safeguarded
+from cascadenorm.learned.surface_filter import with_filtered_surfaces
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.patches.work import free_derived
 from cascadenorm.registry import Parameter, ParameterError, method
@@ -36,7 +37,8 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
 
     The inputs of the networks are normals after iterated bilateral filters and normals of smoothed vertices. There are
     two networks: one trained on vertex noise, the other on the errors of volumes, scanners, cameras and point clouds.
-    For each connected component, a gate chooses between them from the triangulation.
+    For each connected component, a gate chooses between them from the triangulation. A bilateral filter then runs once
+    over the measured surfaces, and three times near their boundaries.
 
     Formula
     -------
@@ -59,7 +61,11 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     vertices = without_drift(mesh, network.vertices(start))
     del start
     free_derived(mesh)
-    measured = network.measured[mesh.topology.face_components] if isinstance(network, ChosenNetworks) else None
+    if not isinstance(network, ChosenNetworks):
+        return safeguarded(mesh, vertices)
+    measured = network.measured[mesh.topology.face_components]
+    if treat_as != "unknown":
+        vertices = with_filtered_surfaces(mesh.moved(vertices), measured)
     return safeguarded(mesh, vertices, measured)
 
 
@@ -154,7 +160,7 @@ def treated(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Tre
     probabilities = judged.probabilities[components][measured == mostly]
     mean = float(probabilities.mean())
     return Treated(
-        treatment="measured-surface" if mostly else "vertex-noise",
+        treatment=treat_as or ("measured-surface" if mostly else "vertex-noise"),
         probability=mean if mostly else 1 - mean,
         share=float(np.mean(measured == mostly)),
         given=treat_as is not None,

@@ -116,7 +116,7 @@ def test_off_the_creases_the_method_gives_what_it_gives_for_the_sides_alone(meth
     sides = cut_along(rough, SHARP)
     whole = np.bincount(sides.owners) == 1
     out = cn.denoise(rough, method=method, creases=EDGES[SHARP]).vertices
-    treatment = {"treat_as": "measured-surface"} if method == "auto" else {}  # as a cut mesh
+    treatment = {"treat_as": "unknown"} if method == "auto" else {}  # as a cut mesh
     alone = cn.denoise(sides.mesh, method=method, **treatment).vertices[: len(whole)]
     np.testing.assert_allclose(out[whole], alone[whole], rtol=0, atol=1e-9)
     assert np.abs(out - cn.denoise(rough, method=method).vertices)[whole].max() > 1e-3

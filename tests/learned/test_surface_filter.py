@@ -1,0 +1,50 @@
+"""Measured surfaces, and no others, are filtered after the network, and the rim of a view more than its inside."""
+
+import numpy as np
+from shapes import grid, icosphere, noisy
+from test_gate import side_by_side
+
+import cascadenorm as cn
+from cascadenorm.learned.surface_filter import with_filtered_surfaces
+from cascadenorm.mesh import Bools, Mesh, Vectors
+
+
+def tilt(mesh: Mesh, vertices: Vectors, faces: Bools) -> float:
+    """Return the mean angle, in degrees, between some faces and the horizontal plane."""
+    return float(np.degrees(np.arccos(np.abs(mesh.moved(vertices).face_normals[faces, 2]))).mean())
+
+
+def test_noise_on_a_measured_surface_is_reduced_most_at_its_rim():
+    sheet = noisy(grid(40, 40), 0.1)
+    filtered = with_filtered_surfaces(sheet, np.ones(len(sheet.faces), bool))
+    rim = sheet.topology.boundary_vertices[sheet.faces].any(axis=1)
+    inside = (np.abs(sheet.vertices[sheet.faces][..., :2] - 20) < 8).all(axis=(1, 2))
+    left = {
+        name: tilt(sheet, filtered, faces) / tilt(sheet, sheet.vertices, faces)
+        for name, faces in {"rim": rim, "inside": inside}.items()
+    }
+    once = cn.denoise(sheet, method="bilateral-normal", sigma_s=0.5, iterations=1).vertices
+    np.testing.assert_allclose(tilt(sheet, filtered, inside), tilt(sheet, once, inside), rtol=1e-6)
+    assert tilt(sheet, filtered, rim) < 0.95 * tilt(sheet, once, rim)
+    assert max(left.values()) < 0.9
+
+
+def test_faces_that_are_not_measured_keep_their_bits():
+    both = side_by_side(noisy(icosphere(3), 0.1), noisy(grid(8, 8), 0.1))
+    measured = both.topology.face_components == both.topology.face_components[-1]
+    filtered = with_filtered_surfaces(both, measured)
+    own = np.unique(both.faces[measured])
+    moved = np.flatnonzero((filtered != both.vertices).any(axis=1))
+    assert len(moved) > 0 and np.isin(moved, own).all()
+    assert with_filtered_surfaces(both, np.zeros(len(both.faces), bool)).tobytes() == both.vertices.tobytes()
+
+
+def test_surfaces_of_unknown_origin_are_not_filtered():
+    """Coarse copies and cut meshes use the network for surfaces alone."""
+    sheet = noisy(grid(12, 12), 0.1)
+    unknown = cn.denoise(sheet, treat_as="unknown").vertices
+    measured = cn.denoise(sheet, treat_as="measured-surface").vertices
+    vertex = cn.denoise(sheet, treat_as="vertex-noise").vertices
+    assert not np.allclose(unknown, measured) and not np.allclose(unknown, vertex)
+    everything = np.ones(len(sheet.faces), bool)
+    assert tilt(sheet, measured, everything) < tilt(sheet, unknown, everything)
