@@ -28,9 +28,9 @@ def without_flips(
 
     If the normal of a face would turn by 90° or more, the displacements of its three vertices are halved repeatedly,
     and finally set to zero. Only foldovers of the input, including possible ones in strong noise, may flip (see
-    `foldovers`). If the angle between the normals of two adjacent `smooth` faces would exceed 105°, and does not in the
-    input, the displacements of their four vertices are reduced in the same way. The limit lies between right-angled
-    edges and thin blades.
+    `foldovers`), and only if the face then agrees better with the adjacent faces. If the angle between the normals of
+    two adjacent `smooth` faces would exceed 105°, and does not in the input, the displacements of their four vertices
+    are reduced in the same way. The limit lies between right-angled edges and thin blades.
 
     Parameters
     ----------
@@ -55,9 +55,14 @@ def without_flips(
         pairs = pairs[smooth[pairs].all(axis=1)]
         pairs = pairs[~_folded(mesh, pairs)]
     halvings = np.zeros(len(vertices), np.uint8)
-    while halved_where_flipped(mesh, vertices, held, halvings, pairs).any():
-        pass
-    return partly_displaced(mesh, vertices, halvings)
+    while True:
+        while halved_where_flipped(mesh, vertices, held, halvings, pairs).any():
+            pass
+        moved = partly_displaced(mesh, vertices, halvings)
+        harmful = ~held & _harmful_flips(mesh, mesh.moved(moved))
+        if not harmful.any():
+            return moved
+        held |= harmful
 
 
 def halved_where_flipped(
@@ -89,6 +94,21 @@ def halved_where_flipped(
     back = np.unique(mesh.faces[flipped])
     halvings[back] = np.minimum(halvings[back] + 1, STEP_HALVINGS + 1)
     return np.asarray(flipped)
+
+
+def _harmful_flips(mesh: Mesh, moved: Mesh) -> NDArray[np.bool_]:
+    """Return (m,) faces that are flipped, but agree no better with the adjacent faces than before."""
+    flipped = (mesh.areas > 0) & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
+    if not flipped.any():
+        return np.asarray(flipped)
+    pairs = mesh.topology.face_pairs
+    pairs = pairs[flipped[pairs].any(axis=1)]
+    gain = np.zeros(len(flipped))
+    for pair in (pairs, pairs[:, ::-1]):
+        one, other = pair.T
+        cosines = [np.einsum("ij,ij->i", at.face_normals[one], at.face_normals[other]) for at in (mesh, moved)]
+        gain += np.bincount(one, weights=cosines[1] - cosines[0], minlength=len(gain))
+    return np.asarray(flipped & (gain <= 0))
 
 
 def _folded(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.bool_]:
