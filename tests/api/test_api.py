@@ -29,7 +29,7 @@ def apply(function, mesh=BALL, **controls):
 
 
 @given(st.floats(0, 4), st.floats(0, 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_strength_times_weight_counts_applications(strength, weight):
     out = apply(shifted, strength=strength, mask=np.full(len(BALL.vertices), weight))
     once = apply(shifted)[:, 0] - BALL.vertices[:, 0]

@@ -11,7 +11,7 @@ from cascadenorm.mesh import Mesh, unit
 ROUGH = noisy(icosphere(2), 0.2)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0.05, 2), st.floats(0.2, 3), st.sampled_from([1, 2]), st.sampled_from(["skip", "count"]))
 def test_a_pass_equals_its_formula(sigma_r, sigma_s, ring, center):
     ours = bilateral_normals(ROUGH, sigma_s=sigma_s, sigma_r=sigma_r, iterations=1, ring=ring, center=center)

@@ -10,14 +10,14 @@ from cascadenorm.mesh import Mesh
 ROUGH = noisy(icosphere(2), 0.15)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(0, 1000))
 def test_a_step_equals_its_formula(seed):
     rough = noisy(icosphere(1), 0.2, seed=seed)
     np.testing.assert_allclose(bilateral(rough, iterations=1), reference.fleishman_step(rough), rtol=0, atol=1e-12)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.floats(0.8, 2), st.floats(0.1, 3))
 def test_non_iterative_filter_equals_its_formula(sigma_f, sigma_g):
     ours = non_iterative_bilateral(ROUGH, sigma_f=sigma_f, sigma_g=sigma_g)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import reference
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from shapes import cube, grid, icosphere, noisy
 
@@ -20,7 +20,6 @@ def hinge(angle, *, second=(0.3, -0.7), fourth=(1.1, 1.2), edge=1.5):
 
 
 @OPERATORS
-@settings(deadline=None)
 @given(st.integers(0, 10**6))
 def test_vanish_on_flat_quads(operator, seed):
     rng = np.random.default_rng(seed)

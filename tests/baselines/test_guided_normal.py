@@ -17,7 +17,7 @@ from cascadenorm.baselines.vertex_update import recover_vertices
 ROUGH = noisy(icosphere(2), 0.2)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.integers(0, 1000))
 def test_patch_statistics_equal_their_formula(seed):
     mesh = noisy(icosphere(1), 0.3, seed=seed)

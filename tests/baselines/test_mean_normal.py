@@ -20,7 +20,7 @@ def test_mean_is_that_of_the_area_vectors():
     np.testing.assert_allclose(ours, recover_vertices(ROUGH, normals, sweeps=5), atol=1e-12)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.floats(-1, 0.99))
 def test_unilateral_pass_equals_its_formula(threshold):
     ours = unilateral_pass(ROUGH.face_normals, RINGS, threshold)

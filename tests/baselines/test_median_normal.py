@@ -9,7 +9,7 @@ from cascadenorm.baselines.median_normal import median_pass
 
 
 @pytest.mark.parametrize("median", ["vector", "angle"])
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(0, 1000))
 def test_a_pass_equals_its_formula(median, seed):
     rough = noisy(icosphere(1), 0.3, seed=seed)

@@ -22,7 +22,7 @@ def filtered(mesh, guide, passes, **given):
     return normals
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(st.integers(0, 1000), st.floats(0.1, 2.0), st.floats(0.1, 5.0))
 def test_a_pass_equals_its_formula(seed, sigma_r, smoothness):
     mesh = noisy(icosphere(1), 0.3, seed=seed)

@@ -17,7 +17,7 @@ OTHERS = list(SAMPLES.values())
 SECONDS, BYTES = 10, 50_000_000
 
 seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
-few = settings(max_examples=40, derandomize=True, deadline=None, database=None)
+few = settings(max_examples=40, derandomize=True, database=None)
 many = settings(few, max_examples=400)
 every_sample = pytest.mark.parametrize("name", SAMPLES)
 

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cascadenorm.mesh import scatter_add, vectors
 
 
-@settings(deadline=None)  # compiles
 @given(st.integers(0, 40), st.sampled_from([(), (1,), (3,), (3, 3)]), st.sampled_from([np.int32, np.int64]), st.data())
 def test_scatter_add_is_a_loop_over_the_rows(count, shape, kind, data):
     rng = np.random.default_rng(data.draw(st.integers(0, 99)))

@@ -29,7 +29,7 @@ def plane_with_holes(seed: int) -> tuple[np.ndarray, list[np.ndarray]]:
 
 
 @pytest.mark.parametrize("delaunay", [False, True])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**6))
 def test_triangles_cover_a_polygon_with_holes_once(delaunay, seed):
     points, loops = plane_with_holes(seed)
@@ -62,7 +62,6 @@ def test_loops_that_cross_are_refused():
         triangulated(np.array([(0, 0), (1, 0), (0, 1), (2, 2)], float), [np.arange(3)], inner=[3])
 
 
-@settings(deadline=None)
 @given(st.floats(1e-4, 0.1), st.floats(0.1, 10))
 def test_chords_of_a_circle_stay_within_the_tolerance(tolerance, radius):
     points = circle(radius, tolerance=tolerance).points

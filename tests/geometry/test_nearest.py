@@ -23,7 +23,7 @@ def distance_to_triangle(point, a, b, c) -> float:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.floats(0, 2))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_equals_the_search_through_all_triangles(seed, count, spread):
     rng = np.random.default_rng(seed)
     corners = (

@@ -31,13 +31,13 @@ def test_what_is_consistently_oriented_is_returned_itself(mesh):
 
 
 @given(st.lists(st.booleans(), min_size=len(BALL.faces), max_size=len(BALL.faces)))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_closed_part_comes_out_the_same_whatever_was_flipped(which):
     np.testing.assert_array_equal(oriented(flipped(BALL, np.array(which))).faces, BALL.faces)
 
 
 @given(st.sets(st.integers(0, len(SHEET.faces) - 1), max_size=len(SHEET.faces) // 2 - 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_an_open_part_follows_the_majority(which):
     np.testing.assert_array_equal(oriented(flipped(SHEET, sorted(which))).faces, SHEET.faces)
 

@@ -340,7 +340,7 @@ def test_binary_file_cut_anywhere_is_refused(name):
     assert {outcome(data[:size], read(data).format) for size in range(0, len(data), 7)} == {"unreadable"}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.sampled_from(sorted(SAMPLES)), st.data())
 def test_damaged_bytes_are_refused_or_read(name, data):
     content = bytearray(SAMPLES[name])
@@ -354,7 +354,7 @@ SAMPLES_FORMAT = {name: re.match(r"\w+", name)[0] for name in SAMPLES}
 OUTCOMES = ("read", "unreadable", "no mesh")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=200), st.sampled_from([*FORMATS, None]), st.sampled_from(sorted(SAMPLES)))
 def test_random_bytes_are_refused_or_read(noise, format, name):
     assert outcome(noise, format) in OUTCOMES
@@ -382,7 +382,7 @@ def contents(draw):
     return Content(positions, polygons, {**vertex, **colors}, face)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(contents(), st.sampled_from(NATIVE))
 def test_encoded_content_reads_back(content, format):
     pieces, lost = FORMATS[format].encode(content)
@@ -406,7 +406,7 @@ def file_triangles(content):
     return FORMATS["ply"](b"".join(FORMATS["ply"].encode(content)[0])).triangles.ravel()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(contents(), st.sampled_from(NATIVE), st.data())
 def test_any_vertices_can_be_stored(content, format, data):
     file = FORMATS[format](b"".join(FORMATS[format].encode(content)[0]))

@@ -24,7 +24,7 @@ def wanted(mesh: Mesh, seed: int, size: float) -> np.ndarray:
     return mesh.vertices + size * mesh.diagonal * np.random.default_rng(seed).normal(size=mesh.vertices.shape)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10**6), size=st.floats(1e-6, 1))
 def test_a_box_keeps_its_bits_whatever_is_asked_for(seed, size):
     mesh = cube(4)
@@ -32,7 +32,7 @@ def test_a_box_keeps_its_bits_whatever_is_asked_for(seed, size):
 
 
 @pytest.mark.parametrize("name", ROUGH)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10**6), size=st.floats(1e-6, 1))
 def test_no_vertex_passes_its_bound_and_no_face_flips(name, seed, size):
     mesh = ROUGH[name]
