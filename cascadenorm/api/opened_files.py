@@ -18,7 +18,7 @@ from cascadenorm.api.selection import selected
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.controls.settings import Controls, parsed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
-from cascadenorm.errors import ParameterError, ReadError
+from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
@@ -279,6 +279,16 @@ def _check_single(source: str | PathLike[str] | BinaryIO) -> None:
         raise ReadError(f"{name} does not exist: check the name", hint=f"if it is a pattern for many files use {batch}")
 
 
+def _check_format(source: str | PathLike[str] | BinaryIO, output: str | PathLike[str]) -> None:
+    """Raise OutputError if the format of an output cannot be written; for the format of the source, first read that."""
+    try:
+        check_extension(source, output)
+    except (OutputError, MissingDependencyError):
+        if isinstance(source, str | PathLike) and Path(source).suffix.lower() == Path(output).suffix.lower():
+            io.read(source)  # a format that cannot be read either is the fault of the source
+        raise
+
+
 def _checked_output(
     source: str | PathLike[str] | BinaryIO,
     output: str | PathLike[str] | BinaryIO | None,
@@ -295,7 +305,7 @@ def _checked_output(
     elif isinstance(output, str | PathLike):
         check_output(Path(output), force=force)
         if not is_special(output):
-            check_extension(source, output)
+            _check_format(source, output)
     elif format is not None:
         io.output_format(output, format)
     return output
