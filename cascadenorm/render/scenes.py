@@ -162,13 +162,14 @@ def panels(scene: Scene, cameras: Sequence[Camera]) -> list[Panel]:
 
 
 def color_bar(scene: Scene) -> Bar | None:
-    """Return the colour bar of the values; its label names the reference if one is given."""
+    """Return the colour bar of the values; its label names the mesh that they refer to."""
     if scene.quantities is None:
         return None
     quantity = scene.quantities.quantity
     label = f"{quantity.label} ({quantity.unit})" if quantity.unit else quantity.label
     if scene.style.reference is not None:
-        label = label.replace("the input", "the reference")
+        label = label.replace("the input", "the reference").replace("the truth", "the reference")
+    label = label.replace("the truth", "the first mesh")
     return Bar(label, scene.limits, quantity.signed)
 
 
