@@ -93,7 +93,8 @@ def print_filling(target: Path, done: Filling, max_edges: int | None) -> None:
 
 def _option(name: str, value: object) -> str:
     option = OPTIONS[name].option.removeprefix("--")
-    return option if OPTIONS[name].about.flag else f"{option} {value}"
+    text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else value
+    return option if OPTIONS[name].about.flag else f"{option} {text}"
 
 
 def print_left_out(losses: Sequence[str]) -> None:

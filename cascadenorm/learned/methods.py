@@ -130,7 +130,7 @@ class Treated:
         name = self.treatment.replace("-", " ")
         if self.given:
             return f"{name} (as set)"
-        share = "" if self.share == 1 else f", {self.share:.0%} of the faces"
+        share = "" if self.share == 1 else f", {int(100 * self.share)}% of the faces"  # 99.8 % are not all
         return f"{name} (probability {self.probability:.2f}{share})"
 
 

@@ -46,6 +46,37 @@ def refused(capsys, *arguments: str) -> tuple[int, str]:
     return code, err
 
 
+# outputs
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "denoise ball.ply -o new/out.ply",
+        "denoise ball.ply --report new/r.html",
+        "denoise ball.ply -o new/out.ply --memory 1GB",
+        "inspect ball.ply --report new/r.html",
+        "compare ball.ply true.ply --report new/r.html",
+        "fill-holes ball.ply -o new/out.ply",
+        "render ball.ply -o new/a.png",
+        "render ball.ply -o a.png --turntable new/a.webp",
+        "train --quick -o new/w.safetensors",
+        "train --quick --log new/log.csv",
+        "train-gate ball.ply ball.ply -o new/w.safetensors",
+        "models --hub new/card.md",
+        "evaluate . --csv new/a.csv",
+        "evaluate . --markdown new/a.md",
+        "evaluate . --latex new/a.tex",
+        "evaluate . --html new/a.html",
+    ],
+)
+def test_an_output_in_a_folder_that_does_not_exist_is_refused_before_any_work(place, capsys, arguments):
+    before = sorted(place.rglob("*"))
+    code, message = refused(capsys, *arguments.split())
+    assert code == 5 and "the folder new does not exist: create it first" in message
+    assert sorted(place.rglob("*")) == before
+
+
 # denoise
 
 

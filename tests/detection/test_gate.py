@@ -105,7 +105,7 @@ def test_what_a_mesh_is_treated_as_can_be_overruled(gated, tmp_path):
     assert str(treated(ball, model=path)) == "vertex noise (probability 0.90)"
     assert str(treated(ball, model=path, treat_as="measured-surface")) == "measured surface (as set)"
     mixed = side_by_side(ball, noisy(grid(8, 8), 0.1))
-    share = f"{len(ball.faces) / len(mixed.faces):.0%}"
+    share = f"{100 * len(ball.faces) // len(mixed.faces)}%"
     assert str(treated(mixed, model=path)) == f"vertex noise (probability 0.90, {share} of the faces)"
     asked = cn.denoise(ball, model=path, treat_as="measured-surface").vertices
     default = cn.denoise(ball, model=path).vertices
