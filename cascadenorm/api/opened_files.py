@@ -273,10 +273,11 @@ def _check_single(source: str | PathLike[str] | BinaryIO) -> None:
     if is_url(name):
         raise ReadError(f"{name} is a URL, and one file of this machine is denoised here", hint=f"use {batch}")
     if os.path.isdir(name):
-        problem = f"{name} is a folder: give the name of a mesh file in it"
-        raise ReadError(problem, hint=f"or for all of them use {batch}")
+        hint = f"give the name of a mesh file in it, or for all of them use {batch}"
+        raise ReadError(f"{name} is a folder", hint=hint)
     if has_magic(str(name)) and not os.path.lexists(name):
-        raise ReadError(f"{name} does not exist: check the name", hint=f"if it is a pattern for many files use {batch}")
+        hint = f"check the name; if it is a pattern for many files, use {batch}"
+        raise ReadError(f"{name} does not exist", hint=hint)
 
 
 def _check_format(source: str | PathLike[str] | BinaryIO, output: str | PathLike[str]) -> None:

@@ -107,7 +107,7 @@ def scene(meshes: list[Mesh], names: Sequence[str], style: Style) -> Scene:
         return Scene(shown, captions, [None] * len(shown), None, (0.0, 1.0), unit, style)
     other = scaled[-1] if others else shown[0]
     plain = QUANTITIES[style.values].against is not None and not others
-    keys = [f"{number}" for number in range(len(shown))]
+    keys = [f"mesh {number}" for number in range(1, len(shown) + 1)]
     seen = dict(zip(keys[plain:], shown[plain:], strict=True))
     found = field(style.values, seen, other, unit)
     limits = style.limits or found.limits

@@ -234,6 +234,12 @@ def test_damaged_bytes_are_refused(capfd):
     for end in (9, 30, len(data) // 2, len(data) - 1):
         with pytest.raises(io.ReadError, match="a section of it runs past its end"):
             read(data[:end], "usdc")
+    for row in range(table + 8, len(data) - 31, 32):
+        begin = int.from_bytes(data[row + 16 : row + 24], "little")
+        for byte in (3, 4, 7):  # of the number of entries
+            damaged = data[: begin + byte] + b"\x47" + data[begin + byte + 1 :]
+            with pytest.raises(io.ReadError, match="a section of it declares more entries than it can hold"):
+                read(damaged, "usdc")
     assert capfd.readouterr().out == ""
 
 
