@@ -116,6 +116,19 @@ def packed(files: Mapping[str, bytes]) -> bytes:
             raise OutputError(f"OpenUSD cannot write this archive: {said(error)}: choose usdc") from None
 
 
+def layers_named_by(layer: Any) -> list[str]:
+    """Return the paths of the other layers that a layer consists of.
+
+    For a damaged layer that lists prims it does not have, only sublayers are returned: OpenUSD would abort.
+    """
+    paths: list[Any] = []
+    layer.Traverse("/", paths.append)
+    prims = [layer.GetObjectAtPath(path) for path in paths if path.IsPrimPath()]
+    if not prims or not all(prims):
+        return list(layer.subLayerPaths)
+    return list(layer.GetCompositionAssetDependencies())
+
+
 def references(layer: Any) -> list[str]:
     """Return the paths of all files that a layer references, such as layers and textures."""
     from pxr import UsdUtils
