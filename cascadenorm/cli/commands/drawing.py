@@ -124,8 +124,8 @@ def render(
         wireframe=wireframe,
         transparent=transparent,
     )
-    for path in filter(None, (output, turntable)):
-        check_output(path, force=force)
+    for target_file in filter(None, (output, turntable)):
+        check_output(target_file, force=force)
     for path, turning in ((output, False), (turntable, True)):
         if path is not None:
             with warnings.catch_warnings(record=True) as said:
