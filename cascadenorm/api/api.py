@@ -25,7 +25,7 @@ from cascadenorm.execution.memory import FACE, FREE, OTHERS, amount, free_memory
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io import MeshFile
 from cascadenorm.io.interop import adapter, as_mesh, is_pair
-from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated, limit_threads
+from cascadenorm.mesh import Mesh, Vectors, bad_faces, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
 from cascadenorm.patches.planning import IN_STEPS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.registry import Method, find, registered
@@ -320,8 +320,10 @@ def _from_file_to_file(
     opened = opened_file(
         source, output, controls, format=format, drop_components=drop_components, force=force, weld=weld
     )
+    removed: list[Vectors] = []
     watch = Stopwatch()
     with limited(len(opened.mesh.faces)):
-        vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype)
+        dtype = opened.file.positions.dtype
+        vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=dtype, removed=removed)
     seconds = watch.seconds()
-    return written_file(opened, vertices, method, parameters, controls, seconds=seconds, force=force)
+    return written_file(opened, vertices, method, parameters, controls, removed=removed, seconds=seconds, force=force)

@@ -50,6 +50,7 @@ def controlled(
     *,
     dtype: Any = np.float64,
     steps: list[Vectors] | None = None,
+    removed: list[Vectors] | None = None,
 ) -> NDArray[Any]:
     """Apply a method to a mesh under controls.
 
@@ -67,6 +68,9 @@ def controlled(
     steps
         Results of earlier applications of the method, which are reused; new results are appended. All calls that share
         this list must have the same arguments, except for strengths of the same `step_key`.
+    removed
+        If empty, receives the (n, 3) displacements by the first application of the method, before strength, limits and
+        all other controls except `remove_detail`.
 
     Returns
     -------
@@ -95,8 +99,13 @@ def controlled(
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
-        removed = _detail_to_remove(method, controls, framed, exponent)
-        step = _step(method, framed, order, parts, checked, controls, detail, removed)
+        coarse = _detail_to_remove(method, controls, framed, exponent)
+
+        def note(vertices: Vectors) -> None:
+            if removed is not None and not removed:
+                removed.append(np.ldexp(vertices - framed.vertices, exponent)[order.places])
+
+        step = _step(method, framed, order, parts, checked, controls, detail, coarse, note)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:
             step = _sliding_step(step, slides)
@@ -178,6 +187,7 @@ def _step(
     controls: Controls,
     detail: float,
     removed: Removed,
+    note: Callable[[Vectors], None],
 ) -> Step:
     """Return the step that applies the method together with creases, boundary and detail.
 
@@ -195,15 +205,22 @@ def _step(
         Width of the smallest feature to keep, in units of the frame.
     removed
         Detail to remove.
+    note
+        Called with the vertices that the method returned, before the other controls.
     """
     creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read already
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
     if parts is None:
-        return _surface_step(method, mesh, order.numbers, parameters, controls, edges, detail, removed)
+        return _surface_step(method, mesh, order.numbers, parameters, controls, edges, detail, removed, note)
     if REGION in parameters:
         parameters = {**parameters, REGION: parameters[REGION][parts.owners]}
     edges = None if edges is None else parts.of_edges(mesh, edges)
-    each = _surface_step(method, parts.mesh, order.numbers[parts.owners], parameters, controls, edges, detail, removed)
+    numbers = order.numbers[parts.owners]
+
+    def note_joined(vertices: Vectors) -> None:
+        note(joined_walls(parts, mesh, vertices))
+
+    each = _surface_step(method, parts.mesh, numbers, parameters, controls, edges, detail, removed, note_joined)
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
 
 
@@ -221,6 +238,7 @@ def _surface_step(
     creases: NDArray[np.bool_] | None,
     detail: float,
     removed: Removed,
+    note: Callable[[Vectors], None],
 ) -> Step:
     """Return the step for a mesh without shared walls.
 
@@ -230,6 +248,8 @@ def _surface_step(
         (n,) vertex indices in the input, for messages.
     creases
         (e,) bool, whether each edge of the mesh is a crease.
+    note
+        As in `_step`.
     """
     # Cut the mesh along creases: the method and later stages see copies of the vertices there
     sides = None if creases is None else cut_along(mesh, creases)
@@ -248,6 +268,7 @@ def _surface_step(
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
         vertices = _finite(method, applied(method, parameters, removed.width, seen), numbers)
+        note(vertices if sides is None else sides.joined(mesh, vertices))
         for removal in removed.afterwards:
             vertices = without_finer(removal, seen, vertices)
         if edges is not None:

@@ -1,6 +1,7 @@
 """Read mesh files, write them with new vertices, and summarize the change."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from glob import has_magic
 from os import PathLike, fspath
@@ -17,7 +18,8 @@ from cascadenorm.api.selection import selected
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.controls.settings import Controls, parsed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
-from cascadenorm.errors import ParameterError, ReadError
+from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError
+from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target
@@ -64,7 +66,8 @@ class DenoisingSummary:
     seconds
         Time of the method, excluding reading, writing and the compilation of kernels in a first run.
     error
-        Kind of error that was found; None for methods other than `auto`, or if there was nothing to remove.
+        Kind of error of the mesh, independent of strength and limits; None for methods other than `auto`, or if no
+        vertex was to be moved.
     treated_as
         Kind of surface that `auto` chose for the mesh; None for other methods.
     left_out
@@ -189,10 +192,19 @@ def written_file(
     parameters: dict[str, Any],
     controls: Controls,
     *,
+    removed: Sequence[Vectors],
     seconds: float,
     force: bool,
 ) -> Denoised:
-    """Write a file with new vertices of its mesh, (n, 3), and return the summary; `controls` are as given."""
+    """Write a file with new vertices of its mesh, (n, 3), and return the summary.
+
+    Parameters
+    ----------
+    controls
+        As given.
+    removed
+        As `controlled` returns it.
+    """
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
     small, exponent = in_frame(without_lines(mesh))
@@ -220,7 +232,7 @@ def written_file(
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
-        **error_found(method, small, exponent, moves, parameters, controls["strength"]),
+        **error_found(method, small, exponent, removed, parameters),
         left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
         nearly_coincident=int(nearly_coincident(small).sum()),
         dropped_components=opened.dropped.components if opened.dropped else 0,
@@ -230,23 +242,24 @@ def written_file(
 
 
 def error_found(
-    method: Method, small: Mesh, exponent: int, moves: Vectors, parameters: dict[str, Any], strength: float
+    method: Method, small: Mesh, exponent: int, removed: Sequence[Vectors], parameters: dict[str, Any]
 ) -> dict[str, Any]:
-    """Classify the error that `auto` removed, and return it with the kind of surface that `auto` chose.
+    """Classify the error of a mesh as `inspect` does, and return it with the kind of surface that `auto` chose.
 
     Parameters
     ----------
     small, exponent
         Mesh in its frame.
-    moves
-        (n, 3) displacements of the vertices in the frame. A strength below 1 applies only a share of the removed error.
+    removed
+        The (n, 3) displacements by the method alone, as `controlled` returns them: strength and limits change the
+        result, but not the error of the mesh. Empty if the method did not run.
     """
-    if method.name != "auto" or not strength:
+    if method.name != "auto" or not removed:
         return {"error": None, "treated_as": None}
-    order = ordered_for_cache(without_repeated_faces(small))
-    removed = moves[order.numbers] / min(strength, 1.0)
+    order = ordered_for_cache(oriented(without_repeated_faces(small)))
+    denoised = order.mesh.vertices + np.ldexp(removed[0][order.numbers], -exponent)
     return {
-        "error": error_kind(order.mesh, order.mesh.vertices + removed, exponent=exponent),
+        "error": error_kind(order.mesh, denoised, exponent=exponent),
         "treated_as": treated(order.mesh, **method.with_defaults(parameters)),
     }
 
@@ -260,10 +273,21 @@ def _check_single(source: str | PathLike[str] | BinaryIO) -> None:
     if is_url(name):
         raise ReadError(f"{name} is a URL, and one file of this machine is denoised here", hint=f"use {batch}")
     if os.path.isdir(name):
-        problem = f"{name} is a folder: give the name of a mesh file in it"
-        raise ReadError(problem, hint=f"or for all of them use {batch}")
+        hint = f"give the name of a mesh file in it, or for all of them use {batch}"
+        raise ReadError(f"{name} is a folder", hint=hint)
     if has_magic(str(name)) and not os.path.lexists(name):
-        raise ReadError(f"{name} does not exist: check the name", hint=f"if it is a pattern for many files use {batch}")
+        hint = f"check the name; if it is a pattern for many files, use {batch}"
+        raise ReadError(f"{name} does not exist", hint=hint)
+
+
+def _check_format(source: str | PathLike[str] | BinaryIO, output: str | PathLike[str]) -> None:
+    """Raise OutputError if the format of an output cannot be written; for the format of the source, first read that."""
+    try:
+        check_extension(source, output)
+    except (OutputError, MissingDependencyError):
+        if isinstance(source, str | PathLike) and Path(source).suffix.lower() == Path(output).suffix.lower():
+            io.read(source)  # a format that cannot be read either is the fault of the source
+        raise
 
 
 def _checked_output(
@@ -282,7 +306,7 @@ def _checked_output(
     elif isinstance(output, str | PathLike):
         check_output(Path(output), force=force)
         if not is_special(output):
-            check_extension(source, output)
+            _check_format(source, output)
     elif format is not None:
         io.output_format(output, format)
     return output

@@ -18,7 +18,7 @@ from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io import MeshFile
 from cascadenorm.io.atomic import make_folder
 from cascadenorm.io.interop import adapter, as_mesh, is_pair
-from cascadenorm.mesh import Bools, Ints, Mesh, bad_vertices, isolated, limit_threads
+from cascadenorm.mesh import Bools, Ints, Mesh, Vectors, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
 from cascadenorm.regions.coincidence import coincident, joined_meshes
 from cascadenorm.registry import Method, find
@@ -119,7 +119,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
     every = [SeamlessMesh.of(mesh, isolate=controls["on_bad"] == "isolate") for mesh in meshes]
     with limit_threads(controls["threads"]):
         moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
-    return [one.moved(vertices, controls) for one, vertices in zip(every, moved, strict=True)]
+    return [one.moved(of.vertices, controls) for one, of in zip(every, moved, strict=True)]
 
 
 @takes_controls
@@ -171,8 +171,10 @@ def denoise_region_files(
         moved = _together(chosen, regions, given)
         seconds = watch.seconds()
         return [
-            written_file(file, vertices, chosen, given, every, seconds=seconds, force=force).summary
-            for file, vertices in zip(opened, moved, strict=True)
+            written_file(
+                file, of.vertices, chosen, given, every, removed=of.removed, seconds=seconds, force=force
+            ).summary
+            for file, of in zip(opened, moved, strict=True)
         ]
 
 
@@ -184,38 +186,49 @@ class Region(NamedTuple):
     dtype: np.dtype[Any]
 
 
-def _together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[NDArray[Any]]:
-    """Return the new vertices of each region in its type; regions that share vertices are denoised together."""
+class Moved(NamedTuple):
+    """The new vertices of a region in its type, and the displacements `removed` as `controlled` returns them."""
+
+    vertices: NDArray[Any]
+    removed: list[Vectors]
+
+
+def _together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[Moved]:
+    """Denoise regions; those that share vertices are denoised together."""
     if not regions:
         raise MeshError("no meshes are given", hint="give at least one")
-    out: list[NDArray[Any]] = [np.empty(0)] * len(regions)
+    out: dict[int, Moved] = {}
     first, groups = coincident([region.mesh for region in regions])
     owners = np.repeat(groups, [len(region.mesh.vertices) for region in regions])
     for group in np.unique(groups):
         mine, rows = np.flatnonzero(groups == group).tolist(), np.flatnonzero(owners == group)
         found = _group(method, [regions[i] for i in mine], np.searchsorted(rows, first[rows]), parameters)
-        for i, vertices in zip(mine, found, strict=True):
-            out[i] = vertices
-    return out
+        out |= dict(zip(mine, found, strict=True))
+    return [out[i] for i in range(len(regions))]
 
 
-def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[NDArray[Any]]:
-    """Return the new vertices of one group of regions; `first` maps each vertex to the first one it coincides with."""
+def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[Moved]:
+    """Denoise one group of regions; `first` maps each vertex to the first one it coincides with."""
+    removed: list[Vectors] = []
     if len(regions) == 1:
         only = regions[0]
-        return [controlled(method, only.mesh, parameters, only.controls, dtype=only.dtype)]
+        moved = controlled(method, only.mesh, parameters, only.controls, dtype=only.dtype, removed=removed)
+        return [Moved(moved, removed)]
 
     # Join the regions into one mesh of the coarsest type, so that every region can hold the result
     whole = joined_meshes([region.mesh for region in regions], first)
     over = welded(_concatenated(regions), whole.vertices.astype(np.int32))
     coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
-    moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest)
+    moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest, removed=removed)
 
     # Distribute the vertices to the regions; unmoved vertices keep their own bits
     still = (moved == whole.mesh.vertices.astype(coarsest)).all(axis=1)
     ends = np.cumsum([len(region.mesh.vertices) for region in regions])[:-1]
     return [
-        np.where(still[rows][:, None], region.mesh.vertices, moved[rows]).astype(region.dtype)
+        Moved(
+            np.where(still[rows][:, None], region.mesh.vertices, moved[rows]).astype(region.dtype),
+            [removed[0][rows]] if removed else [],
+        )
         for region, rows in zip(regions, np.split(whole.vertices, ends), strict=True)
     ]
 

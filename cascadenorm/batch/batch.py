@@ -61,11 +61,14 @@ class Batch(NamedTuple):
         Names of the files that were already done.
     failures
         Errors of the files that failed.
+    skipped
+        Names of files that were not read because `denoise` wrote them beside their sources.
     """
 
     lines: list[Line]
     kept: list[str]
     failures: list[Failure]
+    skipped: list[str]
 
 
 @takes_controls
@@ -156,7 +159,8 @@ def denoise_files(
     folder: str | Path = str(output).rstrip("/") if is_url(output) else Path(output)
     record = _manifest_path(folder, manifest)
     find = partial(find_jobs, sources, folder, format)
-    jobs = find()
+    skipped: list[str] = []
+    jobs = find(skipped=skipped)
     if watch is None:
         check_sources(sources, folder, jobs)
     if scheduler is None:
@@ -175,7 +179,7 @@ def denoise_files(
         else:
             names = ", ".join(listed(sources))
             run.all([], Watched(find, watch, lambda error: run.tell(Failure(names, error))))
-    return run.done
+    return run.done._replace(skipped=skipped)
 
 
 def _manifest_path(folder: str | Path, given: str | PathLike[str] | None) -> Path:
@@ -237,7 +241,7 @@ class _Run:
         self._busy: dict[Job, _Begun] = {}
         self._attempts: dict[Job, int] = {}
         self._found = self._ended = 0
-        self.done = Batch([], [], [])
+        self.done = Batch([], [], [], [])
 
     def all(self, jobs: list[Job], watched: Watched | None = None) -> None:
         """Denoise all files, including those that settle later; clean up processes and partial files even on error."""

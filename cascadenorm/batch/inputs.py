@@ -50,7 +50,9 @@ class _Found(NamedTuple):
     changed: int | str | None
 
 
-def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -> list[Job]:
+def find_jobs(
+    sources: Sources, folder: str | Path, format: str | None = None, *, skipped: list[str] | None = None
+) -> list[Job]:
     """List the files that exist now, with the paths of their results, largest first.
 
     Results keep the folder structure of the sources below their common folder, which for a pattern is the part before
@@ -66,6 +68,8 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
         Output folder, as a path or URL.
     format
         Format of the results. None keeps the format of each source.
+    skipped
+        Receives the names of the results of `denoise` that are not read.
 
     Raises
     ------
@@ -77,7 +81,8 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
     if any(remote) and not all(remote):
         raise ReadError("some sources are URLs and others are not: denoise them in separate batches")
     jobs: dict[str, Job] = {}
-    for found in _remote(places, str(folder)) if any(remote) else _local(places, Path(folder).resolve()):
+    left: list[str] = [] if skipped is None else skipped
+    for found in _remote(places, str(folder), left) if any(remote) else _local(places, Path(folder).resolve(), left):
         if found.identity in jobs:
             continue
         inside = PurePath(found.inside) if format is None else PurePath(found.inside).with_suffix(f".{format}")
@@ -86,20 +91,22 @@ def find_jobs(sources: Sources, folder: str | Path, format: str | None = None) -
     return sorted(jobs.values(), key=lambda job: (-job.size, job.source))
 
 
-def _local(places: Sequence[str], results: Path) -> Iterator[_Found]:
-    """Find local files."""
+def _local(places: Sequence[str], results: Path, skipped: list[str]) -> Iterator[_Found]:
+    """Find local files; add results of `denoise` to `skipped`."""
     base = _common([_fixed_part(place) for place in places])
     folders: dict[Path, Path] = {}
-    for path in (path for place in places for path in _files(place)):
+    left: list[str] = []
+    for path in (path for place in places for path in _files(place, left)):
         if path.parent not in folders:
             folders[path.parent] = Path(os.path.realpath(path.parent))  # once per folder: network shares are slow
         real = Path(os.path.realpath(path)) if os.path.islink(path) else folders[path.parent] / path.name
         if results not in real.parents:
             yield _Found(str(real), str(path), os.path.relpath(path.absolute(), base), *_state(path))
+    skipped += [name for name in dict.fromkeys(left) if results not in Path(os.path.realpath(name)).parents]
 
 
-def _remote(places: Sequence[str], results: str) -> Iterator[_Found]:
-    """Find files at URLs."""
+def _remote(places: Sequence[str], results: str, skipped: list[str]) -> Iterator[_Found]:
+    """Find files at URLs; add results of `denoise` to `skipped`."""
     parts = [fixed_part(place).split("/") for place in places]
     shared = [names[0] for names in takewhile(lambda names: len(set(names)) == 1, zip(*parts, strict=False))]
     base = "/".join(shared)
@@ -109,9 +116,11 @@ def _remote(places: Sequence[str], results: str) -> Iterator[_Found]:
         found = files_at(place)
         names = {file.url for file in found}
         for file in found:
-            single = file.url == place
-            taken = is_mesh_name(Path(file_name(file.url))) and not _is_result(file.url, names)
-            if (single or taken) and not file.url.startswith(f"{results}/"):
+            if file.url.startswith(f"{results}/"):
+                continue
+            if file.url != place and _is_result(file.url, names):
+                skipped.append(file.url)
+            elif file.url == place or is_mesh_name(Path(file_name(file.url))):
                 inside = without_query(file.url).removeprefix(f"{base}/")
                 yield _Found(file.url, file.url, inside, file.size, file.version)
 
@@ -160,7 +169,8 @@ def _state(path: Path) -> tuple[int, int | None]:
     return found.st_size, found.st_mtime_ns
 
 
-def _files(place: str) -> Iterable[Path]:
+def _files(place: str, skipped: list[str]) -> Iterable[Path]:
+    """List the files of a source; add results of `denoise` beside their sources to `skipped`."""
     if has_magic(place) and not os.path.exists(place):
         found = [Path(name) for name in sorted(glob(place, recursive=True))]
     elif os.path.isdir(place):
@@ -170,8 +180,10 @@ def _files(place: str) -> Iterable[Path]:
     else:
         return [Path(place)]
     names = {str(path) for path in found}
-    meshes = [path for path in found if is_mesh_name(path) and not _is_result(str(path), names)]
-    return [path for path in meshes if _may_be_file(path)]
+    files = [path for path in found if is_mesh_name(path) and _may_be_file(path)]
+    results = {path for path in files if _is_result(str(path), names)}
+    skipped += sorted(map(str, results))
+    return [path for path in files if path not in results]
 
 
 def _is_result(name: str, names: Container[str]) -> bool:

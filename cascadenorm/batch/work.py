@@ -129,6 +129,8 @@ def file_and_buffers_digest(path: Path) -> str:
             return file_digest(path)
         parts = [path.parent / name for name, needed in io.read(path).refers_to().items() if needed]
         return hashlib.sha256("".join(map(file_digest, [path, *parts])).encode()).hexdigest()
+    except FileNotFoundError as error:
+        raise ReadError(f"{path} does not exist: check the name") from error
     except OSError as error:
         raise ReadError(f"{path} cannot be read: {error.strerror or error}") from error
 

@@ -85,7 +85,7 @@ def demo(
         if path.exists():
             check_output(path, force=force)
     try:
-        progress(task, 0, total, "compiling, the first time")
+        progress(task, 0, total, "loading kernels")
         _warm_up(methods)
         examples: list[Example] = []
         for name in EXAMPLES:

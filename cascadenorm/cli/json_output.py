@@ -42,7 +42,7 @@ def faults_json(before: Mesh, after: Mesh) -> dict[str, Any]:
 def batch_json(done: Batch) -> dict[str, Any]:
     """Return the outcome of the files of a batch."""
     failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
-    return {"files": done.lines, "kept": done.kept, "failures": failures}
+    return {"files": done.lines, "kept": done.kept, "skipped": done.skipped, "failures": failures}
 
 
 def inspected_json(found: Inspection) -> dict[str, Any]:

@@ -29,6 +29,32 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object;
 
 OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
 """Controls that have a command line option."""
+OTHER_OPTIONS = frozenset(
+    [
+        "count",
+        "crop",
+        "dataset",
+        "distance",
+        "drop_components",
+        "force",
+        "keep",
+        "limits",
+        "log",
+        "manifest",
+        "memory",
+        "noise",
+        "retries",
+        "scheduler",
+        "seeds",
+        "split",
+        "timeout",
+        "values",
+        "watch",
+        "weld",
+        "workers",
+    ]
+)
+"""Further keyword arguments with an option of the same name; no parameter of a method has such a name."""
 
 Command = Callable[..., None]
 
@@ -38,8 +64,7 @@ def spelled(name: str, value: object = None) -> str:
     if name in OPTIONS:
         option = OPTIONS[name].option
         return option if value is None or OPTIONS[name].about.flag else f"{option} {value}"
-    options = "force", "timeout", "weld", "drop_components"
-    return f"--{name.replace('_', '-')}" if name in options else name
+    return f"--{name.replace('_', '-')}" if name in OTHER_OPTIONS else name
 
 
 def control_options(*names: str) -> Callable[[Command], Command]:

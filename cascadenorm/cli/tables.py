@@ -30,6 +30,8 @@ if TYPE_CHECKING:  # imported for type checking only, because the import is slow
 BARS = "▁▂▃▄▅▆▇█"
 COARSE_RESOLUTION = 0.01
 """Resolution of the number type, in mean edge lengths, above which it is reported."""
+NAMED = 3
+"""Maximum number of skipped files that are listed by name."""
 PLAIN_WIDTH = 120
 """Width of a table in characters if the output is not a terminal."""
 
@@ -71,6 +73,9 @@ def print_batch(done: Batch, output: str) -> None:
     print(f"{counted(denoised, 'file')} denoised; {seconds:.1f} s in all processes, {method:.1f} s of which denoising")
     if done.kept:
         print(f"{counted(len(done.kept), 'file')} skipped: done already")
+    if done.skipped:
+        names = ", ".join([*done.skipped[:NAMED], *(["…"] if len(done.skipped) > NAMED else [])])
+        print(f"{counted(len(done.skipped), 'file')} skipped: results of `denoise` beside their sources ({names})")
     if done.failures:
         print(f"{counted(len(done.failures), 'file')} failed")
     if denoised or done.kept:
@@ -88,7 +93,8 @@ def print_filling(target: Path, done: Filling, max_edges: int | None) -> None:
 
 def _option(name: str, value: object) -> str:
     option = OPTIONS[name].option.removeprefix("--")
-    return option if OPTIONS[name].about.flag else f"{option} {value}"
+    text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else value
+    return option if OPTIONS[name].about.flag else f"{option} {text}"
 
 
 def print_left_out(losses: Sequence[str]) -> None:

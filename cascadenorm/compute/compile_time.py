@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-NOTICE = "compiling kernels (first run only)"
+NOTICE = "compiling kernels for their first use"
 
 
 class _Clock:

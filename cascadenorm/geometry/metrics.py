@@ -10,6 +10,9 @@ from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.geometry.volume import is_closed
 from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, scaled_alike
 
+APART = 0.5
+"""Mean distance of the vertices to the ground truth, in diagonals of the smaller mesh, above which the two meshes are
+unrelated."""
 LEAST_SIZE = 1e-90
 """Smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow."""
 
@@ -81,8 +84,8 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     Raises
     ------
     MeshError
-        No pair of compared faces has two normals, the ground truth has no extent, or the sizes of the meshes differ too
-        much.
+        No pair of compared faces has two normals, the ground truth has no extent, the sizes of the meshes differ too
+        much, or the meshes are so far apart that no measure would mean anything.
     """
     mesh, reference = scaled_alike(mesh, reference)  # does not change any measure
     sizes = sorted([mesh.diagonal, reference.diagonal])
@@ -97,6 +100,7 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
         raise MeshError("no face has an area in both meshes: there are no normals to compare")
     areas = (reference if np.array_equal(mesh.faces, reference.faces) else mesh).areas[known]
     there = away.distances[mesh.topology.used_vertices]
+    _check_related(mesh, reference, float(there.mean()))
     back = SurfaceTree(mesh).nearest(_used_vertices(reference)).distances
     return Measures(
         normal_error_deg=float(angles.mean()),
@@ -142,6 +146,18 @@ def angles_at_faces(ours: Vectors, theirs: Vectors) -> NDArray[np.float64]:
     angles = np.full(len(ours), np.nan)
     angles[ours.any(axis=1) & theirs.any(axis=1)] = np.degrees(angles_between(ours, theirs))
     return angles
+
+
+def _check_related(mesh: Mesh, reference: Mesh, distance: float) -> None:
+    """Raise MeshError if the mean distance of the vertices to the ground truth shows that the meshes are unrelated."""
+    if distance <= APART * min(mesh.diagonal, reference.diagonal):
+        return
+    sizes = mesh.diagonal / reference.diagonal
+    units = f", and it is {sizes:.3g} times as large" if not 0.1 < sizes < 10 else ""
+    raise MeshError(
+        f"the mesh is {distance / reference.diagonal:.3g} diagonals of the reference away from it on average{units}: "
+        "bring both to one unit and one place, and check that they show the same object"
+    )
 
 
 def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:

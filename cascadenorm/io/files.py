@@ -35,6 +35,7 @@ from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile, is_vtk
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.streams import write_stream
+from cascadenorm.io.urls import is_url
 from cascadenorm.io.usd.usd import USD, is_openusd_installed, layer_format
 from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind
 from cascadenorm.io.vtk import MESHIO, is_installed
@@ -306,6 +307,8 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
         if not hasattr(source, "read"):
             raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
         return str(getattr(source, "name", "the stream")), None, source.read()
+    if is_url(source):
+        raise ReadError(f"{os.fspath(source)} is a URL: download the file first")
     path = Path(source)
     try:
         return str(path), None if is_special(path) else path.parent, path.read_bytes()

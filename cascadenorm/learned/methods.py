@@ -132,12 +132,12 @@ class Treated:
     given: bool = False
 
     def __str__(self) -> str:
-        """Return a phrase, such as "measured surface, 0.93"."""
+        """Return a phrase, such as "measured surface (probability 0.93)"."""
         name = self.treatment.replace("-", " ")
         if self.given:
             return f"{name} (as set)"
-        phrase = f"{name}, {self.probability:.2f}"
-        return phrase if self.share == 1 else f"{phrase} ({self.share:.0%} of the faces)"
+        share = "" if self.share == 1 else f", {int(100 * self.share)}% of the faces"  # 99.8 % are not all
+        return f"{name} (probability {self.probability:.2f}{share})"
 
 
 def treated(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Treated | None:

@@ -55,7 +55,8 @@ class Topology:
     def face_rings(self, ring: int) -> Csr:
         """Return the faces within `ring` steps of each face, without the face itself.
 
-        One step leads to all faces that share a vertex.
+        One step leads to all faces that share a vertex; where more than MOST_AROUND faces share one, to as many with
+        the next lower and the next higher numbers.
         """
         if ring < 1:
             raise ValueError(f"ring is {ring}; it must be at least 1")

@@ -9,6 +9,12 @@ from cascadenorm.compute.arrays import Ints, Ints32, doubled
 from cascadenorm.compute.csr import Csr
 from cascadenorm.compute.kernels import kernel
 
+MOST_AROUND = 128
+"""Number of faces before and after a face, in the list of faces around a vertex, that are its neighbours at the vertex.
+
+It bounds neighbourhoods where many faces meet at one vertex or edge. If fewer faces meet, all of them are neighbours.
+"""
+
 
 @kernel
 def count_groups(numbers: Ints32, counts: Ints) -> None:
@@ -164,6 +170,22 @@ def color_vertices(start: int, stop: int, faces: Ints32, around: Csr, colors: In
 
 
 @kernel
+def _near(around: Csr, vertex: int, face: int) -> tuple[int, int]:
+    """Return start and stop of the neighbours of a face in the ascending list of faces around one of its vertices."""
+    first, last = around.indptr[vertex], around.indptr[vertex + 1]
+    if last - first <= MOST_AROUND + 1:
+        return first, last
+    low, high = first, last - 1  # binary search
+    while low < high:
+        middle = (low + high) // 2
+        if around.indices[middle] < face:
+            low = middle + 1
+        else:
+            high = middle
+    return max(first, low - MOST_AROUND), min(last, low + MOST_AROUND + 1)
+
+
+@kernel
 def face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int) -> tuple[Ints, Ints32]:
     """Search breadth first from each face in start … stop; return the row lengths and the faces found."""
     seen = np.full(len(faces), -1, np.int32)
@@ -180,8 +202,8 @@ def face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int
             for i in range(level_size):
                 center = f if step == 0 else found[level_start + i]
                 for corner in range(3):
-                    v = faces[center, corner]
-                    for k in range(around.indptr[v], around.indptr[v + 1]):
+                    near, end_of_near = _near(around, faces[center, corner], center)
+                    for k in range(near, end_of_near):
                         g = around.indices[k]
                         if seen[g] == f:
                             continue

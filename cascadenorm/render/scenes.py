@@ -107,7 +107,7 @@ def scene(meshes: list[Mesh], names: Sequence[str], style: Style) -> Scene:
         return Scene(shown, captions, [None] * len(shown), None, (0.0, 1.0), unit, style)
     other = scaled[-1] if others else shown[0]
     plain = QUANTITIES[style.values].against is not None and not others
-    keys = [f"{number}" for number in range(len(shown))]
+    keys = [f"mesh {number}" for number in range(1, len(shown) + 1)]
     seen = dict(zip(keys[plain:], shown[plain:], strict=True))
     found = field(style.values, seen, other, unit)
     limits = style.limits or found.limits
@@ -162,13 +162,14 @@ def panels(scene: Scene, cameras: Sequence[Camera]) -> list[Panel]:
 
 
 def color_bar(scene: Scene) -> Bar | None:
-    """Return the colour bar of the values; its label names the reference if one is given."""
+    """Return the colour bar of the values; its label names the mesh that they refer to."""
     if scene.quantities is None:
         return None
     quantity = scene.quantities.quantity
     label = f"{quantity.label} ({quantity.unit})" if quantity.unit else quantity.label
     if scene.style.reference is not None:
-        label = label.replace("the input", "the reference")
+        label = label.replace("the input", "the reference").replace("the truth", "the reference")
+    label = label.replace("the truth", "the first mesh")
     return Bar(label, scene.limits, quantity.signed)
 
 

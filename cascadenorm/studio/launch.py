@@ -27,7 +27,9 @@ def studio(
     Raises
     ------
     ReadError
-        The file does not exist or is too large. Errors in its content are shown on the page.
+        The file does not exist, is too large, or is not a mesh.
+    MeshError
+        The file has no faces. Invalid vertices and faces are isolated instead.
     OutputError
         The port is in use.
     MissingDependencyError

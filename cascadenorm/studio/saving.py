@@ -66,7 +66,14 @@ def save(
     check_target(bench.file, target, format=format, force=force)
     opened = Opened(bench.path, target, format, bench.file, bench.mesh, asked.controls)
     done = written_file(
-        opened, result.vertices, asked.method, asked.parameters, asked.controls, seconds=result.seconds, force=force
+        opened,
+        result.vertices,
+        asked.method,
+        asked.parameters,
+        asked.controls,
+        removed=(),  # the page has told the kind of error already
+        seconds=result.seconds,
+        force=force,
     )
     write_together([(path, [_npy(values)]) for path, values in painted.values()], force=force)
     sidecars = bench.file.may_write(target) if format == bench.file.format else ()

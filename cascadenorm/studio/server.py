@@ -86,13 +86,17 @@ async def _end_without_pages(session: Session, server: uvicorn.Server) -> None:
 
 
 def _check_file(path: Path, most: int) -> None:
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise ReadError(f"{path} cannot be read: {error.strerror or error}") from None
-    if path.is_dir():
-        raise ReadError(f"{path} is a folder", hint="give the name of a mesh file in it")
-    check_size(str(path), size, most, most)
+    """Raise the errors of `denoise` for a file that is too large or no mesh; the page isolates invalid vertices."""
+    from cascadenorm import io  # here: loads the numerical packages
+    from cascadenorm.io.interop import mesh_of_file
+
+    if path.is_file():
+        check_size(str(path), path.stat().st_size, most, most)
+    elif path.exists() and not path.is_dir():
+        raise ReadError(f"{path} is a pipe or a device", hint="give the name of a mesh file")
+    file = io.read(path)
+    if not len(file.polygons):
+        mesh_of_file(file, str(path))  # raises MeshError
 
 
 def _listening(port: int) -> socket.socket:

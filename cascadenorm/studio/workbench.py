@@ -62,10 +62,11 @@ class Result(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Results of a method on the whole and the coarse mesh, as `controlled` uses and fills them."""
+    """Results of a method on the whole and the coarse mesh, and `removed`, as `controlled` uses and fills them."""
 
     whole: list[Vectors]
     coarse: list[Vectors]
+    removed: list[Vectors]
 
 
 class Workbench:
@@ -165,17 +166,16 @@ class Workbench:
             asked = self.asked(settings)
             watch = Stopwatch()
             vertices = self._controlled(asked, listener)
-            known = Result(vertices, watch.seconds(), *self._error(asked, vertices))
+            known = Result(vertices, watch.seconds(), *self._error(asked))
         self._results[key] = known
         if len(self._results) > KEPT:
             del self._results[next(iter(self._results))]
         return known
 
-    def _error(self, asked: Chosen, vertices: NDArray[Any]) -> tuple[str | None, str | None]:
-        """Return the kind of error that was removed and what the mesh was treated as, in words."""
+    def _error(self, asked: Chosen) -> tuple[str | None, str | None]:
+        """Return the kind of error of the mesh and what the mesh was treated as, in words."""
         small, exponent = in_frame(without_lines(self.mesh))
-        moves = np.ldexp(vertices - self.mesh.vertices, -exponent)
-        found = error_found(asked.method, small, exponent, moves, asked.parameters, asked.controls["strength"])
+        found = error_found(asked.method, small, exponent, self._steps_of(asked).removed, asked.parameters)
         error, treated_as = (None if found[name] is None else str(found[name]) for name in ("error", "treated_as"))
         return error, treated_as
 
@@ -183,8 +183,10 @@ class Workbench:
         controls: Controls = {**asked.controls, "progress": listener}
         dtype = self.file.positions.dtype
         with limit_threads(controls["threads"]):
-            steps = self._steps_of(asked).whole
-            return controlled(asked.method, self.mesh, asked.parameters, controls, dtype=dtype, steps=steps)
+            steps, _, removed = self._steps_of(asked)
+            return controlled(
+                asked.method, self.mesh, asked.parameters, controls, dtype=dtype, steps=steps, removed=removed
+            )
 
     def _preview(self, coarse: Coarse, asked: Chosen, listener: Listener) -> bytes:
         controls: Controls = {**coarse.controls(asked.controls, self.mesh), "progress": listener}
@@ -209,5 +211,5 @@ class Workbench:
             self._steps_key, self._steps = key, {}
         step = step_key(asked.method, asked.controls["strength"])
         if step not in self._steps:
-            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {step: Steps([], [])}
+            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {step: Steps([], [], [])}
         return self._steps[step]

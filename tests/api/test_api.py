@@ -400,7 +400,8 @@ def test_methods_list_parameters_with_ranges_and_sources():
 def test_public_names_all_load():
     for name in cn.__all__:
         assert getattr(cn, name) is not None
-    assert set(cn.__all__) <= set(dir(cn))
+    assert [name for name in dir(cn) if not name.startswith("__")] == sorted(cn.__all__)
+    assert "__version__" in dir(cn)
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         cn.nonsense  # noqa: B018 - the access is the test
 

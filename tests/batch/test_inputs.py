@@ -1,6 +1,7 @@
 """Which files a batch takes, and where their results go."""
 
 import errno
+import json
 import os
 from pathlib import Path
 
@@ -31,13 +32,36 @@ def test_results_of_denoise_beside_their_sources_are_no_input(place, capsys):
     scans(place / "scans", 2)
     for name in ("a/0_denoised.ply", "a/0_denoised.stl", "b/other_denoised.ply"):
         save_mesh(place / "scans" / name, BALL)
-    for sources in ("scans", "scans/**/*"):
-        found = {job.output for job in find_jobs(sources, Path("out"))}
+    (place / "out").mkdir()
+    save_mesh(place / "out" / "0.ply", BALL)
+    save_mesh(place / "out" / "0_denoised.ply", BALL)
+    for sources in ("scans", "scans/**/*", ["scans", "scans/a/*", "out"]):
+        skipped = []
+        found = {
+            job.output.removeprefix("out/scans/").removeprefix("out/")
+            for job in find_jobs(sources, Path("out"), skipped=skipped)
+        }
+        assert skipped == [str(Path("scans/a/0_denoised.ply"))]
         # without a source beside them they may be anything
-        assert found == {"out/a/0.ply", "out/b/0.ply", "out/a/0_denoised.stl", "out/b/other_denoised.ply"}
+        assert found == {"a/0.ply", "b/0.ply", "a/0_denoised.stl", "b/other_denoised.ply"}
     assert [job.output for job in find_jobs("scans/a/0_denoised.ply", Path("out"))] == ["out/0_denoised.ply"]
-    assert run(["batch", "scans/a/0.ply", "-o", "out", *FAST, "--workers", "1"]) == 0
-    assert "the results are in out\n" in capsys.readouterr().out
+    assert run(["batch", "scans/a/0.ply", "-o", "out1", *FAST, "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "the results are in out1\n" in said and "skipped" not in said
+    assert run(["batch", "scans/a", "-o", "out2", *FAST, "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert f"1 file skipped: results of `denoise` beside their sources ({Path('scans/a/0_denoised.ply')})\n" in said
+    assert run(["batch", "scans/a", "-o", "out2", *FAST, "--workers", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["skipped"] == [str(Path("scans/a/0_denoised.ply"))]
+
+
+def test_a_format_that_cannot_be_read_is_the_fault_of_the_source_and_not_of_the_result(place, capsys):
+    scans(place / "scans", 1)
+    (place / "scans" / "part.fbx").write_text("no mesh", encoding="ascii")
+    assert run(["batch", "scans/part.fbx", "-o", "out", *FAST, "--workers", "1"]) == 6
+    assert "scans/part.fbx: 'fbx' is not a supported mesh format" in capsys.readouterr().err.replace(os.sep, "/")
+    assert run(["denoise", "scans/a/0.ply", "-o", "0.fbx", *FAST]) == 5
+    assert "the format 'fbx' cannot be written" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_listed_is_not_passed_over(place, monkeypatch):

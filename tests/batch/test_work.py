@@ -29,7 +29,7 @@ def test_a_file_that_changes_while_it_is_read_is_tried_again(place):
     assert (missing.status, missing.then) == ("failed", "go on")
     gone = work(settings, Task(Job("a/1.ply", "out/a/1.ply", 10, 5), None))  # since it was listed
     assert (gone.status, gone.then) == ("failed", "again")
-    assert str(missing.error) == "a/1.ply cannot be read: No such file or directory"
+    assert str(missing.error) == "a/1.ply does not exist: check the name"
 
 
 class OfLibrary(Exception):

@@ -14,6 +14,7 @@ from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.cli import run
+from cascadenorm.cli.options import OTHER_OPTIONS
 from cascadenorm.controls import CONTROLS
 from cascadenorm.io.interop import save_mesh
 
@@ -44,6 +45,66 @@ def refused(capsys, *arguments: str) -> tuple[int, str]:
     assert out == "" and "Traceback" not in err
     assert err.startswith("cascadenorm: ") and err.count("\n") == 1
     return code, err
+
+
+# outputs
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "denoise ball.ply -o new/out.ply",
+        "denoise ball.ply --report new/r.html",
+        "denoise ball.ply -o new/out.ply --memory 1GB",
+        "inspect ball.ply --report new/r.html",
+        "compare ball.ply true.ply --report new/r.html",
+        "fill-holes ball.ply -o new/out.ply",
+        "render ball.ply -o new/a.png",
+        "render ball.ply -o a.png --turntable new/a.webp",
+        "train --quick -o new/w.safetensors",
+        "train --quick --log new/log.csv",
+        "train-gate ball.ply ball.ply -o new/w.safetensors",
+        "models --hub new/card.md",
+        "evaluate . --csv new/a.csv",
+        "evaluate . --markdown new/a.md",
+        "evaluate . --latex new/a.tex",
+        "evaluate . --html new/a.html",
+    ],
+)
+def test_an_output_in_a_folder_that_does_not_exist_is_refused_before_any_work(place, capsys, arguments):
+    before = sorted(place.rglob("*"))
+    code, message = refused(capsys, *arguments.split())
+    assert code == 5 and "the folder new does not exist: create it first" in message
+    assert sorted(place.rglob("*")) == before
+
+
+# messages
+
+
+def test_arguments_are_named_as_options_and_parameters_of_methods_are_not(place, capsys):
+    assert not OTHER_OPTIONS & {name for method in cn.methods().values() for name in method.settings}
+    for arguments, told in (
+        ("render ball.ply -o a.png --values bogus", "--values is 'bogus'; it must be one of angle, "),
+        ("batch ball.ply -o out --memory much", "--memory is 'much'"),
+        ("denoise ball.ply --scheduler local", "--scheduler works on patches"),
+        ("denoise ball.ply --method laplacian --set iterations=-1", "iterations is -1"),
+    ):
+        code, message = refused(capsys, *arguments.split())
+        assert code == 2 and message.startswith(f"cascadenorm: {told}")
+
+
+def test_the_mesh_that_does_not_fit_the_reference_is_named(place, capsys):
+    save_mesh(place / "other.ply", grid(3, 3))
+    code, message = refused(
+        capsys, *["render", "ball.ply", "true.ply", "-o", "a.png", "--values", "angle", "--reference", "other.ply"]
+    )
+    assert code == 4 and "mesh 1 does not have the same faces as the mesh that it is compared with" in message
+
+
+@pytest.mark.parametrize("name", ["inspect", "compare true.ply", "render -o a.png"])
+def test_a_url_is_named_as_one_by_commands_that_read_files(place, capsys, name):
+    code, message = refused(capsys, *name.split(), "https://example.org/a.ply")
+    assert code == 3 and message == "cascadenorm: https://example.org/a.ply is a URL: download the file first\n"
 
 
 # denoise

@@ -102,12 +102,11 @@ def test_what_a_mesh_is_treated_as_can_be_overruled(gated, tmp_path):
     path = tmp_path / "both.safetensors"
     path.write_bytes(gated.to_bytes())
     ball = noisy(icosphere(3), 0.2)
-    assert str(treated(ball, model=path)) == "vertex noise, 0.90"
+    assert str(treated(ball, model=path)) == "vertex noise (probability 0.90)"
     assert str(treated(ball, model=path, treat_as="measured-surface")) == "measured surface (as set)"
     mixed = side_by_side(ball, noisy(grid(8, 8), 0.1))
-    assert (
-        str(treated(mixed, model=path)) == f"vertex noise, 0.90 ({len(ball.faces) / len(mixed.faces):.0%} of the faces)"
-    )
+    share = f"{100 * len(ball.faces) // len(mixed.faces)}%"
+    assert str(treated(mixed, model=path)) == f"vertex noise (probability 0.90, {share} of the faces)"
     asked = cn.denoise(ball, model=path, treat_as="measured-surface").vertices
     default = cn.denoise(ball, model=path).vertices
     assert not np.allclose(asked, default)

@@ -5,6 +5,8 @@ from shapes import cube, grid, icosphere, noisy
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.mesh import Mesh, MeshError
 
+BALL = icosphere(3)
+
 
 def turned(mesh: Mesh, degrees: float, axis: int) -> Mesh:
     """Return the mesh turned about a coordinate axis."""
@@ -146,6 +148,25 @@ def test_vertices_without_a_face_count_nowhere():
     clean, rough = icosphere(2), noisy(icosphere(2), 0.1)
     stray = [Mesh(np.concatenate([m.vertices, [[1e300, 0, 5]]]), m.faces) for m in (rough, clean)]
     assert vars(measure(*stray)) == pytest.approx(vars(measure(rough, clean)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "told"),
+    [
+        (BALL.moved(BALL.vertices + np.array([9, 0, 0])), r"2\.\d+ diagonals of the reference away from it"),
+        (BALL.moved(1000 * BALL.vertices), r"and it is 1e\+03 times as large:"),
+        (BALL.moved(0.001 * BALL.vertices), "and it is 0.001 times as large:"),
+    ],
+)
+def test_meshes_that_have_nothing_to_do_with_each_other_are_refused(mesh, told):
+    with pytest.raises(MeshError, match=told):
+        measure(mesh, BALL)
+
+
+def test_a_part_of_the_reference_and_a_rough_mesh_are_measured():
+    cap = Mesh(BALL.vertices, BALL.faces[BALL.centroids[:, 2] > 0.9])
+    assert measure(cap, BALL).normal_error_deg == 0
+    measure(noisy(BALL, 2.0), BALL)
 
 
 def test_meshes_of_sizes_beyond_measure_are_refused():

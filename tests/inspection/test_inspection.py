@@ -377,10 +377,36 @@ def test_local_noise_is_none_of_a_clean_plane_and_unknown_at_its_boundary():
     assert np.isnan(local_noise(grid(1, 1))).all()
 
 
-def test_inspect_and_denoise_tell_the_same_noise_and_kind_of_error(tmp_path):
-    save_mesh(tmp_path / "rough.ply", noisy(icosphere(4), 0.1))
-    found = inspect(tmp_path / "rough.ply")
-    done = cn.denoise_file(tmp_path / "rough.ply")
-    assert found.error is not None and done.error is not None
-    assert found.noise == found.error.size == pytest.approx(done.error.size, rel=1e-3)
-    assert (found.error.kind, found.treated_as) == (done.error.kind, done.treated_as)
+@pytest.fixture(scope="module")
+def rough(tmp_path_factory):
+    """A noisy hemisphere with a flipped face, and what `inspect` finds in it."""
+    ball = icosphere(3)
+    faces = ball.faces[ball.centroids[:, 2] > -0.1]
+    faces = np.vstack([faces[:1, ::-1], faces[1:]])
+    file = tmp_path_factory.mktemp("rough") / "rough.ply"
+    save_mesh(file, noisy(Mesh(ball.vertices, faces), 0.1))
+    return file, inspect(file)
+
+
+@pytest.mark.parametrize(
+    "controls",
+    [
+        {},
+        {"strength": 0.3},
+        {"strength": 2.5},
+        {"max_displacement": 0.01},
+        {"boundary": "fixed"},
+        {"only": range(400)},
+        {"volume": "keep"},
+    ],
+    ids=str,
+)
+def test_denoise_tells_the_error_that_inspect_tells_whatever_the_strength_and_the_limits(rough, tmp_path, controls):
+    file, found = rough
+    done = cn.denoise_file(file, tmp_path / "out.ply", **controls)
+    assert found.error is not None and found.noise == found.error.size
+    assert (done.error, done.treated_as) == (found.error, found.treated_as)
+
+
+def test_denoise_tells_no_error_if_nothing_is_to_move(rough, tmp_path):
+    assert cn.denoise_file(rough[0], tmp_path / "out.ply", strength=0).error is None

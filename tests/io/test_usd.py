@@ -2,6 +2,8 @@
 
 import io as streams
 import re
+import subprocess
+import sys
 import zipfile
 
 import numpy as np
@@ -234,7 +236,27 @@ def test_damaged_bytes_are_refused(capfd):
     for end in (9, 30, len(data) // 2, len(data) - 1):
         with pytest.raises(io.ReadError, match="a section of it runs past its end"):
             read(data[:end], "usdc")
+    for row in range(table + 8, len(data) - 31, 32):
+        begin = int.from_bytes(data[row + 16 : row + 24], "little")
+        for byte in (3, 4, 7):  # of the number of entries
+            damaged = data[: begin + byte] + b"\x47" + data[begin + byte + 1 :]
+            with pytest.raises(io.ReadError, match="a section of it declares more entries than it can hold"):
+                read(damaged, "usdc")
     assert capfd.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("at", "byte"), [(96, 7), (97, 8)])
+def test_a_layer_that_lists_prims_it_does_not_have_is_refused(tmp_path, at, byte):
+    """The number of children of the root is damaged; OpenUSD aborts if it is asked for what they refer to."""
+    ball = io.from_arrays(icosphere(1).vertices.astype(np.float32), icosphere(1).faces)
+    whole = streams.BytesIO()
+    io.write(ball, whole, format="usdc")
+    data = bytearray(whole.getvalue())
+    data[at] = byte
+    (tmp_path / "bad.usdc").write_bytes(data)
+    command = [sys.executable, "-m", "cascadenorm", "inspect", str(tmp_path / "bad.usdc")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 3 and "there is no mesh in this usdc file" in done.stderr
 
 
 def test_animated_points_are_refused():

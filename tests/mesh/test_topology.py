@@ -2,6 +2,11 @@ import numpy as np
 from shapes import icosphere
 
 from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.topology_kernels import MOST_AROUND
+
+
+def row(rings, face: int) -> list[int]:
+    return rings.indices[rings.indptr[face] : rings.indptr[face + 1]].tolist()
 
 
 def test_three_faces_at_an_edge_are_no_pair():
@@ -18,3 +23,43 @@ def test_across_and_back():
     shared = [set(sphere.faces[f]) & set(sphere.faces[across[f, side]]) for f in range(320) for side in range(3)]
     expected = [{sphere.faces[f, side], sphere.faces[f, (side + 1) % 3]} for f in range(320) for side in range(3)]
     assert shared == expected
+
+
+def leaves(count: int) -> Mesh:
+    """Return faces that all share the edge from vertex 0 to vertex 1, like the leaves of a book."""
+    angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    around = np.stack([np.cos(angles), np.sin(angles), np.full(count, 0.5)], axis=1)
+    corners = np.stack([np.zeros(count), np.ones(count), np.arange(count) + 2], axis=1)
+    return Mesh(np.vstack([[[0, 0, 0], [0, 0, 1]], around]), corners.astype(int))
+
+
+def test_all_faces_around_a_vertex_are_neighbours():
+    topology = leaves(MOST_AROUND + 1).topology
+    rings = topology.face_rings(1)
+    for f in (0, 60, MOST_AROUND):
+        assert sorted(row(rings, f)) == sorted(set(range(MOST_AROUND + 1)) - {f})
+
+
+def test_neighbourhoods_grow_with_the_number_of_faces_on_an_edge_and_not_with_its_square():
+    sizes = [len(leaves(count).topology.face_rings(1).indices) for count in (1000, 2000, 4000)]
+    assert sizes[0] <= 1000 * 2 * MOST_AROUND
+    assert sizes[2] - sizes[1] == 2 * (sizes[1] - sizes[0]) == 2000 * 2 * MOST_AROUND
+
+
+def test_bounded_neighbourhoods_are_mutual_and_those_of_a_part_of_the_mesh():
+    whole = leaves(1000)
+    rings = whole.topology.face_rings(1)
+    neighbors = [set(row(rings, f)) for f in range(1000)]
+    assert neighbors[500] == set(range(500 - MOST_AROUND, 501 + MOST_AROUND)) - {500}
+    assert all(f in neighbors[g] for f in range(1000) for g in neighbors[f])
+
+    # the order of the faces is that of the whole mesh, and all neighbours of face 500 are there
+    kept = np.array(sorted({3, 90, 900} | neighbors[500] | {500}))
+    part = Mesh(whole.vertices, whole.faces[kept]).topology.face_rings(1)
+    assert set(kept[row(part, int(np.searchsorted(kept, 500)))]) == neighbors[500]
+
+
+def test_the_second_ring_is_the_union_of_the_neighbours_of_the_first():
+    rings = [leaves(1000).topology.face_rings(ring) for ring in (1, 2)]
+    first = [set(row(rings[0], f)) for f in range(1000)]
+    assert set(row(rings[1], 500)) == set().union(*(first[g] for g in first[500])) - {500}

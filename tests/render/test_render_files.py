@@ -60,9 +60,18 @@ def test_the_first_mesh_is_what_others_are_compared_with(tmp_path):
     assert (picture[:100, 112:212] != plain[:100, 112:212]).any()
 
 
-@pytest.mark.parametrize(("reference", "label"), [(None, "Angle to the input"), (BALL, "Angle to the reference")])
-def test_the_bar_names_the_mesh_that_angles_are_measured_from(tmp_path, reference, label):
-    draw([ROUGH, BALL], tmp_path / "a.svg", Style(size=64, values="angle", reference=reference), names=["a", "b"])
+@pytest.mark.parametrize(
+    ("values", "reference", "label"),
+    [
+        ("angle", None, "Angle to the input"),
+        ("angle", BALL, "Angle to the reference"),
+        ("normal-error", None, "Angle to the first mesh"),
+        ("normal-error", BALL, "Angle to the reference"),
+        ("distance", BALL, "Distance to the reference"),
+    ],
+)
+def test_the_bar_names_the_mesh_that_values_are_measured_from(tmp_path, values, reference, label):
+    draw([ROUGH, BALL], tmp_path / "a.svg", Style(size=64, values=values, reference=reference), names=["a", "b"])
     assert label in (tmp_path / "a.svg").read_text(encoding="utf-8")
 
 

@@ -426,21 +426,32 @@ def test_a_coarse_preview_comes_first_newer_requests_end_older_ones_and_a_crash_
     assert not Path(f"/proc/{worker}").exists()
 
 
-def test_a_file_that_is_no_mesh_is_told_on_the_page(tmp_path):
-    (tmp_path / "bad.ply").write_text("no mesh", encoding="utf-8")
-    studio = Studio("bad.ply", folder=tmp_path)
-    try:
-        with studio.told() as events:
-            assert "bad.ply" in until(events, type="unopened")["error"]
-        assert studio.ended() == 0
-    finally:
-        studio.close()
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        ("no mesh", 3),
+        ("", 3),
+        ("ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\n", 3),
+        (
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+            "element face 0\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n",
+            4,
+        ),
+    ],
+)
+def test_a_file_that_is_no_mesh_is_refused_in_the_words_of_denoise(tmp_path, capsys, content, code):
+    bad = tmp_path / "bad.ply"
+    bad.write_text(content, encoding="utf-8", newline="")
+    assert run(["denoise", str(bad)]) == code
+    told = capsys.readouterr().err
+    assert run(["studio", "--no-browser", str(bad)]) == code
+    assert capsys.readouterr().err == told
 
 
 def test_what_cannot_be_served_is_said_on_the_command_line(tmp_path, capsys):
     scanned(tmp_path / "scan.ply")
     assert run(["studio", "--no-browser", str(tmp_path / "none.ply")]) == 3
-    assert "No such file" in capsys.readouterr().err
+    assert "does not exist" in capsys.readouterr().err
     assert run(["studio", "--no-browser", str(tmp_path)]) == 3
     assert "is a folder" in capsys.readouterr().err
     assert run(["studio", "--no-browser", str(tmp_path / "scan.ply"), "--max-size", "0.001"]) == 3

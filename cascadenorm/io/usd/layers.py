@@ -23,6 +23,10 @@ TEXT = b"#usda"
 EXTENSIONS = (".usd", ".usda", ".usdc")
 SECTION = 32
 """Size in bytes of an entry in the table of contents of a binary layer: name, begin, size."""
+COUNTED = (b"TOKENS", b"STRINGS", b"FIELDS", b"FIELDSETS", b"PATHS", b"SPECS")
+"""Sections of a binary layer that begin with the number of their entries."""
+MOST_PER_BYTE = 1024
+"""Upper limit of entries per byte of a section: LZ4 expands up to 255 times, and an integer takes at least 2 bits."""
 SINGLE = "layer.usd"
 """Name of the layer of a file that is not an archive."""
 
@@ -112,6 +116,19 @@ def packed(files: Mapping[str, bytes]) -> bytes:
             raise OutputError(f"OpenUSD cannot write this archive: {said(error)}: choose usdc") from None
 
 
+def layers_named_by(layer: Any) -> list[str]:
+    """Return the paths of the other layers that a layer consists of.
+
+    For a damaged layer that lists prims it does not have, only sublayers are returned: OpenUSD would abort.
+    """
+    paths: list[Any] = []
+    layer.Traverse("/", paths.append)
+    prims = [layer.GetObjectAtPath(path) for path in paths if path.IsPrimPath()]
+    if not prims or not all(prims):
+        return list(layer.subLayerPaths)
+    return list(layer.GetCompositionAssetDependencies())
+
+
 def references(layer: Any) -> list[str]:
     """Return the paths of all files that a layer references, such as layers and textures."""
     from pxr import UsdUtils
@@ -163,7 +180,10 @@ def quiet() -> Iterator[None]:
 
 
 def _check_sections(data: bytes) -> None:
-    """Raise ReadError if a section of a binary layer exceeds the file, which OpenUSD does not check."""
+    """Raise ReadError if a section of a binary layer exceeds the file or declares more entries than it can hold.
+
+    OpenUSD checks neither. It would crash, or allocate memory for billions of entries.
+    """
     place = int.from_bytes(data[16:24], "little")
     count = int.from_bytes(data[place : place + 8], "little")
     table = data[place + 8 : place + 8 + SECTION * min(count, len(data))]
@@ -171,6 +191,11 @@ def _check_sections(data: bytes) -> None:
     ends = [int.from_bytes(row[:8], "little") + int.from_bytes(row[8:], "little") for row in rows]
     if not count or len(table) < SECTION * count or max(ends) > len(data):
         raise ReadError("the file is truncated or damaged: a section of it runs past its end")
+    for row in range(0, len(table), SECTION):
+        name = table[row : row + 16].rstrip(b"\0")
+        begin, size = (int.from_bytes(table[row + at : row + at + 8], "little") for at in (16, 24))
+        if name in COUNTED and int.from_bytes(data[begin : begin + 8], "little") > MOST_PER_BYTE * size:
+            raise ReadError("the file is damaged: a section of it declares more entries than it can hold")
 
 
 def said(error: Exception) -> str:

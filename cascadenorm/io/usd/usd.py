@@ -19,6 +19,7 @@ from cascadenorm.io.usd.layers import (
     TEXT,
     Layers,
     copied,
+    layers_named_by,
     opened,
     packed,
     quiet,
@@ -51,7 +52,7 @@ class UsdFile(MeshFile):
         except Exception as error:  # a binary layer is parsed only when its values are requested
             raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
         if not self._meshes:
-            elsewhere = [path for layer in self._layers.values() for path in layer.GetCompositionAssetDependencies()]
+            elsewhere = [path for layer in self._layers.values() for path in layers_named_by(layer)]
             names = ", ".join(sorted({*elsewhere} - {""})[:3])[:100]
             hint = f"; it references {names}: name that file, or flatten this one (usdcat --flatten)" if names else ""
             raise ReadError(f"there is no mesh in this {self.format} file{hint}")
