@@ -25,19 +25,19 @@ from cascadenorm.patches.work import patching_of, rows_of_faces
 from cascadenorm.registry import Parameter, method
 
 Guidance = Annotated[
-    Literal["patch", "gaussian"], Parameter("guidance normals: of the most consistent patch, or a Gaussian mean")
+    Literal["patch", "gaussian"], Parameter("Guidance normals: mean of the most consistent patch, or Gaussian mean")
 ]
 GuideSpread = Annotated[
     float | None,
     Parameter(
-        "spread over the chord between guidance normals; none: 0.45, or 0.15 for the mean", "chord", minimum=1e-6
+        "Spread over the chord between guidance normals. Default: 0.45, or 0.15 for the mean", "chord", minimum=1e-6
     ),
 ]
-GuidedPasses = Annotated[int | None, Parameter("passes; none: 10, or 20 for the mean", minimum=0)]
+GuidedPasses = Annotated[int | None, Parameter("Number of passes. Default: 10, or 20 for the mean", minimum=0)]
 Radius = Annotated[
     float | None,
     Parameter(
-        "radius around a centroid; none: twice the mean distance of centroids of faces that share an edge",
+        "Radius around a face centroid. Default: twice the mean distance between centroids of adjacent faces",
         "mean edge lengths",
         above=0,
     ),
@@ -47,7 +47,7 @@ FIRST_REACH = 10
 GuidedDistance = Annotated[
     float | None,
     Parameter(
-        "spread over distance; none: mean distance of centroids of faces that share an edge",
+        "Spread over distance. Default: mean distance between centroids of adjacent faces",
         "mean edge lengths",
         minimum=1e-6,
     ),

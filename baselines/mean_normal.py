@@ -20,9 +20,9 @@ from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[
     float,
-    Parameter("cosine of the angle between normals up to which a neighbour has no weight", minimum=-1, below=1),
+    Parameter("Cosine of the angle between normals below which a neighbour has no weight", minimum=-1, below=1),
 ]
-WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
+WalkLength = Annotated[int, Parameter("Number of steps of the random walk", minimum=0)]
 
 
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)

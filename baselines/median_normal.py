@@ -16,7 +16,7 @@ from cascadenorm.registry import Parameter, method
 
 Median = Annotated[
     Literal["vector", "angle"],
-    Parameter("of the normals (least weighted distance to all), or of their angles to the face's own, as published"),
+    Parameter("Median of the normals (least weighted distance to all others), or of their angles to the face normal"),
 ]
 
 
