@@ -21,7 +21,7 @@ from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.patches.cutting import MeshPatch
-from cascadenorm.patches.work import patching_of, rows_of_faces
+from cascadenorm.patches.work import active_patching, face_rows
 from cascadenorm.registry import Parameter, method
 
 Guidance = Annotated[
@@ -80,16 +80,14 @@ def guided_normal(
     """
     chosen = guided_filter(guidance, sigma_r, iterations)
     start, radius = mesh, 2 * centroid_distance(mesh) if radius is None else radius
-    neighbors = None if patching_of(mesh) else faces_within(mesh, radius)
+    neighbors = None if active_patching(mesh) else faces_within(mesh, radius)
     for _ in track(chosen.iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s
         if neighbors is not None:
             normals = guided_normals(mesh, neighbors, chosen, sigma_s=spread)
         else:
             work = partial(_of_patch, chosen, spread, radius, start.mean_edge_length)
-            normals = rows_of_faces(
-                mesh, work, reach=FIRST_REACH, facts=["mean_edge_length"], vertices=[start.vertices]
-            )
+            normals = face_rows(mesh, work, reach=FIRST_REACH, facts=["mean_edge_length"], vertices=[start.vertices])
         mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
     return mesh.vertices.copy()
 

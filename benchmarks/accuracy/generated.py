@@ -26,7 +26,7 @@ from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.points import reconstruction
 from cascadenorm.data_gen.scanning.volumes import tomogram
 from cascadenorm.data_gen.shapes.fields import DistanceField
-from cascadenorm.execution.process_map import side_by_side
+from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.mesh import Mesh, angles_between, thread_count
 
 SHAPES = ("statue", "bracket", "bust", "turned", "creature", "assembly", "wheel", "rock")
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.kind == "extractors":
         each = partial(of_extractors, methods=methods, voxels=options.voxels)
     found = []
-    with side_by_side(thread_count()) as mapped:
+    with parallel_map(thread_count()) as mapped:
         for angles in mapped(each, range(options.shapes)):
             found.append(angles)
             print(f"shape {len(found)} of {options.shapes}", flush=True)

@@ -7,14 +7,21 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.api.halo import Halo, as_part, check_halo
+from cascadenorm.api.halo import Halo, check_halo, in_frame_of_whole
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
-from cascadenorm.controls.detail import Removal, Removed, applied, as_measured_surface, finer_than, without_finer
-from cascadenorm.controls.displacement import displaced, framed_length
+from cascadenorm.controls.detail import (
+    DetailRemoval,
+    DetailRemovals,
+    apply_method,
+    as_measured_surface,
+    high_pass_filter,
+    without_detail,
+)
+from cascadenorm.controls.displacement import displace, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.sliding import Sliding, sliding
-from cascadenorm.controls.weights import holds_some, vertex_weights
+from cascadenorm.controls.weights import may_fix_vertices, vertex_weights
 from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.execution.progress import report_to, track
 from cascadenorm.geometry.orientation import oriented
@@ -34,7 +41,7 @@ from cascadenorm.mesh import (
 )
 from cascadenorm.patches.work import free_derived
 from cascadenorm.regions.region_volumes import with_region_volumes
-from cascadenorm.regions.shells import Shells, into_shells
+from cascadenorm.regions.shells import Shells, split_into_shells
 from cascadenorm.regions.walls import joined_walls
 from cascadenorm.registry import REGION, Method
 
@@ -42,7 +49,7 @@ Step = Callable[[Mesh], Vectors]
 """One application of a method and its controls, mapping a mesh to its new vertices."""
 
 
-def controlled(
+def run_with_controls(
     method: Method,
     mesh: Mesh,
     parameters: Mapping[str, Any],
@@ -80,14 +87,14 @@ def controlled(
         The method returned vertices that are not finite.
     """
     checked = _checked_parameters(method, parameters)
-    controls = {**controls, "strength": min(controls["strength"], MOST_STRENGTH)}
+    controls = {**controls, "strength": min(controls["strength"], MAX_STRENGTH)}
     faces, mesh = mesh.faces, without_repeated_faces(without_lines(mesh))
     weights = vertex_weights(mesh, controls, faces)
     halo = None if controls["halo"] is None else check_halo(method, parameters, mesh, controls)
     order, framed, parts, exponent = _prepared(mesh, halo)
     free_derived(mesh, order.mesh, framed)
     weights = weights[order.numbers]
-    if REGION in method.settings and holds_some(controls):
+    if REGION in method.settings and may_fix_vertices(controls):
         checked[REGION] = weights > 0
     if halo is not None:
         weights = np.where(halo.vertices, 0.0, weights)
@@ -109,12 +116,12 @@ def controlled(
     free_derived(mesh, order.mesh, framed)
     if controls["progress"] is not None:
         controls["progress"](1.0)
-    return displaced(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
+    return displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
 
 
 def step_key(method: Method, strength: float) -> float:
     """Return the part of a strength that changes each application of a method; the rest only blends the results."""
-    return min(max(strength, 1.0), MOST_STRENGTH) if method.converges else 1.0
+    return min(max(strength, 1.0), MAX_STRENGTH) if method.converges else 1.0
 
 
 def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells | None, int]:
@@ -122,19 +129,19 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
     if halo is None:
         framed, exponent = in_frame(mesh)
         order = ordered_for_cache(framed)
-        return order, *into_shells(oriented(order.mesh)), exponent
-    return Renumbered.unchanged(mesh), as_part(mesh, halo.whole), None, halo.whole.frame.exponent
+        return order, *split_into_shells(oriented(order.mesh)), exponent
+    return Renumbered.unchanged(mesh), in_frame_of_whole(mesh, halo.whole), None, halo.whole.frame.exponent
 
 
 def reported_controls(controls: Controls) -> dict[str, Any]:
     """Return the controls that a report lists, as they were given; arrays are described by their shape."""
-    return {name: _in_words(controls[name]) for name in CONTROLS if name not in UNREPORTED}  # type: ignore[literal-required]
+    return {name: _described(controls[name]) for name in CONTROLS if name not in UNREPORTED}  # type: ignore[literal-required]
 
 
-EDGES = 2.0
+WIDTH_STEP = 2.0
 """Increase in the width of removed detail, in mean edge lengths, per unit of strength above 1 (converging methods)."""
 
-MOST_STRENGTH = 10.0
+MAX_STRENGTH = 10.0
 """Upper limit of strength; larger values act as this one, because each unit is a further pass."""
 
 UNREPORTED = ("strength", "threads", "progress", "halo")
@@ -142,7 +149,7 @@ UNREPORTED = ("strength", "threads", "progress", "halo")
 the result."""
 
 
-def _in_words(value: Any) -> Any:
+def _described(value: Any) -> Any:
     array = np.asarray(value)
     return value if array.ndim == 0 or array.dtype.kind == "U" else f"array of shape {array.shape}"
 
@@ -153,20 +160,20 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
     return method.checked(parameters)
 
 
-def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent: int) -> Removed:
+def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent: int) -> DetailRemovals:
     """Return the detail to remove: the width of `remove_detail`, and the removals for a strength above 1.
 
     For a method that converges, each unit of strength above 1 adds one removal on the previous result. Each removal is
-    wider than the last by EDGES mean edge lengths, and the last one may be partial. A larger strength thus extends a
+    WIDTH_STEP mean edge lengths wider than the last, and the last one may be partial. A larger strength thus extends a
     smaller one.
     """
     given, removals = controls["remove_detail"], []
     if method.converges:
         more = controls["strength"] - 1
         for number in range(math.ceil(more)):
-            width = (number + 1) * EDGES * framed.mean_edge_length
-            removals.append(Removal(width, min(more - number, 1.0)))
-    return Removed(None if given is None else framed_length("remove_detail", given, framed, exponent), removals)
+            width = (number + 1) * WIDTH_STEP * framed.mean_edge_length
+            removals.append(DetailRemoval(width, min(more - number, 1.0)))
+    return DetailRemovals(None if given is None else framed_length("remove_detail", given, framed, exponent), removals)
 
 
 def _step(
@@ -177,7 +184,7 @@ def _step(
     parameters: Mapping[str, Any],
     controls: Controls,
     detail: float,
-    removed: Removed,
+    removed: DetailRemovals,
 ) -> Step:
     """Return the step that applies the method together with creases, boundary and detail.
 
@@ -220,7 +227,7 @@ def _surface_step(
     controls: Controls,
     creases: NDArray[np.bool_] | None,
     detail: float,
-    removed: Removed,
+    removed: DetailRemovals,
 ) -> Step:
     """Return the step for a mesh without shared walls.
 
@@ -243,13 +250,13 @@ def _surface_step(
 
     # Boundary edges come from the uncut mesh, numbered as in the cut one; detail is smoothed on each side separately
     edges = boundary_edges(mesh, seen.faces) if controls["boundary"] == "smooth" else None
-    finer = None if controls["keep_detail"] is None else finer_than(detail, seen)
+    finer = None if controls["keep_detail"] is None else high_pass_filter(detail, seen)
 
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
-        vertices = _finite(method, applied(method, parameters, removed.width, seen), numbers)
+        vertices = _finite(method, apply_method(method, parameters, removed.width, seen), numbers)
         for removal in removed.afterwards:
-            vertices = without_finer(removal, seen, vertices)
+            vertices = without_detail(removal, seen, vertices)
         if edges is not None:
             vertices = smoothed_boundary(seen, edges, vertices)
         if finer is not None:

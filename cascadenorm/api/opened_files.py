@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cascadenorm import io
 from cascadenorm.api.apply import reported_controls
 from cascadenorm.api.kept_components import Dropped, without_small_components
-from cascadenorm.api.selection import selected
+from cascadenorm.api.selection import resolve_controls
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.controls.settings import Controls, parsed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
@@ -158,7 +158,7 @@ def opened_file(
         file = dropped.file
     check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source))
-    return Opened(source, output, chosen, file, mesh, selected(controls, file), dropped)
+    return Opened(source, output, chosen, file, mesh, resolve_controls(controls, file), dropped)
 
 
 def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, controls: Controls) -> io.MeshFile:
@@ -220,7 +220,7 @@ def written_file(
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
-        **error_found(method, small, exponent, moves, parameters, controls["strength"]),
+        **detected_error(method, small, exponent, moves, parameters, controls["strength"]),
         left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
         nearly_coincident=int(nearly_coincident(small).sum()),
         dropped_components=opened.dropped.components if opened.dropped else 0,
@@ -229,7 +229,7 @@ def written_file(
     return Denoised(summary, file, moved)
 
 
-def error_found(
+def detected_error(
     method: Method, small: Mesh, exponent: int, moves: Vectors, parameters: dict[str, Any], strength: float
 ) -> dict[str, Any]:
     """Classify the error that `auto` removed, and return it with the kind of surface that `auto` chose.

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.api import DEFAULT_METHOD
-from cascadenorm.api.apply import controlled
+from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.opened_files import DenoisingSummary, moved_file, opened_file, written_file
-from cascadenorm.api.selection import welded
+from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
+from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io import MeshFile
 from cascadenorm.io.atomic import make_folder
 from cascadenorm.io.interop import adapter, as_mesh, is_pair
 from cascadenorm.mesh import Bools, Ints, Mesh, bad_vertices, isolated, limit_threads
 from cascadenorm.mesh.welding import weld
-from cascadenorm.regions.coincidence import coincident, joined_meshes
+from cascadenorm.regions.coincidence import coincident_vertices, join_meshes
 from cascadenorm.registry import Method, find
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class SeamlessMesh(NamedTuple):
         return adapter(self.given).with_vertices(self.given, np.where(copies == self.vertices, self.vertices, copies))
 
 
-@takes_controls
+@with_control_parameters
 def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **parameters: Any) -> list[Any]:
     """Denoise meshes whose walls coincide, such as the regions of a segmentation; shared walls stay shared.
 
@@ -111,18 +111,18 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
     MeshError, ParameterError
         As in `denoise`.
     """
-    controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
+    controls = checked_controls({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     for name in ("mask", "fixed", "only", "creases"):
         given: Any = controls[name]
         if np.ndim(given) or isinstance(given, str | PathLike):
             raise ParameterError("applies to a single mesh, and several are given", parameter=name)
     every = [SeamlessMesh.of(mesh, isolate=controls["on_bad"] == "isolate") for mesh in meshes]
     with limit_threads(controls["threads"]):
-        moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
+        moved = _denoise_together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
     return [one.moved(vertices, controls) for one, vertices in zip(every, moved, strict=True)]
 
 
-@takes_controls
+@with_control_parameters
 def denoise_region_files(
     sources: str | PathLike[str] | Sequence[str | PathLike[str]],
     folder: str | PathLike[str] | None = None,
@@ -158,7 +158,7 @@ def denoise_region_files(
     ReadError, MeshError, ParameterError, OutputError, MissingDependencyError
         As in `denoise`.
     """
-    every, chosen, given = checked(controls), find(method), parameters or {}
+    every, chosen, given = checked_controls(controls), find(method), parameters or {}
     chosen.checked(given)
     with limit_threads(every["threads"]):
         paths = [sources] if isinstance(sources, str | PathLike) else sources
@@ -168,7 +168,7 @@ def denoise_region_files(
         opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
         watch = Stopwatch()
         regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]
-        moved = _together(chosen, regions, given)
+        moved = _denoise_together(chosen, regions, given)
         seconds = watch.seconds()
         return [
             written_file(file, vertices, chosen, given, every, seconds=seconds, force=force).summary
@@ -184,32 +184,34 @@ class Region(NamedTuple):
     dtype: np.dtype[Any]
 
 
-def _together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[NDArray[Any]]:
+def _denoise_together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[NDArray[Any]]:
     """Return the new vertices of each region in its type; regions that share vertices are denoised together."""
     if not regions:
         raise MeshError("no meshes are given", hint="give at least one")
     out: list[NDArray[Any]] = [np.empty(0)] * len(regions)
-    first, groups = coincident([region.mesh for region in regions])
+    first, groups = coincident_vertices([region.mesh for region in regions])
     owners = np.repeat(groups, [len(region.mesh.vertices) for region in regions])
     for group in np.unique(groups):
         mine, rows = np.flatnonzero(groups == group).tolist(), np.flatnonzero(owners == group)
-        found = _group(method, [regions[i] for i in mine], np.searchsorted(rows, first[rows]), parameters)
+        found = _denoise_group(method, [regions[i] for i in mine], np.searchsorted(rows, first[rows]), parameters)
         for i, vertices in zip(mine, found, strict=True):
             out[i] = vertices
     return out
 
 
-def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[NDArray[Any]]:
+def _denoise_group(
+    method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]
+) -> list[NDArray[Any]]:
     """Return the new vertices of one group of regions; `first` maps each vertex to the first one it coincides with."""
     if len(regions) == 1:
         only = regions[0]
-        return [controlled(method, only.mesh, parameters, only.controls, dtype=only.dtype)]
+        return [run_with_controls(method, only.mesh, parameters, only.controls, dtype=only.dtype)]
 
     # Join the regions into one mesh of the coarsest type, so that every region can hold the result
-    whole = joined_meshes([region.mesh for region in regions], first)
-    over = welded(_concatenated(regions), whole.vertices.astype(np.int32))
+    whole = join_meshes([region.mesh for region in regions], first)
+    over = weld_controls(_concatenated(regions), whole.vertices.astype(np.int32))
     coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
-    moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest)
+    moved = run_with_controls(method, whole.mesh, parameters, over, dtype=coarsest)
 
     # Distribute the vertices to the regions; unmoved vertices keep their own bits
     still = (moved == whole.mesh.vertices.astype(coarsest)).all(axis=1)
@@ -226,9 +228,9 @@ def _concatenated(regions: Sequence[Region]) -> Controls:
     if one["mask"] is not None:
         one["mask"] = np.concatenate([np.asarray(region.controls["mask"]) for region in regions])
     if one["fixed"] is not None:
-        one["fixed"] = np.concatenate([_chosen(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
+        one["fixed"] = np.concatenate([_as_mask(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
     if one["only"] is not None:
-        one["only"] = np.concatenate([_chosen(r.controls["only"], len(r.mesh.faces)) for r in regions])
+        one["only"] = np.concatenate([_as_mask(r.controls["only"], len(r.mesh.faces)) for r in regions])
     if np.ndim(cast(ArrayLike, one["creases"])):
         starts = np.cumsum([0, *(len(region.mesh.vertices) for region in regions)])
         pairs = [np.asarray(r.controls["creases"]) + start for r, start in zip(regions, starts, strict=False)]
@@ -236,7 +238,7 @@ def _concatenated(regions: Sequence[Region]) -> Controls:
     return one
 
 
-def _chosen(given: Any, count: int) -> Bools:
+def _as_mask(given: Any, count: int) -> Bools:
     """Return (count,) bool for a selection given as bool or as indices."""
     chosen = np.zeros(count, bool)
     chosen[np.asarray(given)] = True

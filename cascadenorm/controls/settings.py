@@ -242,7 +242,7 @@ CONTROLS = _declared()
 """All controls by name, in the order of the documentation."""
 
 
-def checked(given: Mapping[str, Any]) -> Controls:
+def checked_controls(given: Mapping[str, Any]) -> Controls:
     """Return all controls, with defaults for those not given.
 
     Values that depend on the mesh, such as masks, indices and edges, are checked where they are applied.
@@ -289,7 +289,7 @@ def parsed_length(name: str, length: Length | None) -> tuple[float, bool]:
     return number, bool(match and match[2])
 
 
-def takes_controls(function: Function) -> Function:
+def with_control_parameters(function: Function) -> Function:
     """Replace `**controls` in the signature and docstring of a function by the individual controls.
 
     `**parameters` stays last in the signature. The docstring needs a section Returns, before which the controls are

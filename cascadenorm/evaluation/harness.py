@@ -10,16 +10,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from cascadenorm.controls import checked
+from cascadenorm.controls import checked_controls
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
 from cascadenorm.evaluation.records import Records
-from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, forget, run
-from cascadenorm.execution.cluster import LOCAL_CLUSTER, folder_of_names
-from cascadenorm.execution.cluster_map import side_by_side_on
-from cascadenorm.execution.process_map import side_by_side
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, clear_caches, run
+from cascadenorm.execution.cluster import LOCAL_CLUSTER, required_folder
+from cascadenorm.execution.cluster_map import use_cluster
+from cascadenorm.execution.process_map import parallel_map
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.io.pairs import FilePair, Paths, find_pairs
 from cascadenorm.registry import find
@@ -82,7 +82,7 @@ def evaluate(
     keep: str | PathLike[str] | None = None,
     workers: int = 1,
     scheduler: str | None = None,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> Evaluation:
     """Denoise the noisy mesh of each pair by each method and measure the result against the clean mesh.
 
@@ -135,7 +135,7 @@ def evaluate(
     ReadError
         There are no pairs, a folder of results is missing, or several pairs have the same name and results are given.
     """
-    checked({"strength": strength, "threads": threads})  # raises an error for values out of range
+    checked_controls({"strength": strength, "threads": threads})  # raises an error for values out of range
     settings = {"strength": strength, "threads": threads, **(parameters or {})}
     methods = [methods] if isinstance(methods, str) else methods
     for name in methods:
@@ -158,9 +158,9 @@ def evaluate(
             pairs, unread = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
         runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
         done = Evaluation([], [FailedRun(pair.name, None, error) for pair, error in unread], pairs, records)
-        folder = folder_of_names(_names(pairs, places, keep), [*settings.values(), *chain(*programs.values())])
-        with side_by_side_on(scheduler, workers=workers, folder=folder):
-            _work_off(runs, done, workers, progress)
+        folder = required_folder(_names(pairs, places, keep), [*settings.values(), *chain(*programs.values())])
+        with use_cluster(scheduler, workers=workers, folder=folder):
+            _collect_results(runs, done, workers, progress)
     return done
 
 
@@ -198,11 +198,11 @@ def _rows(
     }
 
 
-def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:
+def _collect_results(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:
     """Do the runs and collect their results; a pair that cannot be read is listed once."""
     unread: set[str] = set()
     try:
-        with side_by_side(workers) as each:
+        with parallel_map(workers) as each:
             found = each(run, runs)
             for number, task in enumerate(runs):
                 progress("evaluating", number, len(runs), f"{task.pair.name}: {task.name}")
@@ -213,7 +213,7 @@ def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Pro
                     unread |= {out.pair} if out.method is None else set()
                     done.failures.append(out)
     finally:
-        forget()
+        clear_caches()
     progress("evaluating", len(runs), len(runs))
 
 

@@ -18,7 +18,7 @@ from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.mesh import Mesh
 
-PLACE = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
+PLACEHOLDER = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
 """Placeholder for a file in a command; an extension selects the format of the file."""
 TIMEOUT_S = 3600.0
 """Default time limit of a program for one mesh, in seconds."""
@@ -58,7 +58,7 @@ def checked_command(name: str, command: str) -> list[str]:
         words = command_words(command, windows=os.name == "nt")
     except ValueError as error:
         raise ParameterError(f"the command {name} cannot be read: {error}") from None
-    kinds = {kind for word in words for kind, _ in PLACE.findall(word)}
+    kinds = {kind for word in words for kind, _ in PLACEHOLDER.findall(word)}
     if kinds != {"in", "out"}:
         raise ParameterError(f"the command {name} needs {{in}} and {{out}} in the place of its files: {command}")
     if shutil.which(words[0]) is None:
@@ -107,7 +107,7 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
                 save_mesh(path, as_mesh(noisy))
             return str(path)
 
-        filled = [PLACE.sub(named, word) for word in words]
+        filled = [PLACEHOLDER.sub(named, word) for word in words]
         told = Path(folder) / "told.json"
         launched = [sys.executable, "-S", "-c", LAUNCHER, str(told), *filled]
         done = _run_within(launched, timeout, words[0])

@@ -133,13 +133,13 @@ def _meshes(pair: FilePair) -> tuple[Mesh, Mesh]:
     return as_mesh(pair.noisy), as_mesh(pair.clean)
 
 
-def forget() -> None:
+def clear_caches() -> None:
     """Free the meshes of the last pair."""
     _meshes.cache_clear()
-    _warm.clear()
+    _compiled.clear()
 
 
-_warm: set[str] = set()
+_compiled: set[str] = set()
 """Methods that have already run in this process."""
 
 
@@ -151,10 +151,10 @@ def _denoised(task: Run, noisy: Mesh, file: Path | None) -> tuple[Mesh, float, f
         return run_program(task.command, task.pair.noisy, timeout=task.timeout)
     if task.settings is None:
         return noisy, 0.0, None
-    if task.name not in _warm:  # compile kernels before timing
+    if task.name not in _compiled:  # compile kernels before timing
         with suppress(Exception):  # errors are reported by the run on the whole mesh
             denoise(Mesh(noisy.vertices, noisy.faces[:200]), method=task.name, **task.settings)
-        _warm.add(task.name)
+        _compiled.add(task.name)
     fresh = Mesh(noisy.vertices, noisy.faces)  # the time of each method includes the topology
     with peak_memory() as peak:
         start = time.perf_counter()

@@ -14,7 +14,7 @@ from types import FrameType
 from typing import Any, Generic, NoReturn, TypeVar
 
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.child_processes import GRACE, end_with_parent, interrupts_blocked
+from cascadenorm.execution.child_processes import TERMINATION_TIMEOUT_S, end_with_parent, interrupts_blocked
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -62,7 +62,7 @@ class Worker(Generic[Sent, Received]):
         try:
             found: Received = self.link.recv()
         except (EOFError, OSError):
-            self._process.join(GRACE)
+            self._process.join(TERMINATION_TIMEOUT_S)
             code = self._process.exitcode
             cause = signal.Signals(-code).name if code is not None and code < 0 else f"exit code {code}"
             raise WorkerError(f"the process that did the work ended early ({cause}): memory may be short") from None
@@ -77,11 +77,11 @@ class Worker(Generic[Sent, Received]):
 
     @staticmethod
     def stop(workers: "Sequence[Worker[Any, Any]]") -> None:
-        """Terminate processes; those that do not end within `GRACE` seconds are killed."""
+        """Terminate processes; those that do not end within `TERMINATION_TIMEOUT_S` seconds are killed."""
         for worker in workers:
             worker.link.close()
             worker._process.terminate()
-        end = time.monotonic() + GRACE
+        end = time.monotonic() + TERMINATION_TIMEOUT_S
         for worker in workers:
             worker._process.join(max(0.0, end - time.monotonic()))
             worker.kill()

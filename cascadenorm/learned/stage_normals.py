@@ -14,7 +14,7 @@ from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.patches.cutting import MeshPatch
-from cascadenorm.patches.work import EXTRA, Patching, each_patch, patching_of, rows_of_faces
+from cascadenorm.patches.work import HALO_MARGIN, Patching, active_patching, each_patch, face_rows
 
 BY_DISTANCE = 14
 """First halo width in edges that is tried for filters with a neighbourhood by distance."""
@@ -38,12 +38,12 @@ def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
     -------
     (m, 3) unit normals.
     """
-    patching = patching_of(mesh)
+    patching = active_patching(mesh)
     if patching is None:
         return stage.normals(mesh, stage_stack(stage.settings, mesh, noisy))
     if not stage.scaler.projection.size:
         work = partial(_without_context, stage)
-        return rows_of_faces(mesh, work, reach=_reach(stage.settings), facts=FACTS, vertices=[noisy.vertices])
+        return face_rows(mesh, work, reach=_reach(stage.settings), facts=FACTS, vertices=[noisy.vertices])
     return _with_context(stage, mesh, noisy, patching)
 
 
@@ -60,7 +60,7 @@ def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching
     The means need a separate first pass over the patches. Its filtered normals are kept for the second pass for as many
     patches as fit into memory. The other patches are filtered twice.
     """
-    reach = _reach(stage.settings) + CONTEXT_STEPS[-1] + EXTRA
+    reach = _reach(stage.settings) + CONTEXT_STEPS[-1] + HALO_MARGIN
     each = partial(each_patch, mesh, patching, reach=reach, facts=FACTS, vertices=[noisy.vertices], components=True)
     totals = _no_sums(stage, int(mesh.topology.components.max()) + 1)
     kept, again, spare = list[_Filtered](), list[int](), patching.spare
@@ -110,7 +110,7 @@ def _filtered_again(stage: Regression, totals: ComponentSums, patch: MeshPatch, 
 
 def _filtered(stage: Regression, patch: MeshPatch, noisy: Vectors) -> _Filtered:
     stack = _stack(stage.settings, patch, noisy)
-    narrow, faces = patch.narrowed(CONTEXT_STEPS[-1] + EXTRA)
+    narrow, faces = patch.narrowed(CONTEXT_STEPS[-1] + HALO_MARGIN)
     return _Filtered(narrow, stack[faces])
 
 

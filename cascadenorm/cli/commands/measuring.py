@@ -244,7 +244,7 @@ def _write_tables(
     from cascadenorm.io.atomic import write_atomically
 
     every = tables.all_tables(done)
-    texts = ((csv, tables.comma_separated(done)), (markdown, tables.markdown(every)), (latex, tables.latex(every)))
+    texts = ((csv, tables.csv_text(done)), (markdown, tables.markdown(every)), (latex, tables.latex(every)))
     for target, text in texts:
         if target is not None:
             write_atomically(target, [text.encode()], force=force)

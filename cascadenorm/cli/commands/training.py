@@ -154,7 +154,7 @@ def show_model(
         write_atomically(hub, [hub_card(model).encode()], force=force)
         return
 
-    json_output.print_json("models", {"model": model, "card": models.named(model).card})
+    json_output.print_json("models", {"model": model, "card": models.load_model(model).card})
 
 
 @app.command("export-onnx")
@@ -169,5 +169,5 @@ def export_onnx(
     """Export the networks of a model as ONNX files, one per stage. See docs/models.md for inputs and outputs."""
     from cascadenorm.models import models
 
-    for path in models.export_onnx(models.named(model), folder, force=force):
+    for path in models.export_onnx(models.load_model(model), folder, force=force):
         print(path)
