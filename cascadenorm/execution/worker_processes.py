@@ -5,7 +5,6 @@ To let the server of the studio start quickly, this module imports no numerical 
 """
 
 import signal
-import sys
 import time
 from collections.abc import Callable, Sequence
 from multiprocessing import get_context
@@ -15,14 +14,12 @@ from typing import Any, Generic, NoReturn, TypeVar
 
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.child_processes import TERMINATION_TIMEOUT_S, end_with_parent, interrupts_blocked
+from cascadenorm.execution.signals import repeat_if_swallowed
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Sent = TypeVar("Sent")
 Received = TypeVar("Received")
-
-RETRY_S = 0.05
-"""Time until a process whose exit was swallowed exits again."""
 
 
 class Worker(Generic[Sent, Received]):
@@ -113,7 +110,7 @@ def do_jobs(link: Connection, work: Callable[[Item], Result]) -> None:
 def _run(link: Connection, serve: Callable[[Connection], object]) -> None:
     """Run the new process until its function returns or the parent exits."""
     signal.signal(signal.SIGTERM, _terminated)
-    sys.unraisablehook = _exit_again
+    repeat_if_swallowed(signal.SIGTERM, SystemExit)
     end_with_parent()
     serve(link)
     _ending()
@@ -123,15 +120,6 @@ def _terminated(number: int, _: FrameType | None) -> NoReturn:
     """Exit as after an error, so that temporary files are removed."""
     _ending()
     raise SystemExit(128 + number)
-
-
-def _exit_again(lost: "sys.UnraisableHookArgs") -> None:
-    """Exit a little later if a callback of a library, such as the compiler of kernels, has swallowed the exit."""
-    if isinstance(lost.exc_value, SystemExit) and hasattr(signal, "setitimer"):
-        signal.signal(signal.SIGALRM, _terminated)
-        signal.setitimer(signal.ITIMER_REAL, RETRY_S)
-    else:
-        sys.__unraisablehook__(lost)
 
 
 def _ending() -> None:
