@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
@@ -108,7 +108,9 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
         if faces is not None:
             return _denoise_arrays(chosen, mesh, faces, parameters, controls)
         if isinstance(mesh, str | PathLike):
-            return Path(_denoise_file(chosen, fspath(mesh), None, parameters, controls, force=False).summary.output)
+            return Path(
+                denoise_file_with_meshes(fspath(mesh), method=method, parameters=parameters, **controls).summary.output
+            )
         if isinstance(mesh, MeshFile):
             return _denoise_open_file(chosen, mesh, parameters, controls)
         if isinstance(mesh, Mesh):
@@ -214,29 +216,23 @@ def denoise_file_with_meshes(
         free and no `memory` was given. None skips the check of free memory.
     """
     every, chosen, given = checked_controls(controls), find(method), parameters or {}
+    chosen.checked(given)
     if scheduler is not None and memory is None:
         raise ParameterError("works on patches", parameter="scheduler", hint="give memory too, that of a worker")
-    if memory is not None:
-        memory = parse_bytes("memory", memory)
+    limit = None if memory is None else parse_bytes("memory", memory)
+    if limit is not None:
         check_works_in_patches(chosen, given)
-
-    def limited(faces: int) -> AbstractContextManager[None]:
-        size = memory if memory is not None or on_short is None else _memory_for_patches(chosen, given, faces, on_short)
-        return nullcontext() if size is None else patches_within(size, faces, scheduler)
-
     with limit_threads(every["threads"]):
-        return _denoise_file(
-            chosen,
-            source,
-            output,
-            given,
-            every,
-            format=format,
-            drop_components=drop_components,
-            force=force,
-            weld=weld,
-            limited=limited,
+        opened = opened_file(
+            source, output, every, format=format, drop_components=drop_components, force=force, weld=weld
         )
+        mesh, dtype = opened.mesh, opened.file.positions.dtype
+        watch = Stopwatch()
+        if limit is None and on_short is not None:
+            limit = _memory_for_patches(chosen, given, len(mesh.faces), on_short)
+        with nullcontext() if limit is None else patches_within(limit, len(mesh.faces), scheduler):
+            vertices = run_with_controls(chosen, mesh, given, opened.controls, dtype=dtype)
+        return written_file(opened, vertices, chosen, given, every, seconds=watch.seconds(), force=force)
 
 
 def _memory_for_patches(
@@ -305,30 +301,3 @@ def _denoise_open_file(method: Method, file: MeshFile, parameters: dict[str, Any
     mesh, over = as_mesh(file), resolve_controls(controls, file)
     vertices = run_with_controls(method, mesh, parameters, over, dtype=file.positions.dtype)
     return moved_file(file, vertices, mesh, controls)
-
-
-def _denoise_file(
-    method: Method,
-    source: str | PathLike[str] | BinaryIO,
-    output: str | PathLike[str] | BinaryIO | None,
-    parameters: dict[str, Any],
-    controls: Controls,
-    *,
-    format: str | None = None,
-    drop_components: str | int | None = None,
-    force: bool,
-    weld: float | str | None = None,
-    limited: Callable[[int], AbstractContextManager[None]] = lambda faces: nullcontext(),
-) -> Denoised:
-    """Denoise a file; `limited` maps the number of faces to the context in which the method runs."""
-    method.checked(parameters)
-    opened = opened_file(
-        source, output, controls, format=format, drop_components=drop_components, force=force, weld=weld
-    )
-    watch = Stopwatch()
-    with limited(len(opened.mesh.faces)):
-        vertices = run_with_controls(
-            method, opened.mesh, parameters, opened.controls, dtype=opened.file.positions.dtype
-        )
-    seconds = watch.seconds()
-    return written_file(opened, vertices, method, parameters, controls, seconds=seconds, force=force)

@@ -141,9 +141,7 @@ def evaluate(
     for name in methods:
         find(name).checked(parameters or {})
     programs = {name: checked_command(name, command) for name, command in (commands or {}).items()}
-    _check_numbers(workers, noise, seeds)
-    if not timeout > 0:
-        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
+    _check_numbers(workers, timeout, noise, seeds)
     if noise is not None and keep is None and scheduler not in (None, LOCAL_CLUSTER):
         raise ParameterError("must be a folder that all workers see: the noisy meshes go there", parameter="keep")
     pairs = _pairs(folders)
@@ -151,25 +149,26 @@ def evaluate(
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
     records = Records(Path(keep)) if keep is not None else None
-    rows = _rows(methods, settings, places, programs, timeout)
+    rows: dict[str, dict[str, Any]] = {
+        NOISY: {},
+        **{name: {"settings": settings} for name in methods},
+        **{name: {"results": place} for name, place in places.items()},
+        **{name: {"command": words, "timeout": timeout} for name, words in programs.items()},
+    }
     with TemporaryDirectory() as scratch:
         unread: list[tuple[FilePair, Exception]] = []
         if noise is not None:
             pairs, unread = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
         runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
         done = Evaluation([], [FailedRun(pair.name, None, error) for pair, error in unread], pairs, records)
-        folder = required_folder(_names(pairs, places, keep), [*settings.values(), *chain(*programs.values())])
+        files = [file for pair in pairs for file in (pair.noisy, pair.clean)]
+        folder = required_folder(
+            [*files, *places.values(), *([] if keep is None else [keep])],
+            [*settings.values(), *chain(*programs.values())],
+        )
         with use_cluster(scheduler, workers=workers, folder=folder):
             _collect_results(runs, done, workers, progress)
     return done
-
-
-def _names(
-    pairs: Sequence[FilePair], places: Mapping[str, Path], keep: str | PathLike[str] | None
-) -> list[str | PathLike[str]]:
-    """Return the files and folders of an evaluation."""
-    files = [file for pair in pairs for file in (pair.noisy, pair.clean)]
-    return [*files, *places.values(), *([] if keep is None else [keep])]
 
 
 def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[FilePair]:
@@ -177,25 +176,8 @@ def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[Fi
         return find_pairs(folders)
     given = list(folders)
     pairs = [one for one in given if isinstance(one, FilePair)]
-    return pairs + (
-        find_pairs([one for one in given if not isinstance(one, FilePair)]) if len(pairs) < len(given) else []
-    )
-
-
-def _rows(
-    methods: Sequence[str],
-    settings: dict[str, Any],
-    places: Mapping[str, Path],
-    programs: Mapping[str, Any],
-    timeout: float,
-) -> dict[str, dict[str, Any]]:
-    """Return the settings of each row by its name, starting with the noisy mesh."""
-    return {
-        NOISY: {},
-        **{name: {"settings": settings} for name in methods},
-        **{name: {"results": place} for name, place in places.items()},
-        **{name: {"command": words, "timeout": timeout} for name, words in programs.items()},
-    }
+    others = [one for one in given if not isinstance(one, FilePair)]
+    return pairs + (find_pairs(others) if others else [])
 
 
 def _collect_results(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:
@@ -217,9 +199,11 @@ def _collect_results(runs: Sequence[Run], done: Evaluation, workers: int, progre
     progress("evaluating", len(runs), len(runs))
 
 
-def _check_numbers(workers: int, noise: float | None, seeds: int) -> None:
+def _check_numbers(workers: int, timeout: float, noise: float | None, seeds: int) -> None:
     if workers < 1:
         raise ParameterError(f"is {workers}; it must be at least 1", parameter="workers")
+    if not timeout > 0:
+        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
     if seeds < 1 or (noise is None and seeds > 1):
         raise ParameterError(f"is {seeds}; it must be at least 1, and exactly 1 without noise", parameter="seeds")
     if noise is not None and not 0 <= noise < math.inf:

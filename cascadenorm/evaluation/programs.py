@@ -108,15 +108,15 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
             return str(path)
 
         filled = [PLACEHOLDER.sub(named, word) for word in words]
-        told = Path(folder) / "told.json"
-        launched = [sys.executable, "-S", "-c", LAUNCHER, str(told), *filled]
+        report = Path(folder) / "report.json"
+        launched = [sys.executable, "-S", "-c", LAUNCHER, str(report), *filled]
         done = _run_within(launched, timeout, words[0])
-        code, seconds, memory = (
-            json.loads(told.read_text(encoding="utf-8")) if told.exists() else (done.returncode, 0.0, None)
-        )
+        code, seconds, memory = done.returncode, 0.0, None
+        if report.exists():
+            code, seconds, memory = json.loads(report.read_text(encoding="utf-8"))
         if code:
-            said = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
-            raise DenoiseError(f"{words[0]} ended with code {code}{': ' + said[-1] if said else ''}")
+            lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
+            raise DenoiseError(f"{words[0]} ended with code {code}{': ' + lines[-1] if lines else ''}")
         written = next(path for place, path in files.items() if place.startswith("{out"))
         if not written.exists():
             raise DenoiseError(f"{words[0]} wrote no file {written.name}")

@@ -156,7 +156,6 @@ def train(
         Folder for the same values in the format of TensorBoard.
     progress
         Called with (task, parts done, total parts, note); if there are several clusters, from several threads.
-        Called with (task, parts done, parts in all, note); of several clusters from several threads.
 
     Returns
     -------
