@@ -49,7 +49,7 @@ def bilateral_normal(
     themselves no longer tell where an edge is.
     """
     filtered = partial(bilateral_normals, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations, center=center)
-    normals = normals_by_patches(mesh, filtered, reach=iterations)
+    normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 

@@ -87,7 +87,9 @@ def guided_normal(
             normals = guided_normals(mesh, neighbors, chosen, sigma_s=spread)
         else:
             work = partial(_of_patch, chosen, spread, radius, start.mean_edge_length)
-            normals = face_rows(mesh, work, reach=FIRST_REACH, facts=["mean_edge_length"], vertices=[start.vertices])
+            normals = face_rows(
+                mesh, work, receptive_field=FIRST_REACH, facts=["mean_edge_length"], vertices=[start.vertices]
+            )
         mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
     return mesh.vertices.copy()
 

@@ -36,7 +36,7 @@ def median_normal(
     The result is one of the noisy normals, so smooth surfaces keep a grain. It suits impulsive noise best.
     """
     filtered = partial(median_normals, median=median, iterations=iterations)
-    normals = normals_by_patches(mesh, filtered, reach=iterations)
+    normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 

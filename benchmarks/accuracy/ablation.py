@@ -191,7 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     auto = replace(auto, data=replace(auto.data, count=options.count, max_faces=options.max_faces))
     sets = measured_on(options.folder, auto.data, unseen=24)
     figures = run(ladder(paper, auto), sets, options.keep, seeds=options.seeds, clusters=options.clusters)
-    results.keep(options.record, figures, table)
+    results.report(options.record, figures, table)
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(f"shape {len(found)} of {options.shapes}", flush=True)
     rows = {name: np.mean([angles[name] for angles in found], axis=0).tolist() for name in found[0]}
     figures = {"columns": ["mesh", *methods], "rows": rows}
-    results.keep(options.kind if options.record else None, figures, table)
+    results.report(options.kind if options.record else None, figures, table)
 
 
 def table(figures: results.Figures) -> str:

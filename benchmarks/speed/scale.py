@@ -64,11 +64,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     results.add_option(plan, "plan")
     options = parser.parse_args(arguments)
     if options.command == "meshes":
-        results.keep(options.record, large_meshes(options), table)
+        results.report(options.record, large_meshes(options), table)
     elif options.command == "files":
         print(many_files(options.count, options.side, options.method, options.workers))
     else:
-        results.keep(options.record, {"core_hour": options.core_hour, "requests": options.requests}, plan_table)
+        results.report(options.record, {"core_hour": options.core_hour, "requests": options.requests}, plan_table)
 
 
 def large_meshes(options: argparse.Namespace) -> dict[str, Any]:

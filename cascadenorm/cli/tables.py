@@ -158,7 +158,7 @@ def print_measures(measures: Measures) -> None:
     table = Table()
     table.add_column("measure")
     table.add_column("value", justify="right")
-    for name, value in measures.in_words().items():
+    for name, value in measures.formatted().items():
         table.add_row(name, value)
     print_table(table)
 

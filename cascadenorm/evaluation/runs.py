@@ -105,7 +105,7 @@ def run(task: Run) -> RunResult | FailedRun:
     try:
         file = result_file(task.results, pair) if task.results else None
         key = records.key(pair, name, task.settings, task.command, file) if records else ""
-        known = records.known(pair, name, key) if records else None
+        known = records.load(pair, name, key) if records else None
         if known is not None:
             return _from_record(pair.name, name, known)
         mesh, seconds, memory = _denoised(task, noisy, file)
@@ -119,7 +119,7 @@ def run(task: Run) -> RunResult | FailedRun:
             same_faces=same,
         )
         if records:
-            records.keep(pair, name, key, mesh, result.row())
+            records.save(pair, name, key, mesh, result.row())
     except OutputError:
         raise
     except Exception as error:

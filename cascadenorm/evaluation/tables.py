@@ -21,9 +21,9 @@ class Column(NamedTuple):
         Digits after the decimal point.
     value
         Function from a result to its value, or to None if it has none.
-    off
+    deviation
         Function from a value to its distance from the ideal value.
-    none
+    missing
         Text for results without a value.
     """
 
@@ -31,8 +31,8 @@ class Column(NamedTuple):
     unit: str
     digits: int
     value: Callable[[RunResult], float | None]
-    off: Callable[[float], float] = abs
-    none: str = "–"
+    deviation: Callable[[float], float] = abs
+    missing: str = "–"
 
 
 TABLE_COLUMNS = (
@@ -82,9 +82,9 @@ def pair_table(done: Evaluation, column: Column = TABLE_COLUMNS[0]) -> Table:
     rows = []
     for pair in (*names, "mean"):
         of_pair = [known.get((pair, method)) for method in done.methods]
-        apart = done.partial if pair == "mean" else set()
-        cells = zip(done.methods, _cells(column, of_pair, apart), strict=True)
-        rows.append((Cell(pair), *(_marked(cell, apart=method in apart) for method, cell in cells)))
+        incomplete = done.partial if pair == "mean" else set()
+        cells = zip(done.methods, _cells(column, of_pair, incomplete), strict=True)
+        rows.append((Cell(pair), *(_marked(cell, incomplete=method in incomplete) for method, cell in cells)))
     about = f"{column.title}, {column.unit}" if column.unit else column.title
     return Table(f"{about}{PARTIAL_NOTE if done.partial else ''}", ("pair", *done.methods), rows)
 
@@ -94,19 +94,19 @@ def method_table(
     title: str,
     columns: Sequence[Column] = TABLE_COLUMNS,
     *,
-    apart: Set[str] = frozenset(),
+    incomplete: Set[str] = frozenset(),
 ) -> Table:
-    """Return a table with one row per method; methods in `apart` are marked and not considered for the best value."""
+    """Return a table with one row per method; `incomplete` methods are marked and not considered for the best value."""
     head = tuple(f"{column.title} ({column.unit})" if column.unit else column.title for column in columns)
-    cells = [_cells(column, results, apart) for column in columns]
-    names = (_marked(Cell(one.method), apart=one.method in apart) for one in results)
+    cells = [_cells(column, results, incomplete) for column in columns]
+    names = (_marked(Cell(one.method), incomplete=one.method in incomplete) for one in results)
     rows = [(name, *row) for name, *row in zip(names, *cells, strict=True)]
-    return Table(f"{title}{PARTIAL_NOTE if apart else ''}", ("method", *head), rows)
+    return Table(f"{title}{PARTIAL_NOTE if incomplete else ''}", ("method", *head), rows)
 
 
 def means_table(done: Evaluation, title: str, columns: Sequence[Column] = TABLE_COLUMNS) -> Table:
     """Return the means over the pairs, with one row per method; methods that lack a pair are not compared."""
-    return method_table(done.means, title, columns, apart=done.partial)
+    return method_table(done.means, title, columns, incomplete=done.partial)
 
 
 def all_tables(done: Evaluation) -> list[Table]:
@@ -130,38 +130,41 @@ def spread_table(done: Evaluation) -> Table:
             means = [mean(values) for values in of_seed.values()]
             known = len(means) > 1
             digits = column.digits + 1
-            cells.append(Cell(f"{mean(means):.{digits}f} ± {stdev(means):.{digits}f}" if known else column.none))
+            cells.append(Cell(f"{mean(means):.{digits}f} ± {stdev(means):.{digits}f}" if known else column.missing))
         rows.append(tuple(cells))
     head = tuple(f"{column.title} ({column.unit})" for column in shown)
     return Table(f"Mean ± standard deviation over {len(set(done.seeds.values()))} seeds", ("method", *head), rows)
 
 
-def _cells(column: Column, results: Sequence[RunResult | None], apart: Set[str] = frozenset()) -> list[Cell]:
+def _cells(column: Column, results: Sequence[RunResult | None], incomplete: Set[str] = frozenset()) -> list[Cell]:
     """Format the values and mark the best as displayed, unless fewer than two methods are comparable."""
-    apart = {NOISY, *apart}
+    incomplete = {NOISY, *incomplete}
     values = [None if one is None else column.value(one) for one in results]
     texts = [
-        "–" if one is None else column.none if value is None else f"{value:.{column.digits}f}"
+        "–" if one is None else column.missing if value is None else f"{value:.{column.digits}f}"
         for one, value in zip(results, values, strict=True)
     ]
     judged = [
-        round(column.off(value), column.digits)
+        round(column.deviation(value), column.digits)
         for one, value in zip(results, values, strict=True)
-        if one is not None and one.method not in apart and value is not None
+        if one is not None and one.method not in incomplete and value is not None
     ]
     least = min(judged) if len(judged) > 1 else None
     return [
-        Cell(text, value is not None and one is not None and one.method not in apart and _is_best(column, value, least))
+        Cell(
+            text,
+            value is not None and one is not None and one.method not in incomplete and _is_best(column, value, least),
+        )
         for text, value, one in zip(texts, values, results, strict=True)
     ]
 
 
-def _marked(cell: Cell, *, apart: bool) -> Cell:
-    return cell._replace(text=f"{cell.text} *") if apart else cell
+def _marked(cell: Cell, *, incomplete: bool) -> Cell:
+    return cell._replace(text=f"{cell.text} *") if incomplete else cell
 
 
 def _is_best(column: Column, value: float, least: float | None) -> bool:
-    return least is not None and round(column.off(value), column.digits) == least
+    return least is not None and round(column.deviation(value), column.digits) == least
 
 
 def csv_text(done: Evaluation) -> str:

@@ -15,7 +15,7 @@ import pytest
 from shapes import icosphere
 
 import cascadenorm as cn
-from benchmarks.accuracy import collect_pairs
+from benchmarks.accuracy.pairs import collect
 from cascadenorm import registry
 from cascadenorm.api.api import methods
 from cascadenorm.cli import run
@@ -237,11 +237,11 @@ def test_the_pairs_of_the_readme_are_collected_from_clones(tmp_path, monkeypatch
     of = {name: replace(one, listed={}) for name, one in PUBLIC_SETS.items()}
     of["guided"].listed["ball"] = KnownPair("n.obj", "c.obj", (digest, digest))
     monkeypatch.setattr(public_sets, "PUBLIC_SETS", of)
-    collect_pairs.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
+    collect(tmp_path, tmp_path, tmp_path / "pairs")
     assert (tmp_path / "pairs" / "ball" / "clean.obj").read_bytes() == (tmp_path / "c.obj").read_bytes()
     save_mesh(tmp_path / "c.obj", icosphere(2), force=True)
     with pytest.raises(cn.ReadError, match=r"c\.obj differs from the published mesh: get it again: git clone"):
-        collect_pairs.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
+        collect(tmp_path, tmp_path, tmp_path / "pairs")
 
 
 def test_the_training_page_lists_every_setting_with_its_default():

@@ -199,7 +199,7 @@ def counted(patch):
 
 def test_work_is_repeated_until_the_halo_is_wide_enough():
     with working_in_patches(Patching(700)):
-        found = face_rows(BALL, counted, reach=0)
+        found = face_rows(BALL, counted, receptive_field=0)
     assert (found == BALL.topology.face_rings(6).counts).all()
 
 
