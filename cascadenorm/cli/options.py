@@ -10,9 +10,10 @@ import typer
 
 from cascadenorm.controls import CONTROLS, ControlSetting
 
-MethodOption = Annotated[str, typer.Option(help="Denoising method; `cascadenorm methods` lists all.")]
+MethodOption = Annotated[str, typer.Option(metavar="NAME", help="Denoising method; `cascadenorm methods` lists all.")]
 ModelOption = Annotated[
-    Path | None, typer.Option(help="Weights file for auto or cascade. By default, the shipped weights are used.")
+    Path | None,
+    typer.Option(metavar="FILE", help="Weights file for auto or cascade. By default, the shipped weights are used."),
 ]
 Set = Annotated[
     list[str] | None,

@@ -29,7 +29,12 @@ def denoise(
     *,
     output: Annotated[
         str | None,
-        typer.Option("-o", "--output", help="Output file, or - for standard output. The extension selects the format."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Output file, or - for standard output. The extension selects the format.",
+        ),
     ] = None,
     method: MethodOption = "auto",
     model: ModelOption = None,
@@ -293,7 +298,8 @@ def fill_holes(
     outer: Annotated[
         Literal["keep", "fill"],
         typer.Option(
-            help="Whether to keep or fill the outer boundary of an open surface, such as a scan from one side."
+            metavar="keep|fill",
+            help="Whether to keep or fill the outer boundary of an open surface, such as a scan from one side.",
         ),
     ] = "keep",
     force: Force = False,

@@ -116,7 +116,11 @@ Seeds = Annotated[
 ]
 Methods = Annotated[
     list[str] | None,
-    typer.Option(help="Method to evaluate. Repeat the option to evaluate several. By default, five methods."),
+    typer.Option(
+        metavar="NAME",
+        help="Method to evaluate. Repeat the option to evaluate several. By default: auto, cascade, bilateral-normal, "
+        "guided-normal and l0.",
+    ),
 ]
 Results = Annotated[
     list[str] | None,

@@ -45,11 +45,13 @@ def train(
     ] = None,
     shapes: Annotated[
         list[Path] | None,
-        typer.Option(help="File or folder of your own clean meshes. Repeat the option to add several."),
+        typer.Option(metavar="PATH", help="File or folder of your own clean meshes. Repeat the option to add several."),
     ] = None,
     noisy: Annotated[
         list[Path] | None,
-        typer.Option(help="Folder of your own pairs of noisy.* and clean.*. Repeat the option to add several."),
+        typer.Option(
+            metavar="DIR", help="Folder of your own pairs of noisy.* and clean.*. Repeat the option to add several."
+        ),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="Train for about a minute to check that training works.")
@@ -163,7 +165,9 @@ def export_onnx(
         Path, typer.Argument(metavar="OUT", help="Folder to create for stage1.onnx, stage2.onnx, and so on.")
     ],
     *,
-    model: Annotated[str, typer.Option(help="Shipped model (auto or cascade), or a weights file.")] = "auto",
+    model: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="Shipped model (auto or cascade), or a weights file.")
+    ] = "auto",
     force: Force = False,
 ) -> None:
     """Export the networks of a model as ONNX files, one per stage. See docs/models.md for inputs and outputs."""
