@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, cast
+from functools import partial
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,6 @@ from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
 from cascadenorm.controls.detail import (
     DetailRemoval,
-    DetailRemovals,
     apply_method,
     as_measured_surface,
     high_pass_filter,
@@ -68,7 +68,7 @@ def run_with_controls(
     Parameters
     ----------
     controls
-        All controls, as returned by `checked`.
+        All controls, as returned by `checked_controls`.
     dtype
         Floating type of the result.
     steps
@@ -98,15 +98,13 @@ def run_with_controls(
         checked[REGION] = weights > 0
     if halo is not None:
         weights = np.where(halo.vertices, 0.0, weights)
-    detail = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
-        removed = _detail_to_remove(method, controls, framed, exponent)
-        step = _step(method, framed, order, parts, checked, controls, detail, removed)
+        step = _step(Settings.of(method, checked, controls, framed, exponent), framed, order, parts)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:
-            step = _sliding_step(step, slides)
+            step = partial(_slid, step, slides)
         displacement = _accumulated(step, framed, strength * weights, steps)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, parts, displacement, weights)
@@ -160,32 +158,52 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
     return method.checked(parameters)
 
 
-def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent: int) -> DetailRemovals:
-    """Return the detail to remove: the width of `remove_detail`, and the removals for a strength above 1.
+class Settings(NamedTuple):
+    """A method with its parameters and controls, with lengths in units of the frame.
 
-    For a method that converges, each unit of strength above 1 adds one removal on the previous result. Each removal is
-    WIDTH_STEP mean edge lengths wider than the last, and the last one may be partial. A larger strength thus extends a
-    smaller one.
+    Parameters
+    ----------
+    keep_detail
+        Width of the smallest feature to keep.
+    remove_detail
+        Width of the errors that the method removes. None lets the method decide.
+    removals
+        Detail to remove from the result of the method, in this order.
     """
-    given, removals = controls["remove_detail"], []
-    if method.converges:
-        more = controls["strength"] - 1
-        for number in range(math.ceil(more)):
-            width = (number + 1) * WIDTH_STEP * framed.mean_edge_length
-            removals.append(DetailRemoval(width, min(more - number, 1.0)))
-    return DetailRemovals(None if given is None else framed_length("remove_detail", given, framed, exponent), removals)
+
+    method: Method
+    parameters: Mapping[str, Any]
+    controls: Controls
+    keep_detail: float
+    remove_detail: float | None
+    removals: list[DetailRemoval]
+
+    @classmethod
+    def of(
+        cls, method: Method, parameters: Mapping[str, Any], controls: Controls, framed: Mesh, exponent: int
+    ) -> "Settings":
+        """Convert the lengths to units of the frame.
+
+        For a method that converges, each unit of strength above 1 adds one removal on the previous result. Each removal
+        is WIDTH_STEP mean edge lengths wider than the last, and the last one may be partial. A larger strength thus
+        extends a smaller one.
+        """
+        keep = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
+        remove = framed_length("remove_detail", controls["remove_detail"], framed, exponent)
+        more = controls["strength"] - 1 if method.converges else 0.0
+        step = WIDTH_STEP * framed.mean_edge_length
+        removals = [DetailRemoval((k + 1) * step, min(more - k, 1.0)) for k in range(math.ceil(more))]
+        detected = controls["remove_detail"] is None
+        return cls(method, parameters, controls, keep, None if detected else remove, removals)
+
+    def on_copies(self, owners: Ints) -> "Settings":
+        """Return the settings for a mesh whose vertices are copies of the `owners`."""
+        if REGION not in self.parameters:
+            return self
+        return self._replace(parameters={**self.parameters, REGION: self.parameters[REGION][owners]})
 
 
-def _step(
-    method: Method,
-    mesh: Mesh,
-    order: Renumbered,
-    parts: Shells | None,
-    parameters: Mapping[str, Any],
-    controls: Controls,
-    detail: float,
-    removed: DetailRemovals,
-) -> Step:
+def _step(settings: Settings, mesh: Mesh, order: Renumbered, parts: Shells | None) -> Step:
     """Return the step that applies the method together with creases, boundary and detail.
 
     If regions share walls, the step runs on the shell of each region and then joins the walls from their two sides.
@@ -198,37 +216,22 @@ def _step(
         Numbering of its vertices.
     parts
         Shells of its regions if they share walls, else None.
-    detail
-        Width of the smallest feature to keep, in units of the frame.
-    removed
-        Detail to remove.
     """
-    creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read already
+    creases = cast("float | ArrayLike | None", settings.controls["creases"])  # files have been read already
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
     if parts is None:
-        return _surface_step(method, mesh, order.numbers, parameters, controls, edges, detail, removed)
-    if REGION in parameters:
-        parameters = {**parameters, REGION: parameters[REGION][parts.owners]}
+        return _surface_step(settings, mesh, order.numbers, edges)
     edges = None if edges is None else parts.of_edges(mesh, edges)
-    each = _surface_step(method, parts.mesh, order.numbers[parts.owners], parameters, controls, edges, detail, removed)
+    each = _surface_step(settings.on_copies(parts.owners), parts.mesh, order.numbers[parts.owners], edges)
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
 
 
-def _sliding_step(step: Step, slides: Sliding) -> Step:
-    """Return a step that keeps the vertices on flat sides in their planes."""
-    return lambda mesh: slides.slid(mesh, step(mesh))
+def _slid(step: Step, slides: Sliding, mesh: Mesh) -> Vectors:
+    """Apply a step, and keep the vertices on flat sides in their planes."""
+    return slides.slid(mesh, step(mesh))
 
 
-def _surface_step(
-    method: Method,
-    mesh: Mesh,
-    numbers: Ints,
-    parameters: Mapping[str, Any],
-    controls: Controls,
-    creases: NDArray[np.bool_] | None,
-    detail: float,
-    removed: DetailRemovals,
-) -> Step:
+def _surface_step(settings: Settings, mesh: Mesh, numbers: Ints, creases: NDArray[np.bool_] | None) -> Step:
     """Return the step for a mesh without shared walls.
 
     Parameters
@@ -241,21 +244,20 @@ def _surface_step(
     # Cut the mesh along creases: the method and later stages see copies of the vertices there
     sides = None if creases is None else cut_along(mesh, creases)
     seen = mesh if sides is None else sides.mesh
-    numbers = numbers if sides is None else numbers[sides.owners]
-    if sides is not None and REGION in parameters:
-        parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
     # Cutting creates boundaries everywhere; only one of the two networks of `auto` is trained for them
     if sides is not None:
-        parameters = as_measured_surface(method, parameters)
+        settings, numbers = settings.on_copies(sides.owners), numbers[sides.owners]
+        settings = settings._replace(parameters=as_measured_surface(settings.method, settings.parameters))
+    method, parameters, controls = settings.method, settings.parameters, settings.controls
 
     # Boundary edges come from the uncut mesh, numbered as in the cut one; detail is smoothed on each side separately
     edges = boundary_edges(mesh, seen.faces) if controls["boundary"] == "smooth" else None
-    finer = None if controls["keep_detail"] is None else high_pass_filter(detail, seen)
+    finer = None if controls["keep_detail"] is None else high_pass_filter(settings.keep_detail, seen)
 
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
-        vertices = _finite(method, apply_method(method, parameters, removed.width, seen), numbers)
-        for removal in removed.afterwards:
+        vertices = _finite(method, apply_method(method, parameters, settings.remove_detail, seen), numbers)
+        for removal in settings.removals:
             vertices = without_detail(removal, seen, vertices)
         if edges is not None:
             vertices = smoothed_boundary(seen, edges, vertices)

@@ -121,21 +121,6 @@ class DetailRemoval(NamedTuple):
     share: float
 
 
-class DetailRemovals(NamedTuple):
-    """All detail to remove.
-
-    Parameters
-    ----------
-    width
-        Width of the errors that the method removes, in mesh units. None lets the method decide.
-    afterwards
-        Removals from the result of the method, in this order.
-    """
-
-    width: float | None
-    afterwards: list[DetailRemoval]
-
-
 def without_detail(removal: DetailRemoval, mesh: Mesh, vertices: Vectors) -> Vectors:
     """Remove features up to a width from the result of a method, by rolling guidance of the normals.
 
