@@ -8,18 +8,16 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import cascadenorm.baselines
 import cascadenorm.learned.methods  # noqa: F401 - both register their methods
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
-from cascadenorm.api.opened_files import Denoised, DenoisingSummary, moved_file, opened_file, written_file
-from cascadenorm.api.selection import resolve_controls, weld_controls
+from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file, written_file
+from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
-from cascadenorm.controls.weights import selected_faces
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.memory import (
     FACE_BYTES,
@@ -30,10 +28,8 @@ from cascadenorm.execution.memory import (
     parse_bytes,
 )
 from cascadenorm.geometry.metrics import Measures, measure
-from cascadenorm.io import MeshFile
-from cascadenorm.io.interop import adapter, as_mesh, is_pair
-from cascadenorm.mesh import Mesh, bad_faces, bad_vertices, isolated, limit_threads
-from cascadenorm.mesh.welding import weld
+from cascadenorm.io.interop import as_mesh
+from cascadenorm.mesh import limit_threads
 from cascadenorm.patches.planning import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.registry import Method, find, registered
 
@@ -102,20 +98,13 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
             parameter="faces",
             hint="to name the file that is written call denoise_file(source, output)",
         )
-    if faces is None and is_pair(mesh):
-        mesh, faces = mesh
+    if faces is None and isinstance(mesh, str | PathLike):
+        done = denoise_file_with_meshes(fspath(mesh), method=method, parameters=parameters, **controls)
+        return Path(done.summary.output)
     with limit_threads(controls["threads"]):
-        if faces is not None:
-            return _denoise_arrays(chosen, mesh, faces, parameters, controls)
-        if isinstance(mesh, str | PathLike):
-            return Path(
-                denoise_file_with_meshes(fspath(mesh), method=method, parameters=parameters, **controls).summary.output
-            )
-        if isinstance(mesh, MeshFile):
-            return _denoise_open_file(chosen, mesh, parameters, controls)
-        if isinstance(mesh, Mesh):
-            return mesh.moved(_denoise_arrays(chosen, mesh.vertices, mesh.faces, parameters, controls))
-        return _denoise_object(chosen, mesh, parameters, controls)
+        given = SeamlessMesh.of(mesh if faces is None else (mesh, faces), isolate=controls["on_bad"] == "isolate")
+        over = given.controls(controls)
+        return given.moved(run_with_controls(chosen, given.mesh, parameters, over, dtype=given.dtype), controls)
 
 
 @with_control_parameters
@@ -265,39 +254,3 @@ def compare(mesh: Any, reference: Any) -> Measures:
         A mesh is invalid. Its subclass ReadError is raised if a file cannot be read.
     """
     return measure(as_mesh(mesh), as_mesh(reference))
-
-
-def _denoise_arrays(
-    method: Method, vertices: ArrayLike, faces: ArrayLike, parameters: dict[str, Any], controls: Controls
-) -> NDArray[Any]:
-    given = np.asarray(vertices)
-    dtype = given.dtype if given.dtype.kind == "f" else np.dtype(np.float64)
-    if controls["on_bad"] == "error":
-        return run_with_controls(method, Mesh(vertices, faces), parameters, controls, dtype=dtype)
-    mesh = isolated(vertices, faces)
-    if controls["only"] is not None:  # `only` counts the bad faces as well
-        good = ~bad_faces(vertices, faces)
-        controls = {**controls, "only": selected_faces(controls["only"], len(good))[good]}
-    denoised = run_with_controls(method, mesh, parameters, controls, dtype=dtype)
-    return np.where(bad_vertices(given)[:, None], given, denoised)
-
-
-def _denoise_object(method: Method, mesh: Any, parameters: dict[str, Any], controls: Controls) -> Any:
-    """Denoise a mesh of another library; copies of a vertex at seams stay together."""
-    kind = adapter(mesh)
-    vertices, faces = kind.arrays(mesh)
-    within = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
-    joined = faces.astype(np.int64)
-    welds, first = weld(vertices, joined[within])
-    joined[within] = welds[joined[within]]
-    denoised = _denoise_arrays(method, vertices[first], joined, parameters, weld_controls(controls, welds))[welds]
-    return kind.with_vertices(mesh, np.where(denoised == vertices, vertices, denoised))  # keeps the sign of -0
-
-
-def _denoise_open_file(method: Method, file: MeshFile, parameters: dict[str, Any], controls: Controls) -> MeshFile:
-    """Denoise a file that `read` returned."""
-    if controls["on_bad"] == "isolate":
-        file = file.isolating()
-    mesh, over = as_mesh(file), resolve_controls(controls, file)
-    vertices = run_with_controls(method, mesh, parameters, over, dtype=file.positions.dtype)
-    return moved_file(file, vertices, mesh, controls)

@@ -10,78 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.api.apply import run_with_controls
-from cascadenorm.api.opened_files import DenoisingSummary, moved_file, opened_file, written_file
+from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_file
+from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
 from cascadenorm.errors import MeshError, ParameterError
-from cascadenorm.io import MeshFile
 from cascadenorm.io.atomic import make_folder
-from cascadenorm.io.interop import adapter, as_mesh, is_pair
-from cascadenorm.mesh import Bools, Ints, Mesh, bad_vertices, isolated, limit_threads
-from cascadenorm.mesh.welding import weld
+from cascadenorm.mesh import Bools, Ints, Mesh, limit_threads
 from cascadenorm.regions.coincidence import coincident_vertices, join_meshes
 from cascadenorm.registry import Method, find
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-
-class SeamlessMesh(NamedTuple):
-    """A mesh as given, together with a version in which copies of vertices at seams are joined.
-
-    Parameters
-    ----------
-    given
-        The object that the caller passed.
-    vertices
-        (k, 3) vertices of `given`.
-    welds
-        (k,) index of each vertex in `mesh`.
-    mesh
-        Joined mesh with n vertices.
-    """
-
-    given: Any
-    vertices: NDArray[Any]
-    welds: NDArray[np.int32]
-    mesh: Mesh
-
-    @classmethod
-    def of(cls, given: Any, *, isolate: bool = False) -> "SeamlessMesh":
-        """Convert a mesh of any kind except a path; `isolate` leaves out its bad faces."""
-        if isinstance(given, MeshFile):
-            given = given.isolating() if isolate else given
-            mesh = as_mesh(given)
-            return cls(given, mesh.vertices, np.arange(len(mesh.vertices), dtype=np.int32), mesh)
-        if isinstance(given, Mesh):
-            return cls(given, given.vertices, np.arange(len(given.vertices), dtype=np.int32), given)
-        checked_mesh = isolated if isolate else Mesh
-        if is_pair(given):
-            vertices, mesh = np.asarray(given[0]), checked_mesh(*given)
-            return cls(given, vertices, np.arange(len(vertices), dtype=np.int32), mesh)
-        vertices, faces = adapter(given).arrays(given)
-        checked_faces = checked_mesh(vertices, faces).faces.astype(np.int64)
-        welds, first = weld(vertices, checked_faces)
-        return cls(given, vertices, welds, checked_mesh(vertices[first], welds[checked_faces]))
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Floating type of the result."""
-        if isinstance(self.given, MeshFile):
-            return self.given.positions.dtype
-        return self.vertices.dtype if self.vertices.dtype.kind == "f" else np.dtype(np.float64)
-
-    def moved(self, vertices: NDArray[Any], controls: Controls) -> Any:
-        """Return a copy of `given` with new vertices of `mesh`; vertices that are not finite stay unchanged."""
-        if isinstance(self.given, MeshFile):
-            return moved_file(self.given, vertices, self.mesh, controls)
-        if isinstance(self.given, Mesh):
-            return self.given.moved(vertices)
-        copies = np.where(bad_vertices(self.vertices)[:, None], self.vertices, vertices[self.welds])
-        if is_pair(self.given):
-            return copies.astype(self.dtype, copy=False)
-        return adapter(self.given).with_vertices(self.given, np.where(copies == self.vertices, self.vertices, copies))
 
 
 @with_control_parameters
