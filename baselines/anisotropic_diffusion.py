@@ -18,12 +18,12 @@ from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.registry import Parameter, method
 
 CurvatureThreshold = Annotated[
-    float, Parameter("curvature at which diffusion falls to a half", "radians per mean edge length", above=0)
+    float, Parameter("Curvature at which the diffusion is halved", "radians per mean edge length", above=0)
 ]
 Presmoothing = Annotated[
     float,
     Parameter(
-        "time of the diffusion of the normals that curvature is taken from",
+        "Diffusion time of the normals from which the curvature is computed",
         "squared mean edge lengths",
         minimum=0,
         below=math.inf,
@@ -38,7 +38,7 @@ def anisotropic_diffusion(
     threshold: CurvatureThreshold = 0.2,
     presmoothing: Presmoothing = 1.0,
     step: DiffusionStep = 0.3,
-    iterations: Annotated[int, Parameter("implicit steps, each with a new tensor", minimum=0)] = 5,
+    iterations: Annotated[int, Parameter("Number of implicit steps, each with a new diffusion tensor", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:
     """Diffuse the vertices along creases but little across them, by a tensor that follows the curvature.

@@ -15,15 +15,15 @@ from cascadenorm.mesh.vectors import length, row, squared_distance
 from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
-SpatialSpread = Annotated[float, Parameter("spread of the weight over distance", "mean edge lengths", minimum=1e-6)]
+SpatialSpread = Annotated[float, Parameter("Spread of the spatial weight", "mean edge lengths", minimum=1e-6)]
 RangeSpread = Annotated[
-    float, Parameter("spread of the weight over the chord between unit normals", "chord", minimum=1e-6)
+    float, Parameter("Spread of the range weight over the chord between unit normals", "chord", minimum=1e-6)
 ]
 Center = Annotated[
     Literal["skip", "count"],
-    Parameter("whether a face counts among its own neighbours, or takes its normal from others"),
+    Parameter("Whether the average over the neighbours includes the face itself"),
 ]
-Passes = Annotated[int, Parameter("passes over the normals", minimum=0)]
+Passes = Annotated[int, Parameter("Number of passes over the normals", minimum=0)]
 
 
 @method("bilateral-normal", source="Zheng, Fu, Au, Tai 2011 (local scheme)", family="normals", rings=filter_rings)
@@ -49,7 +49,7 @@ def bilateral_normal(
     themselves no longer tell where an edge is.
     """
     filtered = partial(bilateral_normals, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations, center=center)
-    normals = normals_by_patches(mesh, filtered, reach=iterations)
+    normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 

@@ -17,7 +17,7 @@ from cascadenorm.registry import Parameter, method
 LEAST_AREA = 1e-6  # mean areas; a face without area still gets a normal, from its neighbours
 
 Fidelity = Annotated[
-    float, Parameter("λ, weight of fidelity to the given normals against smoothness", above=0, maximum=1)
+    float, Parameter("λ, weight of fidelity to the input normals relative to smoothness", above=0, maximum=1)
 ]
 
 

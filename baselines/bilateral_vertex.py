@@ -13,17 +13,19 @@ from cascadenorm.registry import Parameter, method
 
 NEIGHBOR_CUTOFF = 2.0  # spreads beyond which a neighbour is left out
 
-Steps = Annotated[int, Parameter("steps taken", minimum=0)]
+Steps = Annotated[int, Parameter("Number of steps", minimum=0)]
 Closeness = Annotated[
     float | None,
-    Parameter("spread over distance; none: at each vertex its shortest edge", "mean edge lengths", minimum=1e-6),
+    Parameter("Spread over distance. Default: the shortest edge at each vertex", "mean edge lengths", minimum=1e-6),
 ]
 Similarity = Annotated[
     float | None,
-    Parameter("spread over height; none: at each vertex that of its neighbours", "mean edge lengths", minimum=1e-6),
+    Parameter("Spread over height. Default: that of the neighbours of each vertex", "mean edge lengths", minimum=1e-6),
 ]
-Spatial = Annotated[float, Parameter("spread over the distance to a face", "mean edge lengths", minimum=1e-6)]
-Influence = Annotated[float, Parameter("spread over the distance to its plane", "mean edge lengths", minimum=1e-6)]
+Spatial = Annotated[float, Parameter("Spread over the distance to a face", "mean edge lengths", minimum=1e-6)]
+Influence = Annotated[
+    float, Parameter("Spread over the distance to the plane of a face", "mean edge lengths", minimum=1e-6)
+]
 
 
 @method("bilateral", source="Fleishman, Drori, Cohen-Or 2003", family="bilateral")

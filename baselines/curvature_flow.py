@@ -13,9 +13,9 @@ from cascadenorm.registry import Parameter, method
 def mean_curvature_flow(
     mesh: Mesh,
     *,
-    scheme: Annotated[Scheme, Parameter("implicit steps are stable at any size")] = "implicit",
+    scheme: Annotated[Scheme, Parameter("Type of steps; implicit ones are stable at any size")] = "implicit",
     step: DiffusionStep = 0.25,
-    iterations: Annotated[int, Parameter("steps, each with a new Laplacian", minimum=0)] = 3,
+    iterations: Annotated[int, Parameter("Number of steps, each with a new Laplacian", minimum=0)] = 3,
     region: Moving = None,
 ) -> Vectors:
     """Move the vertices by λΔx = -2λHn, with the cotangent Laplacian rebuilt before every step.

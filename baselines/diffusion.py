@@ -17,9 +17,9 @@ from cascadenorm.registry import Parameter, ParameterError, method
 
 Scheme = Literal["explicit", "implicit"]
 DiffusionStep = Annotated[
-    float, Parameter("hλ of one step", "squared mean edge lengths of the input", minimum=0, below=math.inf)
+    float, Parameter("Step size hλ", "squared mean edge lengths of the input", minimum=0, below=math.inf)
 ]
-Moving = Annotated[VertexMask | None, Parameter("(n,) bool, the vertices that move; the others are fixed")]
+Moving = Annotated[VertexMask | None, Parameter("(n,) bool, the vertices that move. The others are fixed")]
 
 LARGEST_EIGENVALUE = 2.0  # eigenvalue of -Δ with uniform weights
 MOST_STEPS = 10_000  # explicit steps that a call may be cut into
@@ -44,16 +44,19 @@ def _rings(given: Mapping[str, Any], _: int) -> int | None:
 def laplacian(
     mesh: Mesh,
     *,
-    weights: Annotated[Weights, Parameter("of the Laplacian: mean of the neighbours, or cotangents")] = "uniform",
-    scheme: Annotated[Scheme, Parameter("implicit steps are stable at any size")] = "explicit",
-    order: Annotated[Order, Parameter("1 Laplacian, 2 bi-Laplacian, 3 tri-Laplacian flow")] = 1,
+    weights: Annotated[Weights, Parameter("Weights of the Laplacian: uniform, or cotangents")] = "uniform",
+    scheme: Annotated[Scheme, Parameter("Type of steps; implicit ones are stable at any size")] = "explicit",
+    order: Annotated[Order, Parameter("Order of the flow: 1 Laplacian, 2 bi-Laplacian, 3 tri-Laplacian")] = 1,
     step: Annotated[
         float,
         Parameter(
-            "hλ of one step", "mean edge lengths to the power 2·order; uniform weights: none", minimum=0, below=math.inf
+            "Step size hλ",
+            "mean edge lengths to the power 2·order; no unit with uniform weights",
+            minimum=0,
+            below=math.inf,
         ),
     ] = 0.5,
-    iterations: Annotated[int, Parameter("steps", minimum=0)] = 5,
+    iterations: Annotated[int, Parameter("Number of steps", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:
     """Diffuse the vertices with a fixed Laplacian, of order 1, 2 or 3: x_t = -λ(-Δ)^order x.

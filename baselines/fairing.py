@@ -7,17 +7,19 @@ from cascadenorm.geometry.laplacians import Order, VertexMask, Weights
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
-Fairness = Annotated[Order, Parameter("1 membrane, 2 thin plate, 3 minimum variation; as many fixed rings bound it")]
+Fairness = Annotated[
+    Order, Parameter("1 membrane, 2 thin plate, 3 minimum variation; as many rings of vertices are fixed")
+]
 
 
 @method("fairing", source="Botsch, Kobbelt 2004; Desbrun et al. 1999", family="smoothing")
 def fairing(
     mesh: Mesh,
     *,
-    region: Annotated[VertexMask | None, Parameter("(n,) bool, the vertices to replace; required")] = None,
+    region: Annotated[VertexMask | None, Parameter("(n,) bool, the vertices to replace. Required")] = None,
     order: Fairness = 2,
-    weights: Annotated[Weights, Parameter("of the Laplacian: mean of the neighbours, or cotangents")] = "cotan",
-    iterations: Annotated[int, Parameter("solutions, each with the Laplacian of the one before", minimum=0)] = 2,
+    weights: Annotated[Weights, Parameter("Weights of the Laplacian: uniform, or cotangents")] = "cotan",
+    iterations: Annotated[int, Parameter("Number of solutions, each with a new Laplacian", minimum=0)] = 2,
 ) -> Vectors:
     """Replace the vertices of a region by the solution of Δ^order x = 0 that continues the surface around it.
 

@@ -21,23 +21,23 @@ from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.patches.cutting import MeshPatch
-from cascadenorm.patches.work import patching_of, rows_of_faces
+from cascadenorm.patches.work import active_patching, face_rows
 from cascadenorm.registry import Parameter, method
 
 Guidance = Annotated[
-    Literal["patch", "gaussian"], Parameter("guidance normals: of the most consistent patch, or a Gaussian mean")
+    Literal["patch", "gaussian"], Parameter("Guidance normals: mean of the most consistent patch, or Gaussian mean")
 ]
 GuideSpread = Annotated[
     float | None,
     Parameter(
-        "spread over the chord between guidance normals; none: 0.45, or 0.15 for the mean", "chord", minimum=1e-6
+        "Spread over the chord between guidance normals. Default: 0.45, or 0.15 for the mean", "chord", minimum=1e-6
     ),
 ]
-GuidedPasses = Annotated[int | None, Parameter("passes; none: 10, or 20 for the mean", minimum=0)]
+GuidedPasses = Annotated[int | None, Parameter("Number of passes. Default: 10, or 20 for the mean", minimum=0)]
 Radius = Annotated[
     float | None,
     Parameter(
-        "radius around a centroid; none: twice the mean distance of centroids of faces that share an edge",
+        "Radius around a face centroid. Default: twice the mean distance between centroids of adjacent faces",
         "mean edge lengths",
         above=0,
     ),
@@ -47,7 +47,7 @@ FIRST_REACH = 10
 GuidedDistance = Annotated[
     float | None,
     Parameter(
-        "spread over distance; none: mean distance of centroids of faces that share an edge",
+        "Spread over distance. Default: mean distance between centroids of adjacent faces",
         "mean edge lengths",
         minimum=1e-6,
     ),
@@ -80,15 +80,15 @@ def guided_normal(
     """
     chosen = guided_filter(guidance, sigma_r, iterations)
     start, radius = mesh, 2 * centroid_distance(mesh) if radius is None else radius
-    neighbors = None if patching_of(mesh) else faces_within(mesh, radius)
+    neighbors = None if active_patching(mesh) else faces_within(mesh, radius)
     for _ in track(chosen.iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s
         if neighbors is not None:
             normals = guided_normals(mesh, neighbors, chosen, sigma_s=spread)
         else:
             work = partial(_of_patch, chosen, spread, radius, start.mean_edge_length)
-            normals = rows_of_faces(
-                mesh, work, reach=FIRST_REACH, facts=["mean_edge_length"], vertices=[start.vertices]
+            normals = face_rows(
+                mesh, work, receptive_field=FIRST_REACH, facts=["mean_edge_length"], vertices=[start.vertices]
             )
         mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
     return mesh.vertices.copy()

@@ -23,12 +23,12 @@ FIRST_BETA, LAST_BETA = 1e-3, 1e3
 ACCURACY = 1e-6  # bound on the RMS error of each solution in mean edge lengths, valid since the matrix is ≥ I
 
 Operator = Annotated[
-    EdgeOperator, Parameter("area-based edge operator, or the cotangent one, which is unstable on thin triangles")
+    EdgeOperator, Parameter("Edge operator: area-based, or cotangent, which is unstable on thin triangles")
 ]
 Sparsity = Annotated[
     float,
     Parameter(
-        "λ, weight of the L0 norm: penalty of each edge that is not flat",
+        "λ, weight of the L0 norm, which penalises each edge that is not flat",
         "squared mean edge lengths × mean dihedral angle",
         minimum=0,
     ),
@@ -36,13 +36,13 @@ Sparsity = Annotated[
 Regularity = Annotated[
     float,
     Parameter(
-        "initial α, weight of the regulariser of triangle shapes; halved each iteration",
+        "Initial weight α of the regulariser of triangle shapes, which is halved in each iteration",
         "mean dihedral angle",
         minimum=0,
         below=math.inf,
     ),
 ]
-Growth = Annotated[float, Parameter("factor by which β grows each iteration, from 1e-3 to 1e3", minimum=1.01)]
+Growth = Annotated[float, Parameter("Factor by which β grows in each iteration, from 1e-3 to 1e3", minimum=1.01)]
 
 
 @method("l0", source="He, Schaefer 2013", family="sparsity")

@@ -20,9 +20,9 @@ from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[
     float,
-    Parameter("cosine of the angle between normals up to which a neighbour has no weight", minimum=-1, below=1),
+    Parameter("Cosine of the angle between normals below which a neighbour has no weight", minimum=-1, below=1),
 ]
-WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
+WalkLength = Annotated[int, Parameter("Number of steps of the random walk", minimum=0)]
 
 
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
@@ -38,7 +38,7 @@ def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit:
     Every edge is rounded, and more passes round it more.
     """
     filtered = partial(bilateral_normals, sigma_s=np.inf, sigma_r=np.inf, iterations=iterations, center="count")
-    normals = normals_by_patches(mesh, filtered, reach=iterations)
+    normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
@@ -58,7 +58,7 @@ def unilateral_normal(
     toward where faces are small.
     """
     filtered = partial(unilateral_normals, threshold=threshold, iterations=iterations)
-    normals = normals_by_patches(mesh, filtered, reach=iterations)
+    normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
@@ -88,7 +88,7 @@ def random_walk_normal(
     One σ_r serves the whole mesh, as in bilateral-normal. Faces are not weighted by area or distance.
     """
     filtered = partial(walk_normals, sigma_r=sigma_r, length=length, iterations=iterations)
-    normals = normals_by_patches(mesh, filtered, reach=length * iterations)
+    normals = normals_by_patches(mesh, filtered, receptive_field=length * iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 

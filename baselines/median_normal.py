@@ -16,7 +16,7 @@ from cascadenorm.registry import Parameter, method
 
 Median = Annotated[
     Literal["vector", "angle"],
-    Parameter("of the normals (least weighted distance to all), or of their angles to the face's own, as published"),
+    Parameter("Median of the normals (least weighted distance to all others), or of their angles to the face normal"),
 ]
 
 
@@ -36,7 +36,7 @@ def median_normal(
     The result is one of the noisy normals, so smooth surfaces keep a grain. It suits impulsive noise best.
     """
     filtered = partial(median_normals, median=median, iterations=iterations)
-    normals = normals_by_patches(mesh, filtered, reach=iterations)
+    normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 

@@ -23,21 +23,19 @@ def prescribed_mean_curvature(
     *,
     smoothing: Annotated[
         float,
-        Parameter(
-            "time of the diffusion of the mean curvature", "squared mean edge lengths", minimum=0, below=math.inf
-        ),
+        Parameter("Diffusion time of the mean curvature", "squared mean edge lengths", minimum=0, below=math.inf),
     ] = 2.0,
     threshold: Annotated[
         float,
         Parameter(
-            "change of the smoothed normals above which a vertex lies on a crease",
+            "Change of the smoothed normals above which a vertex belongs to a crease",
             "radians per mean edge length",
             above=0,
         ),
     ] = 0.15,
     presmoothing: Presmoothing = 1.0,
     step: DiffusionStep = 0.5,
-    iterations: Annotated[int, Parameter("semi-implicit steps", minimum=0)] = 5,
+    iterations: Annotated[int, Parameter("Number of semi-implicit steps", minimum=0)] = 5,
     region: Moving = None,
 ) -> Vectors:
     """Move the vertices until the mean curvature is the smoothed one of the input: a cylinder keeps its radius.

@@ -18,13 +18,13 @@ LEAST = 1e-6
 """Area of a face, and distance between two, in mean edges, below which they count as that."""
 
 Width = Annotated[
-    float, Parameter("width of the widest feature to remove", "mean edge lengths", minimum=0, below=math.inf)
+    float, Parameter("Width of the widest feature to remove", "mean edge lengths", minimum=0, below=math.inf)
 ]
 Jump = Annotated[
-    float, Parameter("σ, change of the guidance normals over the width that counts as an edge", "chord", above=0)
+    float, Parameter("σ, change of the guidance normals over this width that counts as an edge", "chord", above=0)
 ]
 GuidedRounds = Annotated[
-    int, Parameter("filters of the given normals, each guided by the result of the last", minimum=0)
+    int, Parameter("Number of filters of the input normals, each guided by the previous result", minimum=0)
 ]
 
 

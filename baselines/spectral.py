@@ -22,7 +22,9 @@ Transfer = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 def spectral(
     mesh: Mesh,
     *,
-    harmonics: Annotated[int | None, Parameter("eigenpairs k; none: 300, or all of a smaller mesh", minimum=1)] = None,
+    harmonics: Annotated[
+        int | None, Parameter("Number of eigenpairs. Default: 300, or all of a smaller mesh", minimum=1)
+    ] = None,
     transfer: Annotated[
         Literal["low-pass", "enhance", "exaggerate"],
         Parameter(
@@ -30,11 +32,12 @@ def spectral(
             "band, by the gain"
         ),
     ] = "low-pass",
-    band_start: Annotated[int, Parameter("first harmonic of the band, counted from 0", minimum=0)] = 1,
-    band_end: Annotated[int | None, Parameter("harmonic after the band; none: after the last", minimum=1)] = None,
-    gain: Annotated[float, Parameter("factor of amplitudes; energies are multiplied by its square", minimum=0)] = 1.5,
+    band_start: Annotated[int, Parameter("First harmonic of the band, counted from 0", minimum=0)] = 1,
+    band_end: Annotated[int | None, Parameter("First harmonic after the band. Default: none", minimum=1)] = None,
+    gain: Annotated[float, Parameter("Factor of the amplitudes", minimum=0)] = 1.5,
     eigenpairs: Annotated[
-        Literal["auto", "exact", "approximate"], Parameter("auto approximates those of more than 200,000 vertices")
+        Literal["auto", "exact", "approximate"],
+        Parameter("auto approximates the eigenpairs of more than 200,000 vertices"),
     ] = "auto",
 ) -> Vectors:
     """Filter the vertices by their harmonics: keep the lowest ones, or strengthen a band of them.

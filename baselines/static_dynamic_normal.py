@@ -20,13 +20,11 @@ from cascadenorm.registry import Parameter, method
 SPREADS_REACH = 3.0
 """Radius of the neighbourhood, in spreads over distance."""
 
-Smoothness = Annotated[float, Parameter("λ, weight of the differences between normals against fidelity", minimum=0)]
-StaticSpread = Annotated[float, Parameter("spread over the chord between guidance normals", "chord", minimum=1e-6)]
-DynamicSpread = Annotated[
-    float, Parameter("spread over the chord between the normals that are sought", "chord", minimum=1e-6)
-]
-InnerPasses = Annotated[int, Parameter("passes over the normals in each iteration", minimum=0)]
-Iterations = Annotated[int, Parameter("filters, each of the normals that the vertices have by then", minimum=0)]
+Smoothness = Annotated[float, Parameter("λ, weight of the differences between normals relative to fidelity", minimum=0)]
+StaticSpread = Annotated[float, Parameter("Spread over the chord between guidance normals", "chord", minimum=1e-6)]
+DynamicSpread = Annotated[float, Parameter("Spread over the chord between filtered normals", "chord", minimum=1e-6)]
+InnerPasses = Annotated[int, Parameter("Number of passes over the normals in each iteration", minimum=0)]
+Iterations = Annotated[int, Parameter("Number of iterations of filter and vertex update", minimum=0)]
 
 
 @method("static-dynamic-normal", source="Zhang, Deng, Hong, Peng, Qin, Liu 2018", family="normals")

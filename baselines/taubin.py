@@ -17,9 +17,9 @@ LARGEST_GROWTH = 10.0
 def taubin(
     mesh: Mesh,
     *,
-    step: Annotated[float, Parameter("λ of the shrinking half of an iteration", above=0, maximum=1)] = 0.5,
-    pass_band: Annotated[float, Parameter("eigenvalue k_PB that the filter leaves alone", above=0, below=2)] = 0.1,
-    iterations: Annotated[int, Parameter("pairs of steps λ and μ", minimum=0)] = 30,
+    step: Annotated[float, Parameter("λ, step size of the shrinking step", above=0, maximum=1)] = 0.5,
+    pass_band: Annotated[float, Parameter("Pass-band eigenvalue k_PB, kept unchanged", above=0, below=2)] = 0.1,
+    iterations: Annotated[int, Parameter("Number of pairs of steps λ and μ", minimum=0)] = 30,
     region: Moving = None,
 ) -> Vectors:
     """Alternate steps λ > 0 and μ < 0 with the uniform Laplacian, so that frequencies below the pass band nearly stay.

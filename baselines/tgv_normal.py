@@ -20,12 +20,10 @@ LEAST_LENGTH = 1e-3  # mean edges; shorter edges and lines count as this long, w
 
 Fidelity = Annotated[
     float,
-    Parameter("α, weight of fidelity to the given normals against variation", "1 / mean edge length", minimum=1e-6),
+    Parameter("α, weight of fidelity to the input normals relative to variation", "1 / mean edge length", minimum=1e-6),
 ]
-SecondOrder = Annotated[
-    float, Parameter("β, weight of differences between jumps against what normals jump otherwise", minimum=0)
-]
-Rounds = Annotated[int, Parameter("rounds of the augmented Lagrangian", minimum=0)]
+SecondOrder = Annotated[float, Parameter("β, weight of second-order relative to first-order variation", minimum=0)]
+Rounds = Annotated[int, Parameter("Number of iterations of the augmented Lagrangian", minimum=0)]
 
 
 @method("tgv-normal", source="after Liu, Li, Wang, Liu, Chen 2021", family="sparsity")

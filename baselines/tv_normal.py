@@ -30,11 +30,11 @@ RESIDUAL_BLOCK = 4096  # faces whose residuals are summed in one block, independ
 TotalVariationFidelity = Annotated[
     float,
     Parameter(
-        "α, weight of fidelity to the given normals against total variation", "1 / mean edge length", minimum=1e-6
+        "α, weight of fidelity to the input normals relative to total variation", "1 / mean edge length", minimum=1e-6
     ),
 ]
-Rounds = Annotated[int, Parameter("rounds of the augmented Lagrangian in each minimisation", minimum=0)]
-Repeats = Annotated[int, Parameter("minimisations, each starts from the normals of the last", minimum=0)]
+Rounds = Annotated[int, Parameter("Number of iterations of the augmented Lagrangian in each minimisation", minimum=0)]
+Repeats = Annotated[int, Parameter("Number of minimisations, each started from the previous one", minimum=0)]
 
 
 @method("tv-normal", source="Zhang, Wu, Zhang, Deng 2015", family="sparsity")

@@ -13,7 +13,7 @@ from cascadenorm.registry import Parameter
 
 VertexFit = Annotated[
     Literal["sweeps", "least-squares"],
-    Parameter("how vertices follow the normals: Gauss-Seidel sweeps, or one sparse solve that may flip faces"),
+    Parameter("Update of the vertices: Gauss-Seidel sweeps, or one sparse solve, which may flip faces"),
 ]
 ATTACHMENT = 0.01
 """μ, weight of the given positions against the normals; less overfits filtered normals, which belong to no surface."""

@@ -12,7 +12,7 @@ from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, 
 from cascadenorm.mesh.vectors import Vector, add, cross, divided, dot, row, scaled, subtract
 from cascadenorm.registry import Parameter
 
-Sweeps = Annotated[int, Parameter("Gauss-Seidel sweeps of the vertex update", minimum=0)]
+Sweeps = Annotated[int, Parameter("Number of Gauss-Seidel sweeps of the vertex update", minimum=0)]
 Weighting = Literal["uniform", "inverse-height"]
 """Weight of each face in the vertex update; see `recover_vertices`."""
 Foldovers = Literal["avoid", "ignore"]

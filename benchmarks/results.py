@@ -65,7 +65,7 @@ def add_option(parser: argparse.ArgumentParser, name: str | None = None) -> None
         parser.add_argument("--record", metavar="NAME", help=f"{text}, under this name")
 
 
-def keep(name: str | None, figures: Figures, table: Table, *, root: Path = ROOT) -> None:
+def report(name: str | None, figures: Figures, table: Table, *, root: Path = ROOT) -> None:
     """Print the table of the figures; if a record is named, write it, and show the table in its page if it has one."""
     print(table(figures))
     if name:

@@ -5,7 +5,7 @@ keyword parameters to the new vertices. The annotation of each parameter declare
 from which checks, messages and tables are generated:
 
     @method("laplacian", source="Desbrun et al. 1999")
-    def laplacian(mesh: Mesh, *, steps: Annotated[int, Parameter("steps taken", minimum=0)] = 10) -> Vectors:
+    def laplacian(mesh: Mesh, *, steps: Annotated[int, Parameter("Number of steps", minimum=0)] = 10) -> Vectors:
 """
 
 import inspect

@@ -20,8 +20,8 @@ from cascadenorm.data_gen.noise.noise import NoiseKind, displacements
 from cascadenorm.data_gen.noise.relief import log_uniform, relief
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.shapes.placement import random_rotation
-from cascadenorm.execution.process_map import side_by_side
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.execution.process_map import parallel_map
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.mesh import Mesh, Vectors
 
 PULLED = 0.3  # share of the meshes that are stretched with their triangles; no other step elongates all triangles
@@ -237,7 +237,7 @@ def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, worker
     if workers < 1:
         raise ValueError(f"workers is {workers}; it must be at least 1")
     chosen = range(config.count) if indices is None else indices
-    with side_by_side(workers) as each:
+    with parallel_map(workers) as each:
         yield from each(partial(pair, config), chosen)
 
 
@@ -247,7 +247,7 @@ def write_dataset(
     *,
     write: Callable[[Path, Mesh], None],
     workers: int = 1,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> None:
     """Write `<index>_<family>/noisy.ply` and `clean.ply` for each pair, and `dataset.json`, which describes them.
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks import results
 from cascadenorm.data_gen import DatasetConfig, pairs
-from cascadenorm.execution.process_map import Map, side_by_side
+from cascadenorm.execution.process_map import Map, parallel_map
 from cascadenorm.io.atomic import write_atomically
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import find_pairs
@@ -154,7 +154,7 @@ def run(
     file = keep / "figures.json"
     known = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     trainings = []
-    with side_by_side(thread_count()) as each:
+    with parallel_map(thread_count()) as each:
         for seed in seeds:
             for rung, (name, settings) in enumerate(rungs.items()):
                 data = replace(settings.data, seed=seed)
@@ -191,7 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     auto = replace(auto, data=replace(auto.data, count=options.count, max_faces=options.max_faces))
     sets = measured_on(options.folder, auto.data, unseen=24)
     figures = run(ladder(paper, auto), sets, options.keep, seeds=options.seeds, clusters=options.clusters)
-    results.keep(options.record, figures, table)
+    results.report(options.record, figures, table)
 
 
 if __name__ == "__main__":

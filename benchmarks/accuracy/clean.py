@@ -88,9 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     meshes = clean_meshes(options.folder, options.parts, seed=options.seed)
     if options.noise:
         found = low_noise(meshes, options.method or METHODS_WITH_NOISE, options.noise)
-        results.keep(options.record, found, low_noise_table)
+        results.report(options.record, found, low_noise_table)
     else:
-        results.keep(options.record, changes(meshes, running.chosen_methods(options)), table)
+        results.report(options.record, changes(meshes, running.chosen_methods(options)), table)
 
 
 def clean_meshes(folder: Path | None, parts: int = 0, *, seed: int = 0) -> Iterator[tuple[str, Mesh]]:

@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     results.add_option(parser, "controls")
     options = parser.parse_args(arguments)
-    results.keep(options.record, measured(), table)
+    results.report(options.record, measured(), table)
 
 
 def measured() -> dict[str, Any]:

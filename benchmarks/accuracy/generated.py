@@ -26,7 +26,7 @@ from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.points import reconstruction
 from cascadenorm.data_gen.scanning.volumes import tomogram
 from cascadenorm.data_gen.shapes.fields import DistanceField
-from cascadenorm.execution.process_map import side_by_side
+from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.mesh import Mesh, angles_between, thread_count
 
 SHAPES = ("statue", "bracket", "bust", "turned", "creature", "assembly", "wheel", "rock")
@@ -126,13 +126,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.kind == "extractors":
         each = partial(of_extractors, methods=methods, voxels=options.voxels)
     found = []
-    with side_by_side(thread_count()) as mapped:
+    with parallel_map(thread_count()) as mapped:
         for angles in mapped(each, range(options.shapes)):
             found.append(angles)
             print(f"shape {len(found)} of {options.shapes}", flush=True)
     rows = {name: np.mean([angles[name] for angles in found], axis=0).tolist() for name in found[0]}
     figures = {"columns": ["mesh", *methods], "rows": rows}
-    results.keep(options.kind if options.record else None, figures, table)
+    results.report(options.kind if options.record else None, figures, table)
 
 
 def table(figures: results.Figures) -> str:

@@ -87,9 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             kept.add(place.name, of_peers(python, noisy, missing, errors_of))
         found |= {name: kept.of(place.name)[name] for name in peers}
         cases[place.name] = found
-        print(place.name, *(f"{name} {_in_words(_best(every))};" for name, every in found.items()), flush=True)
+        print(place.name, *(f"{name} {_formatted(_best(every))};" for name, every in found.items()), flush=True)
     figures = figures_of(cases)
-    results.keep(options.record, figures, peer_table if peers else table)
+    results.report(options.record, figures, peer_table if peers else table)
     if options.record == REAL_ERRORS:
         renew_peers(figures)
 
@@ -139,7 +139,7 @@ def table(figures: results.Figures) -> str:
     """Return a row for each kind, a column for each method."""
     means = figures["means"]
     rows = [
-        [f"{kind} ({count})", *(_in_words(row[kind]) for row in means.values())]
+        [f"{kind} ({count})", *(_formatted(row[kind]) for row in means.values())]
         for kind, count in figures["kinds"].items()
     ]
     return results.markdown([HEADING, *means], rows)
@@ -148,7 +148,7 @@ def table(figures: results.Figures) -> str:
 def peer_table(figures: results.Figures) -> str:
     """Return a row for each method or filter, a column for each kind."""
     kinds = figures["kinds"]
-    rows = [[name, *(_in_words(row[kind]) for kind in kinds)] for name, row in figures["means"].items()]
+    rows = [[name, *(_formatted(row[kind]) for kind in kinds)] for name, row in figures["means"].items()]
     return results.markdown([HEADING, *kinds], rows)
 
 
@@ -162,7 +162,7 @@ def _best(every: Sequence[Errors | None]) -> Errors | None:
     return min((errors for errors in every if errors is not None), default=None)
 
 
-def _in_words(errors: Errors | None) -> str:
+def _formatted(errors: Errors | None) -> str:
     return "fails" if errors is None else f"{errors[0]:.1f} ({errors[1]:.3f})"
 
 

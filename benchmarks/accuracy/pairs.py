@@ -1,7 +1,9 @@
 """Measure methods on pairs of noisy and clean meshes.
 
     python -m benchmarks.accuracy.pairs PAIRS [--method NAME ...] [--reference FILE] [--keep FOLDER] [--record NAME]
+    python -m benchmarks.accuracy.pairs PAIRS --collect GuidedDenoising MeshTGV
 
+`--collect` first copies the nine public pairs of README.md into PAIRS, from clones of the repositories (docs/data.md).
 The record `public-pairs` is shown in README.md, `validation` in docs/models.md. FILE has the errors of other programs
 as JSON: pair → run → {"Ea_deg": degrees, "Ev": edge lengths, "flip": %}. Runs whose names end in "tuned" had their
 parameters chosen against the clean mesh; "published" is the denoised mesh that was published for the pair.
@@ -9,6 +11,7 @@ parameters chosen against the clean mesh; "published" is the denoised mesh that 
 
 import argparse
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ from typing import Any
 from benchmarks import results
 from cascadenorm.cli.progress_bars import progress_tasks
 from cascadenorm.evaluation.harness import DEFAULT_METHODS, NOISY, Evaluation, evaluate
+from cascadenorm.evaluation.public_sets import public_pairs
 
 STEERED = "kinect_cone"
 """The pair that influenced the choice of training shapes. It is left out of the means."""
@@ -39,15 +43,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--method", action="append", help="may be given several times")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="for results, so that an interrupted run resumes")
     parser.add_argument("--reference", type=Path, metavar="FILE", help="errors of other programs")
+    parser.add_argument("--collect", type=Path, nargs=2, metavar="CLONE", help="clones of GuidedDenoising and MeshTGV")
     results.add_option(parser)
     options = parser.parse_args(arguments)
+    if options.collect:
+        collect(*options.collect, options.folder)
     reference = json.loads(options.reference.read_text(encoding="utf-8")) if options.reference else {}
     with progress_tasks() as progress:
         methods = tuple(options.method or DEFAULT_METHODS)
         done = evaluate([options.folder], methods=methods, keep=options.keep, progress=progress)
     if done.failures:
         raise SystemExit("\n".join(f"{failure.pair}, {failure.method}: {failure.error}" for failure in done.failures))
-    results.keep(options.record, figures_of(done, reference), table)
+    results.report(options.record, figures_of(done, reference), table)
+
+
+def collect(guided: Path, tgv: Path, out: Path) -> None:
+    """Copy noisy.obj and clean.obj of each public pair to a folder with its name, and check their digests."""
+    of_tgv = [pair for pair in public_pairs("mesh-tgv", tgv) if pair.name == STEERED]
+    for pair in [*public_pairs("guided", guided), *of_tgv]:
+        folder = out / pair.name
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(pair.noisy, folder / "noisy.obj")
+        shutil.copyfile(pair.clean, folder / "clean.obj")
 
 
 def figures_of(done: Evaluation, reference: Reference) -> dict[str, Any]:

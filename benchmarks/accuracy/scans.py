@@ -58,10 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         noisy = as_mesh(next(place.glob("noisy.*")))
         meshes = {NOISY: noisy, **{method: running.denoised(noisy, method) for method in methods}}
         scans[place.name] = {name: angles(mesh, truth) for name, mesh in meshes.items()}
-        print(place.name, *(f"{name} {_in_words(found)};" for name, found in scans[place.name].items()), flush=True)
+        print(place.name, *(f"{name} {_formatted(found)};" for name, found in scans[place.name].items()), flush=True)
     if not scans:
         parser.error(f"{options.folder} holds no scans: each is a folder with noisy.* and truth.npz")
-    results.keep(options.record, {"columns": [NOISY, *methods], "scans": scans}, table)
+    results.report(options.record, {"columns": [NOISY, *methods], "scans": scans}, table)
 
 
 def angles(mesh: Mesh, truth: Truth) -> list[float]:
@@ -100,7 +100,7 @@ def table(figures: results.Figures) -> str:
     return results.markdown([f"mean of {len(scans)} scans, degrees", *MEASURES], rows)
 
 
-def _in_words(found: Sequence[float]) -> str:
+def _formatted(found: Sequence[float]) -> str:
     return " / ".join(f"{angle:.2f}" for angle in found)
 
 

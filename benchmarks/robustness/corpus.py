@@ -2,26 +2,29 @@
 
     python -m benchmarks.robustness.corpus [FOLDER ...] [--method NAME]
 
-The files are generated: malformed meshes of several kinds and sizes in every format, with colours and other values.
-Mesh files in the given folders are used as well. Each file must be denoised within two minutes, without a traceback,
-and keep its faces and values. Prints the outcomes; the exit status is 1 if a guarantee was broken.
+The files are generated: the malformed meshes of dirty_meshes.py and others, in every format and with colours and other
+values. Mesh files in the given folders are used as well. Each file must be denoised within two minutes, without a
+traceback, and keep its faces and values. Prints the outcomes; the exit status is 1 if a guarantee was broken.
 """
 
 import argparse
 import contextlib
 import io
+import re
 import signal
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import cascadenorm as cn
+from benchmarks.robustness.dirty_meshes import dirty_meshes
 from cascadenorm.cli import run
 from cascadenorm.io import MeshFile
 from cascadenorm.io.content import Content
@@ -37,68 +40,10 @@ from shapes import cube, grid, icosphere, noisy
 
 LIMIT_S = 120
 FORMATS = ("ply", "obj", "stl", "off", "glb", "gltf", "vtk", "vtu", "3mf", "dae")
-BASES = {
-    "ball": lambda level: icosphere(level),
-    "sheet": lambda level: grid(4**level, 5),
-    "box": lambda level: cube(2**level),
-}
 UNREADABLE, INVALID = 3, 4
 
-Vertices, Faces = NDArray[np.float64], NDArray[np.int64]
-
-
-def _with_a_hole(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    return vertices, faces[len(faces) // 10 :]
-
-
-def _inside_out(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    return vertices, faces[:, ::-1]
-
-
-def _crossing(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    """Two copies, turned, one through the other."""
-    return np.concatenate([vertices, vertices[:, [1, 2, 0]] * 1.1]), np.concatenate([faces, faces + len(vertices)])
-
-
-def _many_parts(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    steps = np.arange(8)
-    return (
-        np.concatenate([vertices + 3 * step for step in steps]),
-        np.concatenate([faces + len(vertices) * step for step in steps]),
-    )
-
-
-def _far_away(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    return vertices + np.array((5e6, 6e5, 100)), faces
-
-
-def _tiny(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    return vertices * 1e-8, faces
-
-
-def _huge(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    return vertices * 1e8, faces
-
-
-def _with_a_nan(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    vertices = vertices.copy()
-    vertices[len(vertices) // 2, 1] = np.nan
-    return vertices, faces
-
-
-def _one_triangle(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    return vertices, faces[:1]
-
-
-def _clean(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> tuple[Vertices, Faces]:
-    return vertices, faces
-
-
-KINDS: list[Callable[[Vertices, Faces, np.random.Generator], tuple[Vertices, Faces]]] = [
-    *(_clean, _with_a_hole, _inside_out, _crossing, _many_parts, _far_away, _tiny, _huge, _with_a_nan, _one_triangle),
-    *damage.SPOILT,
-]
-MAY_BE_REFUSED = {_with_a_nan}
+REFUSALS = ("a vertex is", "a face references", "no vertices", "points without")
+"""First words of the meshes that may be refused."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -137,18 +82,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def made(folder: Path) -> Iterator[tuple[Path, bool]]:
     """Write malformed meshes in every format; yield each path, and whether it has to be denoised."""
     formats = [format for format in FORMATS if format not in NEEDS or _is_written(format)]
-    for number, kind in enumerate(KINDS):
-        rng = np.random.default_rng(number)
-        for name, base in BASES.items():
-            mesh = noisy(base(2), 0.2)
-            content = _content(*kind(mesh.vertices, mesh.faces.astype(np.int64), rng), rng)
-            for format in formats:
-                path = folder / f"{name}{kind.__name__}.{format}"
-                with contextlib.suppress(cn.OutputError):  # coordinates beyond what the format can hold
-                    yield _written(content, path), kind not in MAY_BE_REFUSED
-    for format in formats:
-        mesh = noisy(icosphere(5), 0.2)
-        yield _written(_content(mesh.vertices, mesh.faces.astype(np.int64), rng), folder / f"large.{format}"), True
+    rng = np.random.default_rng(0)
+    meshes = {name: (dirty.vertices, dirty.faces) for name, dirty in dirty_meshes().items()}
+    for spoil in damage.SPOILT:
+        for shape, base in {"ball": icosphere(2), "sheet": grid(16, 5), "box": cube(4)}.items():
+            mesh = noisy(base, 0.2)
+            meshes[f"{shape}{spoil.__name__}"] = spoil(mesh.vertices, mesh.faces.astype(np.int64), rng)
+    large = noisy(icosphere(5), 0.2)
+    meshes["large"] = large.vertices, large.faces.astype(np.int64)
+    for name, (vertices, faces) in meshes.items():
+        content = _content(vertices, faces, rng)
+        for format in formats:
+            path = folder / f"{re.sub(r'[^a-z0-9]+', '_', name)}.{format}"
+            with contextlib.suppress(cn.OutputError, cn.MeshError):  # what the format cannot hold
+                yield _written(content, path), not name.startswith(REFUSALS)
 
 
 def found(folders: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
@@ -164,11 +111,11 @@ def tried(path: Path, output: Path, method: str, *, must_work: bool) -> tuple[st
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = run(["denoise", str(path), "-o", str(output), "--method", method, "--force"])
-    said = err.getvalue().strip()
+    messages = err.getvalue().strip()
     if code in (UNREADABLE, INVALID):
-        return "refused", said if must_work else ""
-    if code != 0 or "please report" in said or "Traceback" in said or "Warning" in said:
-        return "failed", f"exit code {code}: {said}"
+        return "refused", messages if must_work else ""
+    if code != 0 or any(word in messages for word in ("please report", "Traceback", "Warning")):
+        return "failed", f"exit code {code}: {messages}"
     if path.suffix == ".dae":  # trimesh joins vertices that are closer than 1e-8 when it reads them
         return "done", ""
     return "done", _difference(cn.read(path), cn.read(output))
@@ -192,7 +139,7 @@ def _difference(before: MeshFile, after: MeshFile) -> str:
     return ""
 
 
-def _content(vertices: Vertices, faces: Faces, rng: np.random.Generator) -> Content:
+def _content(vertices: NDArray[Any], faces: NDArray[np.int64], rng: np.random.Generator) -> Content:
     colors = {name: rng.integers(0, 256, len(vertices)).astype(np.uint8) for name in ("red", "green", "blue")}
     values = {**colors, "quality": rng.normal(size=len(vertices))}
     return Content(vertices, Polygons.from_rows(faces), values, {"part": rng.integers(9, size=len(faces))})

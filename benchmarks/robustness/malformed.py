@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     versions = {name: found for name, python in pythons.items() if (found := version(name, python))}
     columns = {f"{name} {found}": measured(name, pythons[name]) for name, found in versions.items()}
     inputs = {mesh: [column[mesh] for column in columns.values()] for mesh in dirty_meshes()}
-    results.keep(options.record, {"tools": list(columns), "inputs": inputs}, table)
+    results.report(options.record, {"tools": list(columns), "inputs": inputs}, table)
 
 
 def table(figures: results.Figures) -> str:

@@ -220,7 +220,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     results.add_option(parser, "round-trips")
     options = parser.parse_args(arguments)
-    results.keep(options.record, {name: row(make()) for name, make in LIBRARIES.items()}, table)
+    results.report(options.record, {name: row(make()) for name, make in LIBRARIES.items()}, table)
 
 
 def installed() -> list[str]:

@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     peer = interpreter(options.environment, ["pymeshlab"])
     runs = measured(options.method or METHODS, peer)
     figures = {"machine": results.machine(), "threads": thread_count(), "runs": runs}
-    results.keep(options.record, figures, table)
+    results.report(options.record, figures, table)
 
 
 def measured(methods: Sequence[str], peer: Path) -> list[dict[str, Any]]:

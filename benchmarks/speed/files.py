@@ -80,10 +80,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     results.add_option(commands.add_parser("memory", help="of reading"), "file-memory")
     options = parser.parse_args(arguments)
     if options.command == "memory":
-        results.keep(options.record, memory(), memory_table)
+        results.report(options.record, memory(), memory_table)
     else:
         found = times_of(interpreter(options.environment, PACKAGES), options.turns, options.only)
-        results.keep(options.record, found, table)
+        results.report(options.record, found, table)
 
 
 def times_of(python: Path, turns: int, only: Sequence[str] | None) -> dict[str, Any]:

@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for (method, kind), (first, later) in zip(asked, found, strict=True)
         ]
     wheels = {kind: wheel.stat().st_size / 1e6 for kind, wheel in zip(KINDS, options.wheels, strict=True)}
-    results.keep(options.record, {"machine": results.machine(), "wheels": wheels, "runs": runs}, table)
+    results.report(options.record, {"machine": results.machine(), "wheels": wheels, "runs": runs}, table)
 
 
 def twice(mesh: Path, method: str, site: Path) -> tuple[Run, Run]:

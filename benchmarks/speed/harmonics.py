@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         meshes.append(compared(torus_of(vertices), options.count))
         print(meshes[-1], flush=True)
     figures = {"machine": results.machine(), "count": options.count, "meshes": meshes}
-    results.keep(options.record, figures, table)
+    results.report(options.record, figures, table)
 
 
 def torus_of(vertices: int) -> Mesh:

@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for name in methods:
             stacks = sampled(PROGRAM.format(method=name), "denoise", options.environment)
             (results.ROOT / "benchmarks" / picture(name)).write_text(drawn(stacks), encoding="utf-8")
-    results.keep(options.record, figures, table)
+    results.report(options.record, figures, table)
 
 
 def account(mesh: Mesh, method: str) -> dict[str, Any]:

@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found[name] = [measured(name, faces) for faces in options.faces]
         print(name, *found[name], flush=True)
     figures = {"machine": results.machine(), "noise": NOISE, "faces": options.faces, "methods": found}
-    results.keep(options.record, figures, table)
+    results.report(options.record, figures, table)
 
 
 def measured(name: str, faces: int) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         seconds = opened(folder, "large.ply")
         seconds["`denoise --method laplacian --report`"] = reported(folder, "large.ply")
         seconds["the report in the browser"] = looked_at(folder)
-    results.keep(options.record, {"machine": results.machine(), "seconds": seconds}, table)
+    results.report(options.record, {"machine": results.machine(), "seconds": seconds}, table)
 
 
 def table(figures: results.Figures) -> str:

@@ -27,7 +27,7 @@ from benchmarks import results
 from benchmarks.speed.processes import COMMAND, timed
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
-from cascadenorm.patches.planning import LARGEST, PATCH, WHOLE
+from cascadenorm.patches.planning import MAX_PATCH_FACES, PATCH_FACE_BYTES, WHOLE_FACE_BYTES
 
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
 FEW = 60
@@ -64,11 +64,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     results.add_option(plan, "plan")
     options = parser.parse_args(arguments)
     if options.command == "meshes":
-        results.keep(options.record, large_meshes(options), table)
+        results.report(options.record, large_meshes(options), table)
     elif options.command == "files":
         print(many_files(options.count, options.side, options.method, options.workers))
     else:
-        results.keep(options.record, {"core_hour": options.core_hour, "requests": options.requests}, plan_table)
+        results.report(options.record, {"core_hour": options.core_hour, "requests": options.requests}, plan_table)
 
 
 def large_meshes(options: argparse.Namespace) -> dict[str, Any]:
@@ -234,7 +234,8 @@ def huge_table(methods: dict[str, Rate], faces: float) -> str:
     for name, rate in methods.items():
         hours, memory = (rate.start + rate.slope * faces) / 3600, rate.memory * faces / 1e9
         rows.append([f"{name}, in memory", f"{hours:.1f}", f"{memory:,.0f}"])
-    rows.append([f"{IN_PATCHES}, in patches", "–", f"{(WHOLE * faces + PATCH * LARGEST) / 1e9:,.0f}"])
+    memory = WHOLE_FACE_BYTES * faces + PATCH_FACE_BYTES * MAX_PATCH_FACES
+    rows.append([f"{IN_PATCHES}, in patches", "–", f"{memory / 1e9:,.0f}"])
     return results.markdown(["how", "hours", "memory, GB"], rows)
 
 

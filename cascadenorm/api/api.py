@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import cascadenorm.baselines
 import cascadenorm.learned.methods  # noqa: F401 - both register their methods
-from cascadenorm.api.apply import controlled
+from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
-from cascadenorm.api.opened_files import Denoised, DenoisingSummary, moved_file, opened_file, written_file
-from cascadenorm.api.selection import selected, welded
+from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file, written_file
+from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
-from cascadenorm.controls.weights import selected_faces
+from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
 from cascadenorm.errors import ParameterError
-from cascadenorm.execution.memory import FACE, FREE, OTHERS, amount, free_memory, memory_size
+from cascadenorm.execution.memory import (
+    FACE_BYTES,
+    OTHER_FACE_BYTES,
+    USABLE_FRACTION,
+    format_bytes,
+    free_memory,
+    parse_bytes,
+)
 from cascadenorm.geometry.metrics import Measures, measure
-from cascadenorm.io import MeshFile
-from cascadenorm.io.interop import adapter, as_mesh, is_pair
-from cascadenorm.mesh import Mesh, Vectors, bad_faces, bad_vertices, isolated, limit_threads
-from cascadenorm.mesh.welding import weld
-from cascadenorm.patches.planning import IN_STEPS, check_works_in_patches, patches_within, works_in_patches
+from cascadenorm.io.interop import as_mesh
+from cascadenorm.mesh import Vectors, limit_threads
+from cascadenorm.patches.planning import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.registry import Method, find, registered
 
 if TYPE_CHECKING:
@@ -50,7 +53,7 @@ def denoise(mesh: ArrayLike, faces: ArrayLike, *, method: str = ..., **controls:
 def denoise(mesh: AnyMesh, faces: None = None, *, method: str = ..., **parameters: Any) -> AnyMesh: ...
 @overload
 def denoise(mesh: ArrayLike, faces: ArrayLike, *, method: str = ..., **parameters: Any) -> NDArray[Any]: ...
-@takes_controls
+@with_control_parameters
 def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_METHOD, **parameters: Any) -> Any:
     """Denoise a mesh and return a result of the same type; the input is not changed.
 
@@ -86,7 +89,7 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
     MissingDependencyError
         A package that the format needs is not installed.
     """
-    controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
+    controls = checked_controls({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     chosen = find(method)
     chosen.checked(parameters, further=tuple(CONTROLS))
     if isinstance(faces, str | PathLike):
@@ -95,23 +98,16 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
             parameter="faces",
             hint="to name the file that is written call denoise_file(source, output)",
         )
-    if faces is None and is_pair(mesh):
-        mesh, faces = mesh
+    if faces is None and isinstance(mesh, str | PathLike):
+        done = denoise_file_with_meshes(fspath(mesh), method=method, parameters=parameters, **controls)
+        return Path(done.summary.output)
     with limit_threads(controls["threads"]):
-        if faces is not None:
-            return _denoised(chosen, mesh, faces, parameters, controls)
-        if isinstance(mesh, str | PathLike):
-            return Path(
-                _from_file_to_file(chosen, fspath(mesh), None, parameters, controls, force=False).summary.output
-            )
-        if isinstance(mesh, MeshFile):
-            return _denoised_open_file(chosen, mesh, parameters, controls)
-        if isinstance(mesh, Mesh):
-            return mesh.moved(_denoised(chosen, mesh.vertices, mesh.faces, parameters, controls))
-        return _denoised_object(chosen, mesh, parameters, controls)
+        given = SeamlessMesh.of(mesh if faces is None else (mesh, faces), isolate=controls["on_bad"] == "isolate")
+        over = given.controls(controls)
+        return given.moved(run_with_controls(chosen, given.mesh, parameters, over, dtype=given.dtype), controls)
 
 
-@takes_controls
+@with_control_parameters
 def denoise_file(
     source: str | PathLike[str] | BinaryIO,
     output: str | PathLike[str] | BinaryIO | None = None,
@@ -208,41 +204,37 @@ def denoise_file_with_meshes(
         Called with the reason before the method switches to patches because the whole mesh needs more memory than is
         free and no `memory` was given. None skips the check of free memory.
     """
-    every, chosen, given = checked(controls), find(method), parameters or {}
+    every, chosen, given = checked_controls(controls), find(method), parameters or {}
+    chosen.checked(given)
     if scheduler is not None and memory is None:
         raise ParameterError("works on patches", parameter="scheduler", hint="give memory too, that of a worker")
-    if memory is not None:
-        memory = memory_size("memory", memory)
+    limit = None if memory is None else parse_bytes("memory", memory)
+    if limit is not None:
         check_works_in_patches(chosen, given)
-
-    def limited(faces: int) -> AbstractContextManager[None]:
-        size = memory if memory is not None or on_short is None else _short_memory(chosen, given, faces, on_short)
-        return nullcontext() if size is None else patches_within(size, faces, scheduler)
-
     with limit_threads(every["threads"]):
-        return _from_file_to_file(
-            chosen,
-            source,
-            output,
-            given,
-            every,
-            format=format,
-            drop_components=drop_components,
-            force=force,
-            weld=weld,
-            limited=limited,
+        opened = opened_file(
+            source, output, every, format=format, drop_components=drop_components, force=force, weld=weld
         )
+        mesh, dtype = opened.mesh, opened.file.positions.dtype
+        watch = Stopwatch()
+        if limit is None and on_short is not None:
+            limit = _memory_for_patches(chosen, given, len(mesh.faces), on_short)
+        removed: list[Vectors] = []
+        with nullcontext() if limit is None else patches_within(limit, len(mesh.faces), scheduler):
+            vertices = run_with_controls(chosen, mesh, given, opened.controls, dtype=dtype, removed=removed)
+        seconds = watch.seconds()
+        return written_file(opened, vertices, chosen, given, every, removed=removed, seconds=seconds, force=force)
 
 
-def _short_memory(
+def _memory_for_patches(
     method: Method, parameters: dict[str, Any], faces: int, on_short: Callable[[str], object]
 ) -> int | None:
     """Return the memory for patches and report the reason if the whole mesh needs more than is free; else None."""
-    need, free = faces * (FACE if method.name in IN_STEPS else OTHERS), free_memory()
+    need, free = faces * (FACE_BYTES if method.name in STEPWISE_METHODS else OTHER_FACE_BYTES), free_memory()
     if free is None or need <= free or not works_in_patches(method, parameters):
         return None
-    on_short(f"{method.name} needs about {amount(need)} for {faces:,} faces, and {amount(free)} are free")
-    return int(FREE * free)
+    on_short(f"{method.name} needs about {format_bytes(need)} for {faces:,} faces, and {format_bytes(free)} are free")
+    return int(USABLE_FRACTION * free)
 
 
 def methods() -> dict[str, Method]:
@@ -264,66 +256,3 @@ def compare(mesh: Any, reference: Any) -> Measures:
         A mesh is invalid. Its subclass ReadError is raised if a file cannot be read.
     """
     return measure(as_mesh(mesh), as_mesh(reference))
-
-
-def _denoised(
-    method: Method, vertices: ArrayLike, faces: ArrayLike, parameters: dict[str, Any], controls: Controls
-) -> NDArray[Any]:
-    given = np.asarray(vertices)
-    dtype = given.dtype if given.dtype.kind == "f" else np.dtype(np.float64)
-    if controls["on_bad"] == "error":
-        return controlled(method, Mesh(vertices, faces), parameters, controls, dtype=dtype)
-    mesh = isolated(vertices, faces)
-    if controls["only"] is not None:  # `only` counts the bad faces as well
-        good = ~bad_faces(vertices, faces)
-        controls = {**controls, "only": selected_faces(controls["only"], len(good))[good]}
-    denoised = controlled(method, mesh, parameters, controls, dtype=dtype)
-    return np.where(bad_vertices(given)[:, None], given, denoised)
-
-
-def _denoised_object(method: Method, mesh: Any, parameters: dict[str, Any], controls: Controls) -> Any:
-    """Denoise a mesh of another library; copies of a vertex at seams stay together."""
-    kind = adapter(mesh)
-    vertices, faces = kind.arrays(mesh)
-    within = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
-    joined = faces.astype(np.int64)
-    welds, first = weld(vertices, joined[within])
-    joined[within] = welds[joined[within]]
-    denoised = _denoised(method, vertices[first], joined, parameters, welded(controls, welds))[welds]
-    return kind.with_vertices(mesh, np.where(denoised == vertices, vertices, denoised))  # keeps the sign of -0
-
-
-def _denoised_open_file(method: Method, file: MeshFile, parameters: dict[str, Any], controls: Controls) -> MeshFile:
-    """Denoise a file that `read` returned."""
-    if controls["on_bad"] == "isolate":
-        file = file.isolating()
-    mesh, over = as_mesh(file), selected(controls, file)
-    vertices = controlled(method, mesh, parameters, over, dtype=file.positions.dtype)
-    return moved_file(file, vertices, mesh, controls)
-
-
-def _from_file_to_file(
-    method: Method,
-    source: str | PathLike[str] | BinaryIO,
-    output: str | PathLike[str] | BinaryIO | None,
-    parameters: dict[str, Any],
-    controls: Controls,
-    *,
-    format: str | None = None,
-    drop_components: str | int | None = None,
-    force: bool,
-    weld: float | str | None = None,
-    limited: Callable[[int], AbstractContextManager[None]] = lambda faces: nullcontext(),
-) -> Denoised:
-    """Denoise a file; `limited` maps the number of faces to the context in which the method runs."""
-    method.checked(parameters)
-    opened = opened_file(
-        source, output, controls, format=format, drop_components=drop_components, force=force, weld=weld
-    )
-    removed: list[Vectors] = []
-    watch = Stopwatch()
-    with limited(len(opened.mesh.faces)):
-        dtype = opened.file.positions.dtype
-        vertices = controlled(method, opened.mesh, parameters, opened.controls, dtype=dtype, removed=removed)
-    seconds = watch.seconds()
-    return written_file(opened, vertices, method, parameters, controls, removed=removed, seconds=seconds, force=force)

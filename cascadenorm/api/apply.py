@@ -2,19 +2,26 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, cast
+from functools import partial
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.api.halo import Halo, as_part, check_halo
+from cascadenorm.api.halo import Halo, check_halo, in_frame_of_whole
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
-from cascadenorm.controls.detail import Removal, Removed, applied, as_unknown_surface, finer_than, without_finer
-from cascadenorm.controls.displacement import displaced, framed_length
+from cascadenorm.controls.detail import (
+    DetailRemoval,
+    apply_method,
+    as_unknown_surface,
+    high_pass_filter,
+    without_detail,
+)
+from cascadenorm.controls.displacement import displace, framed_length
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.sliding import Sliding, sliding
-from cascadenorm.controls.weights import holds_some, vertex_weights
+from cascadenorm.controls.weights import may_fix_vertices, vertex_weights
 from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.execution.progress import report_to, track
 from cascadenorm.geometry.orientation import oriented
@@ -34,7 +41,7 @@ from cascadenorm.mesh import (
 )
 from cascadenorm.patches.work import free_derived
 from cascadenorm.regions.region_volumes import with_region_volumes
-from cascadenorm.regions.shells import Shells, into_shells
+from cascadenorm.regions.shells import Shells, split_into_shells
 from cascadenorm.regions.walls import joined_walls
 from cascadenorm.registry import REGION, Method
 
@@ -42,7 +49,7 @@ Step = Callable[[Mesh], Vectors]
 """One application of a method and its controls, mapping a mesh to its new vertices."""
 
 
-def controlled(
+def run_with_controls(
     method: Method,
     mesh: Mesh,
     parameters: Mapping[str, Any],
@@ -62,7 +69,7 @@ def controlled(
     Parameters
     ----------
     controls
-        All controls, as returned by `checked`.
+        All controls, as returned by `checked_controls`.
     dtype
         Floating type of the result.
     steps
@@ -84,31 +91,29 @@ def controlled(
         The method returned vertices that are not finite.
     """
     checked = _checked_parameters(method, parameters)
-    controls = {**controls, "strength": min(controls["strength"], MOST_STRENGTH)}
+    controls = {**controls, "strength": min(controls["strength"], MAX_STRENGTH)}
     faces, mesh = mesh.faces, without_repeated_faces(without_lines(mesh))
     weights = vertex_weights(mesh, controls, faces)
     halo = None if controls["halo"] is None else check_halo(method, parameters, mesh, controls)
     order, framed, parts, exponent = _prepared(mesh, halo)
     free_derived(mesh, order.mesh, framed)
     weights = weights[order.numbers]
-    if REGION in method.settings and holds_some(controls):
+    if REGION in method.settings and may_fix_vertices(controls):
         checked[REGION] = weights > 0
     if halo is not None:
         weights = np.where(halo.vertices, 0.0, weights)
-    detail = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
-        coarse = _detail_to_remove(method, controls, framed, exponent)
 
         def note(vertices: Vectors) -> None:
             if removed is not None and not removed:
                 removed.append(np.ldexp(vertices - framed.vertices, exponent)[order.places])
 
-        step = _step(method, framed, order, parts, checked, controls, detail, coarse, note)
+        step = _step(Settings.of(method, checked, controls, framed, exponent), framed, order, parts, note)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:
-            step = _sliding_step(step, slides)
+            step = partial(_slid, step, slides)
         displacement = _accumulated(step, framed, strength * weights, steps)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, parts, displacement, weights)
@@ -118,12 +123,12 @@ def controlled(
     free_derived(mesh, order.mesh, framed)
     if controls["progress"] is not None:
         controls["progress"](1.0)
-    return displaced(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
+    return displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
 
 
 def step_key(method: Method, strength: float) -> float:
     """Return the part of a strength that changes each application of a method; the rest only blends the results."""
-    return min(max(strength, 1.0), MOST_STRENGTH) if method.converges else 1.0
+    return min(max(strength, 1.0), MAX_STRENGTH) if method.converges else 1.0
 
 
 def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells | None, int]:
@@ -131,19 +136,19 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
     if halo is None:
         framed, exponent = in_frame(mesh)
         order = ordered_for_cache(framed)
-        return order, *into_shells(oriented(order.mesh)), exponent
-    return Renumbered.unchanged(mesh), as_part(mesh, halo.whole), None, halo.whole.frame.exponent
+        return order, *split_into_shells(oriented(order.mesh)), exponent
+    return Renumbered.unchanged(mesh), in_frame_of_whole(mesh, halo.whole), None, halo.whole.frame.exponent
 
 
 def reported_controls(controls: Controls) -> dict[str, Any]:
     """Return the controls that a report lists, as they were given; arrays are described by their shape."""
-    return {name: _in_words(controls[name]) for name in CONTROLS if name not in UNREPORTED}  # type: ignore[literal-required]
+    return {name: _described(controls[name]) for name in CONTROLS if name not in UNREPORTED}  # type: ignore[literal-required]
 
 
-EDGES = 2.0
+WIDTH_STEP = 2.0
 """Increase in the width of removed detail, in mean edge lengths, per unit of strength above 1 (converging methods)."""
 
-MOST_STRENGTH = 10.0
+MAX_STRENGTH = 10.0
 """Upper limit of strength; larger values act as this one, because each unit is a further pass."""
 
 UNREPORTED = ("strength", "threads", "progress", "halo")
@@ -151,7 +156,7 @@ UNREPORTED = ("strength", "threads", "progress", "halo")
 the result."""
 
 
-def _in_words(value: Any) -> Any:
+def _described(value: Any) -> Any:
     array = np.asarray(value)
     return value if array.ndim == 0 or array.dtype.kind == "U" else f"array of shape {array.shape}"
 
@@ -162,32 +167,53 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
     return method.checked(parameters)
 
 
-def _detail_to_remove(method: Method, controls: Controls, framed: Mesh, exponent: int) -> Removed:
-    """Return the detail to remove: the width of `remove_detail`, and the removals for a strength above 1.
+class Settings(NamedTuple):
+    """A method with its parameters and controls, with lengths in units of the frame.
 
-    For a method that converges, each unit of strength above 1 adds one removal on the previous result. Each removal is
-    wider than the last by EDGES mean edge lengths, and the last one may be partial. A larger strength thus extends a
-    smaller one.
+    Parameters
+    ----------
+    keep_detail
+        Width of the smallest feature to keep.
+    remove_detail
+        Width of the errors that the method removes. None lets the method decide.
+    removals
+        Detail to remove from the result of the method, in this order.
     """
-    given, removals = controls["remove_detail"], []
-    if method.converges:
-        more = controls["strength"] - 1
-        for number in range(math.ceil(more)):
-            width = (number + 1) * EDGES * framed.mean_edge_length
-            removals.append(Removal(width, min(more - number, 1.0)))
-    return Removed(None if given is None else framed_length("remove_detail", given, framed, exponent), removals)
+
+    method: Method
+    parameters: Mapping[str, Any]
+    controls: Controls
+    keep_detail: float
+    remove_detail: float | None
+    removals: list[DetailRemoval]
+
+    @classmethod
+    def of(
+        cls, method: Method, parameters: Mapping[str, Any], controls: Controls, framed: Mesh, exponent: int
+    ) -> "Settings":
+        """Convert the lengths to units of the frame.
+
+        For a method that converges, each unit of strength above 1 adds one removal on the previous result. Each removal
+        is WIDTH_STEP mean edge lengths wider than the last, and the last one may be partial. A larger strength thus
+        extends a smaller one.
+        """
+        keep = framed_length("keep_detail", controls["keep_detail"], framed, exponent)
+        remove = framed_length("remove_detail", controls["remove_detail"], framed, exponent)
+        more = controls["strength"] - 1 if method.converges else 0.0
+        step = WIDTH_STEP * framed.mean_edge_length
+        removals = [DetailRemoval((k + 1) * step, min(more - k, 1.0)) for k in range(math.ceil(more))]
+        detected = controls["remove_detail"] is None
+        return cls(method, parameters, controls, keep, None if detected else remove, removals)
+
+    def on_copies(self, owners: Ints) -> "Settings":
+        """Return the settings for a mesh whose vertices are copies of the `owners`."""
+        if REGION not in self.parameters:
+            return self
+        return self._replace(parameters={**self.parameters, REGION: self.parameters[REGION][owners]})
 
 
 def _step(
-    method: Method,
-    mesh: Mesh,
-    order: Renumbered,
-    parts: Shells | None,
-    parameters: Mapping[str, Any],
-    controls: Controls,
-    detail: float,
-    removed: Removed,
-    note: Callable[[Vectors], None],
+    settings: Settings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Callable[[Vectors], None]
 ) -> Step:
     """Return the step that applies the method together with creases, boundary and detail.
 
@@ -201,43 +227,33 @@ def _step(
         Numbering of its vertices.
     parts
         Shells of its regions if they share walls, else None.
-    detail
-        Width of the smallest feature to keep, in units of the frame.
-    removed
-        Detail to remove.
     note
         Called with the vertices that the method returned, before the other controls.
     """
-    creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read already
+    creases = cast("float | ArrayLike | None", settings.controls["creases"])  # files have been read already
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
     if parts is None:
-        return _surface_step(method, mesh, order.numbers, parameters, controls, edges, detail, removed, note)
-    if REGION in parameters:
-        parameters = {**parameters, REGION: parameters[REGION][parts.owners]}
+        return _surface_step(settings, mesh, order.numbers, edges, note)
     edges = None if edges is None else parts.of_edges(mesh, edges)
     numbers = order.numbers[parts.owners]
 
     def note_joined(vertices: Vectors) -> None:
         note(joined_walls(parts, mesh, vertices))
 
-    each = _surface_step(method, parts.mesh, numbers, parameters, controls, edges, detail, removed, note_joined)
+    each = _surface_step(settings.on_copies(parts.owners), parts.mesh, numbers, edges, note_joined)
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
 
 
-def _sliding_step(step: Step, slides: Sliding) -> Step:
-    """Return a step that keeps the vertices on flat sides in their planes."""
-    return lambda mesh: slides.slid(mesh, step(mesh))
+def _slid(step: Step, slides: Sliding, mesh: Mesh) -> Vectors:
+    """Apply a step, and keep the vertices on flat sides in their planes."""
+    return slides.slid(mesh, step(mesh))
 
 
 def _surface_step(
-    method: Method,
+    settings: Settings,
     mesh: Mesh,
     numbers: Ints,
-    parameters: Mapping[str, Any],
-    controls: Controls,
     creases: NDArray[np.bool_] | None,
-    detail: float,
-    removed: Removed,
     note: Callable[[Vectors], None],
 ) -> Step:
     """Return the step for a mesh without shared walls.
@@ -254,23 +270,22 @@ def _surface_step(
     # Cut the mesh along creases: the method and later stages see copies of the vertices there
     sides = None if creases is None else cut_along(mesh, creases)
     seen = mesh if sides is None else sides.mesh
-    numbers = numbers if sides is None else numbers[sides.owners]
-    if sides is not None and REGION in parameters:
-        parameters = {**parameters, REGION: parameters[REGION][sides.owners]}
     # Cutting creates boundaries everywhere; only one of the two networks of `auto` is trained for them
     if sides is not None:
-        parameters = as_unknown_surface(method, parameters)
+        settings, numbers = settings.on_copies(sides.owners), numbers[sides.owners]
+        settings = settings._replace(parameters=as_unknown_surface(settings.method, settings.parameters))
+    method, parameters, controls = settings.method, settings.parameters, settings.controls
 
     # Boundary edges come from the uncut mesh, numbered as in the cut one; detail is smoothed on each side separately
     edges = boundary_edges(mesh, seen.faces) if controls["boundary"] == "smooth" else None
-    finer = None if controls["keep_detail"] is None else finer_than(detail, seen)
+    finer = None if controls["keep_detail"] is None else high_pass_filter(settings.keep_detail, seen)
 
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
-        vertices = _finite(method, applied(method, parameters, removed.width, seen), numbers)
+        vertices = _finite(method, apply_method(method, parameters, settings.remove_detail, seen), numbers)
         note(vertices if sides is None else sides.joined(mesh, vertices))
-        for removal in removed.afterwards:
-            vertices = without_finer(removal, seen, vertices)
+        for removal in settings.removals:
+            vertices = without_detail(removal, seen, vertices)
         if edges is not None:
             vertices = smoothed_boundary(seen, edges, vertices)
         if finer is not None:

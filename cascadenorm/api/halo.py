@@ -96,7 +96,7 @@ class Whole:
         ParameterError
             The position depends on the whole mesh.
         """
-        return _rings(find(method), parameters, self.groups)
+        return _receptive_field(find(method), parameters, self.groups)
 
     def patch(self, faces: ArrayLike, inside: ArrayLike, rings: int) -> "Patch":
         """Return a patch of this mesh with a halo of `rings` edges around it.
@@ -182,7 +182,7 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
             parameter="halo",
             hint="pass the halo of the same patch",
         )
-    rings = _rings(method, parameters, whole.groups)
+    rings = _receptive_field(method, parameters, whole.groups)
     _check_local(controls)
     cut = mesh.topology.vertex_faces.counts != whole.around
     near = (steps_from(mesh.topology, cut, rings) < rings) & ~halo.vertices
@@ -213,7 +213,7 @@ def _check_local(controls: Controls) -> None:
         )
 
 
-def as_part(mesh: Mesh, whole: Whole) -> Mesh:
+def in_frame_of_whole(mesh: Mesh, whole: Whole) -> Mesh:
     """Return a patch in the frame and the orientation of the whole mesh."""
     faces = mesh.faces.copy()
     faces[whole.flipped] = faces[whole.flipped, ::-1]
@@ -221,7 +221,7 @@ def as_part(mesh: Mesh, whole: Whole) -> Mesh:
     return framed.as_part(whole.group, mean_edge_length=whole.mean_edge_length)
 
 
-def _rings(method: Method, parameters: Mapping[str, Any], groups: int) -> int:
+def _receptive_field(method: Method, parameters: Mapping[str, Any], groups: int) -> int:
     rings = method.receptive_field(parameters, groups)
     if rings is None:
         raise ParameterError(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cascadenorm import io
 from cascadenorm.api.apply import reported_controls
 from cascadenorm.api.kept_components import Dropped, without_small_components
-from cascadenorm.api.selection import selected
+from cascadenorm.api.selection import resolve_controls
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.controls.settings import Controls, parsed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
@@ -161,7 +161,7 @@ def opened_file(
         file = dropped.file
     check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source))
-    return Opened(source, output, chosen, file, mesh, selected(controls, file), dropped)
+    return Opened(source, output, chosen, file, mesh, resolve_controls(controls, file), dropped)
 
 
 def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, controls: Controls) -> io.MeshFile:
@@ -203,7 +203,7 @@ def written_file(
     controls
         As given.
     removed
-        As `controlled` returns it.
+        As `run_with_controls` returns it.
     """
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
@@ -232,7 +232,7 @@ def written_file(
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
-        **error_found(method, small, exponent, removed, parameters),
+        **detected_error(method, small, exponent, removed, parameters),
         left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
         nearly_coincident=int(nearly_coincident(small).sum()),
         dropped_components=opened.dropped.components if opened.dropped else 0,
@@ -241,7 +241,7 @@ def written_file(
     return Denoised(summary, file, moved)
 
 
-def error_found(
+def detected_error(
     method: Method, small: Mesh, exponent: int, removed: Sequence[Vectors], parameters: dict[str, Any]
 ) -> dict[str, Any]:
     """Classify the error of a mesh as `inspect` does, and return it with the kind of surface that `auto` chose.
@@ -251,8 +251,8 @@ def error_found(
     small, exponent
         Mesh in its frame.
     removed
-        The (n, 3) displacements by the method alone, as `controlled` returns them: strength and limits change the
-        result, but not the error of the mesh. Empty if the method did not run.
+        The (n, 3) displacements by the method alone, as `run_with_controls` returns them: strength and limits change
+        the result, but not the error of the mesh. Empty if the method did not run.
     """
     if method.name != "auto" or not removed:
         return {"error": None, "treated_as": None}

@@ -9,82 +9,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.api import DEFAULT_METHOD
-from cascadenorm.api.apply import controlled
-from cascadenorm.api.opened_files import DenoisingSummary, moved_file, opened_file, written_file
-from cascadenorm.api.selection import welded
+from cascadenorm.api.apply import run_with_controls
+from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_file
+from cascadenorm.api.seamless import SeamlessMesh
+from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.settings import CONTROLS, Controls, checked, takes_controls
+from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
 from cascadenorm.errors import MeshError, ParameterError
-from cascadenorm.io import MeshFile
 from cascadenorm.io.atomic import make_folder
-from cascadenorm.io.interop import adapter, as_mesh, is_pair
-from cascadenorm.mesh import Bools, Ints, Mesh, Vectors, bad_vertices, isolated, limit_threads
-from cascadenorm.mesh.welding import weld
-from cascadenorm.regions.coincidence import coincident, joined_meshes
+from cascadenorm.mesh import Bools, Ints, Mesh, Vectors, limit_threads
+from cascadenorm.regions.coincidence import coincident_vertices, join_meshes
 from cascadenorm.registry import Method, find
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 
-class SeamlessMesh(NamedTuple):
-    """A mesh as given, together with a version in which copies of vertices at seams are joined.
-
-    Parameters
-    ----------
-    given
-        The object that the caller passed.
-    vertices
-        (k, 3) vertices of `given`.
-    welds
-        (k,) index of each vertex in `mesh`.
-    mesh
-        Joined mesh with n vertices.
-    """
-
-    given: Any
-    vertices: NDArray[Any]
-    welds: NDArray[np.int32]
-    mesh: Mesh
-
-    @classmethod
-    def of(cls, given: Any, *, isolate: bool = False) -> "SeamlessMesh":
-        """Convert a mesh of any kind except a path; `isolate` leaves out its bad faces."""
-        if isinstance(given, MeshFile):
-            given = given.isolating() if isolate else given
-            mesh = as_mesh(given)
-            return cls(given, mesh.vertices, np.arange(len(mesh.vertices), dtype=np.int32), mesh)
-        if isinstance(given, Mesh):
-            return cls(given, given.vertices, np.arange(len(given.vertices), dtype=np.int32), given)
-        checked_mesh = isolated if isolate else Mesh
-        if is_pair(given):
-            vertices, mesh = np.asarray(given[0]), checked_mesh(*given)
-            return cls(given, vertices, np.arange(len(vertices), dtype=np.int32), mesh)
-        vertices, faces = adapter(given).arrays(given)
-        checked_faces = checked_mesh(vertices, faces).faces.astype(np.int64)
-        welds, first = weld(vertices, checked_faces)
-        return cls(given, vertices, welds, checked_mesh(vertices[first], welds[checked_faces]))
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Floating type of the result."""
-        if isinstance(self.given, MeshFile):
-            return self.given.positions.dtype
-        return self.vertices.dtype if self.vertices.dtype.kind == "f" else np.dtype(np.float64)
-
-    def moved(self, vertices: NDArray[Any], controls: Controls) -> Any:
-        """Return a copy of `given` with new vertices of `mesh`; vertices that are not finite stay unchanged."""
-        if isinstance(self.given, MeshFile):
-            return moved_file(self.given, vertices, self.mesh, controls)
-        if isinstance(self.given, Mesh):
-            return self.given.moved(vertices)
-        copies = np.where(bad_vertices(self.vertices)[:, None], self.vertices, vertices[self.welds])
-        if is_pair(self.given):
-            return copies.astype(self.dtype, copy=False)
-        return adapter(self.given).with_vertices(self.given, np.where(copies == self.vertices, self.vertices, copies))
-
-
-@takes_controls
+@with_control_parameters
 def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **parameters: Any) -> list[Any]:
     """Denoise meshes whose walls coincide, such as the regions of a segmentation; shared walls stay shared.
 
@@ -111,18 +52,18 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
     MeshError, ParameterError
         As in `denoise`.
     """
-    controls = checked({name: parameters.pop(name) for name in CONTROLS if name in parameters})
+    controls = checked_controls({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     for name in ("mask", "fixed", "only", "creases"):
         given: Any = controls[name]
         if np.ndim(given) or isinstance(given, str | PathLike):
             raise ParameterError("applies to a single mesh, and several are given", parameter=name)
     every = [SeamlessMesh.of(mesh, isolate=controls["on_bad"] == "isolate") for mesh in meshes]
     with limit_threads(controls["threads"]):
-        moved = _together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
+        moved = _denoise_together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)
     return [one.moved(of.vertices, controls) for one, of in zip(every, moved, strict=True)]
 
 
-@takes_controls
+@with_control_parameters
 def denoise_region_files(
     sources: str | PathLike[str] | Sequence[str | PathLike[str]],
     folder: str | PathLike[str] | None = None,
@@ -158,7 +99,7 @@ def denoise_region_files(
     ReadError, MeshError, ParameterError, OutputError, MissingDependencyError
         As in `denoise`.
     """
-    every, chosen, given = checked(controls), find(method), parameters or {}
+    every, chosen, given = checked_controls(controls), find(method), parameters or {}
     chosen.checked(given)
     with limit_threads(every["threads"]):
         paths = [sources] if isinstance(sources, str | PathLike) else sources
@@ -168,7 +109,7 @@ def denoise_region_files(
         opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
         watch = Stopwatch()
         regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]
-        moved = _together(chosen, regions, given)
+        moved = _denoise_together(chosen, regions, given)
         seconds = watch.seconds()
         return [
             written_file(
@@ -187,39 +128,39 @@ class Region(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """The new vertices of a region in its type, and the displacements `removed` as `controlled` returns them."""
+    """The new vertices of a region in its type, and the displacements `removed` as `run_with_controls` returns them."""
 
     vertices: NDArray[Any]
     removed: list[Vectors]
 
 
-def _together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[Moved]:
+def _denoise_together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[Moved]:
     """Denoise regions; those that share vertices are denoised together."""
     if not regions:
         raise MeshError("no meshes are given", hint="give at least one")
     out: dict[int, Moved] = {}
-    first, groups = coincident([region.mesh for region in regions])
+    first, groups = coincident_vertices([region.mesh for region in regions])
     owners = np.repeat(groups, [len(region.mesh.vertices) for region in regions])
     for group in np.unique(groups):
         mine, rows = np.flatnonzero(groups == group).tolist(), np.flatnonzero(owners == group)
-        found = _group(method, [regions[i] for i in mine], np.searchsorted(rows, first[rows]), parameters)
+        found = _denoise_group(method, [regions[i] for i in mine], np.searchsorted(rows, first[rows]), parameters)
         out |= dict(zip(mine, found, strict=True))
     return [out[i] for i in range(len(regions))]
 
 
-def _group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[Moved]:
+def _denoise_group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[Moved]:
     """Denoise one group of regions; `first` maps each vertex to the first one it coincides with."""
     removed: list[Vectors] = []
     if len(regions) == 1:
         only = regions[0]
-        moved = controlled(method, only.mesh, parameters, only.controls, dtype=only.dtype, removed=removed)
+        moved = run_with_controls(method, only.mesh, parameters, only.controls, dtype=only.dtype, removed=removed)
         return [Moved(moved, removed)]
 
     # Join the regions into one mesh of the coarsest type, so that every region can hold the result
-    whole = joined_meshes([region.mesh for region in regions], first)
-    over = welded(_concatenated(regions), whole.vertices.astype(np.int32))
+    whole = join_meshes([region.mesh for region in regions], first)
+    over = weld_controls(_concatenated(regions), whole.vertices.astype(np.int32))
     coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
-    moved = controlled(method, whole.mesh, parameters, over, dtype=coarsest, removed=removed)
+    moved = run_with_controls(method, whole.mesh, parameters, over, dtype=coarsest, removed=removed)
 
     # Distribute the vertices to the regions; unmoved vertices keep their own bits
     still = (moved == whole.mesh.vertices.astype(coarsest)).all(axis=1)
@@ -239,9 +180,9 @@ def _concatenated(regions: Sequence[Region]) -> Controls:
     if one["mask"] is not None:
         one["mask"] = np.concatenate([np.asarray(region.controls["mask"]) for region in regions])
     if one["fixed"] is not None:
-        one["fixed"] = np.concatenate([_chosen(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
+        one["fixed"] = np.concatenate([_as_mask(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
     if one["only"] is not None:
-        one["only"] = np.concatenate([_chosen(r.controls["only"], len(r.mesh.faces)) for r in regions])
+        one["only"] = np.concatenate([_as_mask(r.controls["only"], len(r.mesh.faces)) for r in regions])
     if np.ndim(cast(ArrayLike, one["creases"])):
         starts = np.cumsum([0, *(len(region.mesh.vertices) for region in regions)])
         pairs = [np.asarray(r.controls["creases"]) + start for r, start in zip(regions, starts, strict=False)]
@@ -249,7 +190,7 @@ def _concatenated(regions: Sequence[Region]) -> Controls:
     return one
 
 
-def _chosen(given: Any, count: int) -> Bools:
+def _as_mask(given: Any, count: int) -> Bools:
     """Return (count,) bool for a selection given as bool or as indices."""
     chosen = np.zeros(count, bool)
     chosen[np.asarray(given)] = True

@@ -17,12 +17,12 @@ from cascadenorm.controls.weights import selected_faces
 from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
 
-FILES = (".npy", ".txt")
-RANGE = re.compile(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?")  # matches "5" or "7-20"
-MOST_NAMES = 20  # listed in a message
+ARRAY_FILES = (".npy", ".txt")
+INDEX_RANGE = re.compile(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?")  # matches "5" or "7-20"
+MAX_LISTED_NAMES = 20  # listed in a message
 
 
-def selected(controls: Controls, file: MeshFile) -> Controls:
+def resolve_controls(controls: Controls, file: MeshFile) -> Controls:
     """Return the controls with names replaced by arrays over the mesh of a file.
 
     Names and indices, in text or in other files, refer to the vertices of the mesh file, from 0. If the file splits a
@@ -54,7 +54,7 @@ def selected(controls: Controls, file: MeshFile) -> Controls:
     return found
 
 
-def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
+def weld_controls(controls: Controls, welds: NDArray[np.int32]) -> Controls:
     """Return controls over split vertices as controls over the welded ones.
 
     Parameters
@@ -72,16 +72,16 @@ def welded(controls: Controls, welds: NDArray[np.int32]) -> Controls:
 
     found = controls.copy()
     if controls["mask"] is not None:
-        found["mask"] = _joined(np.asarray(controls["mask"]), welds, np.minimum)
+        found["mask"] = _reduce_copies(np.asarray(controls["mask"]), welds, np.minimum)
     if controls["fixed"] is not None:
         fixed = np.asarray(controls["fixed"])
-        found["fixed"] = _joined(fixed, welds, np.maximum) if fixed.dtype == bool else renumbered(fixed)
+        found["fixed"] = _reduce_copies(fixed, welds, np.maximum) if fixed.dtype == bool else renumbered(fixed)
     if np.ndim(creases := np.asarray(controls["creases"])) == 2:
         found["creases"] = renumbered(creases)
     return found
 
 
-def faces_labelled(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
+def labelled_faces(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
     """Return (m,) bool, the triangles of the mesh of a file that carry one of the labels.
 
     Parameters
@@ -117,9 +117,9 @@ def _as_text(given: Any) -> Any:
 
 def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
     if not isinstance(mask, str):
-        return _joined(np.asarray(mask), file.welds, np.minimum)
-    values = _of_vertices("mask", mask, file)
-    return _joined(values / 255 if values.dtype == np.uint8 else values, file.welds, np.minimum)
+        return _reduce_copies(np.asarray(mask), file.welds, np.minimum)
+    values = _vertex_values("mask", mask, file)
+    return _reduce_copies(values / 255 if values.dtype == np.uint8 else values, file.welds, np.minimum)
 
 
 def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
@@ -127,24 +127,24 @@ def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
     # An array of bool, or of indices into the mesh
     if not isinstance(fixed, str):
         given = np.asarray(fixed)
-        return _joined(given, file.welds, np.maximum) if given.dtype == bool else given
+        return _reduce_copies(given, file.welds, np.maximum) if given.dtype == bool else given
 
     # An attribute or another file
     count, attributes = len(file.positions), _attributes(file)
     if fixed in attributes:
-        return _joined(np.asarray(attributes[fixed] != 0), file.welds, np.maximum)
-    if fixed.endswith(FILES):
-        column = _table("fixed", fixed, 1)[:, 0]
+        return _reduce_copies(np.asarray(attributes[fixed] != 0), file.welds, np.maximum)
+    if fixed.endswith(ARRAY_FILES):
+        column = _read_table("fixed", fixed, 1)[:, 0]
         if column.dtype == bool:
-            return _joined(column, file.welds, np.maximum)
+            return _reduce_copies(column, file.welds, np.maximum)
         return file.welds[_vertex_indices("fixed", column, count)]
 
     # Indices and ranges
-    ranges = [RANGE.fullmatch(part) for part in fixed.split(",")]
+    ranges = [INDEX_RANGE.fullmatch(part) for part in fixed.split(",")]
     if not all(ranges):
         raise ParameterError(
-            f'is {fixed!r}; it must be vertex indices such as "0,5,7-20", a file {" or ".join(FILES)} of them, or a '
-            f"vertex attribute; the file has: {_listed(attributes)}",
+            f'is {fixed!r}; it must be vertex indices such as "0,5,7-20", a file {" or ".join(ARRAY_FILES)} of them, '
+            f"or a vertex attribute; the file has: {_listed(attributes)}",
             parameter="fixed",
         )
     ends = np.array([sorted((int(part[1]), int(part[2] or part[1]))) for part in ranges if part])
@@ -157,7 +157,7 @@ def _only(only: Any, file: MeshFile) -> NDArray[np.bool_]:
     """Return (m,) bool, the faces of the mesh selected by labels or among all triangles of the file."""
     names = [only] if isinstance(only, str) else only
     if isinstance(names, Sequence) and names and all(isinstance(name, str) for name in names):
-        return faces_labelled(names, file)
+        return labelled_faces(names, file)
     return selected_faces(only, len(file.triangles))[~file.left_out]
 
 
@@ -165,27 +165,27 @@ def _creases(creases: str, file: MeshFile) -> float | NDArray[Any]:
     try:
         return float(creases)
     except ValueError:
-        if not creases.endswith(FILES):
+        if not creases.endswith(ARRAY_FILES):
             raise ParameterError(
-                f"is {creases!r}; it must be an angle in degrees, or a file {' or '.join(FILES)} with the two vertex "
-                "indices of an edge in each row",
+                f"is {creases!r}; it must be an angle in degrees, or a file {' or '.join(ARRAY_FILES)} with the two "
+                "vertex indices of an edge in each row",
                 parameter="creases",
             ) from None
-    return file.welds[_vertex_indices("creases", _table("creases", creases, 2), len(file.positions))]
+    return file.welds[_vertex_indices("creases", _read_table("creases", creases, 2), len(file.positions))]
 
 
-def _of_vertices(name: str, text: str, file: MeshFile) -> NDArray[Any]:
+def _vertex_values(name: str, text: str, file: MeshFile) -> NDArray[Any]:
     """Return one value per vertex of the file, from an attribute or another file."""
     attributes = _attributes(file)
     if text in attributes:
         return attributes[text]
-    if not text.endswith(FILES):
+    if not text.endswith(ARRAY_FILES):
         raise ParameterError(
-            f"is {text!r}; it must be a file {' or '.join(FILES)}, or a vertex attribute of the mesh; it has: "
+            f"is {text!r}; it must be a file {' or '.join(ARRAY_FILES)}, or a vertex attribute of the mesh; it has: "
             f"{_listed(attributes)}",
             parameter=name,
         )
-    return _table(name, text, 1)[:, 0]
+    return _read_table(name, text, 1)[:, 0]
 
 
 def _attributes(file: MeshFile) -> dict[str, NDArray[Any]]:
@@ -193,7 +193,7 @@ def _attributes(file: MeshFile) -> dict[str, NDArray[Any]]:
     return {name: value for name, value in values.items() if value.shape == (len(file.positions),)}
 
 
-def _joined(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_largest: np.ufunc) -> NDArray[Any]:
+def _reduce_copies(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_largest: np.ufunc) -> NDArray[Any]:
     """Reduce values at the vertices of a file to those of its mesh; other arrays are checked where they are used."""
     if values.shape != welds.shape or values.dtype.kind not in "biuf":
         return values
@@ -213,7 +213,7 @@ def _vertex_indices(name: str, indices: NDArray[Any], count: int) -> NDArray[np.
     return indices.astype(np.int64)
 
 
-def _table(name: str, path: str, columns: int) -> NDArray[Any]:
+def _read_table(name: str, path: str, columns: int) -> NDArray[Any]:
     """Read the numbers of a file into rows of `columns` values."""
     try:
         if path.endswith(".npy"):
@@ -237,4 +237,4 @@ def _lines(path: str) -> list[str]:
 
 def _listed(names: Iterable[str]) -> str:
     listed = list(names)
-    return ", ".join(listed[:MOST_NAMES]) + (", …" if len(listed) > MOST_NAMES else "") or "none"
+    return ", ".join(listed[:MAX_LISTED_NAMES]) + (", …" if len(listed) > MAX_LISTED_NAMES else "") or "none"

@@ -26,10 +26,10 @@ from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import SCAN, Watched
 from cascadenorm.batch.work import Outcome, Task, work
-from cascadenorm.controls.settings import Controls, takes_controls
+from cascadenorm.controls.settings import Controls, with_control_parameters
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
-from cascadenorm.execution.cluster import folder_of_names
-from cascadenorm.execution.memory import FREE, available_memory, memory_size
+from cascadenorm.execution.cluster import required_folder
+from cascadenorm.execution.memory import USABLE_FRACTION, available_memory, parse_bytes
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io import output_format
 from cascadenorm.io.atomic import remove_unfinished
@@ -71,7 +71,7 @@ class Batch(NamedTuple):
     skipped: list[str]
 
 
-@takes_controls
+@with_control_parameters
 def denoise_files(
     sources: Sources,
     output: str | PathLike[str],
@@ -170,7 +170,7 @@ def denoise_files(
 
         values = [*settings.parameters.values(), *settings.controls.values()]
         places = [name for name in (*listed(sources), output) if not is_url(name)]
-        place = folder_of_names(places, values)
+        place = required_folder(places, values)
         started = ClusterProcesses(partial(work, settings), scheduler, here, count=workers, folder=place)
     with closing(started) as processes, closing(Manifest(record.parent, record.name)) as lines:
         run = _Run(settings.key, folder, lines, processes, retries, timeout, listener, on_failure)
@@ -202,7 +202,7 @@ def _this_machine(workers: int | None, threads: int | None, memory: str | int | 
         if given[name] is not None:
             raise ParameterError("is for this machine: workers of a cluster have limits of their own", parameter=name)
     cores = threads or thread_count()
-    budget = int(FREE * available_memory()) if memory is None else memory_size("memory", memory)
+    budget = int(USABLE_FRACTION * available_memory()) if memory is None else parse_bytes("memory", memory)
     return Place(cores, budget, workers or cores)
 
 

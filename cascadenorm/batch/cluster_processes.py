@@ -24,13 +24,13 @@ from cascadenorm.batch.scheduling import Place
 from cascadenorm.batch.work import Outcome, Task
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.cluster import (
-    ANSWER,
-    POLL,
+    POLL_INTERVAL_S,
+    REPLY_TIMEOUT_S,
     WORKER_TIMEOUT_S,
-    connected,
+    dask_client,
     dask_message,
-    without_scheduler,
-    without_workers,
+    lost_scheduler,
+    no_workers,
 )
 from cascadenorm.execution.memory import available_memory
 from cascadenorm.mesh import limit_threads
@@ -102,7 +102,7 @@ class ClusterProcesses:
     Raises
     ------
     MissingDependencyError, ParameterError
-        As in `connected`.
+        As in `dask_client`.
     """
 
     def __init__(self, work: Work, scheduler: str, here: Place, *, count: int | None, folder: str | None) -> None:
@@ -110,7 +110,7 @@ class ClusterProcesses:
         self._stack = ExitStack()
         threads, memory = max(1, here.cores // here.processes), int(here.memory / here.processes / MEMORY)
         self._client: Client = self._stack.enter_context(
-            connected(scheduler, workers=here.processes, threads=threads, memory=memory)
+            dask_client(scheduler, workers=here.processes, threads=threads, memory=memory)
         )
         self._asked: dict[str, Future[About]] = {}
         self._members: dict[str, Member] = {}
@@ -118,7 +118,7 @@ class ClusterProcesses:
         self._hung: set[str] = set()
         self._busy: dict[Job, tuple[Member, Future[Outcome]]] = {}
         self._ready: SimpleQueue[tuple[Job, Future[Outcome]]] = SimpleQueue()
-        self._looked, self._in_use = -POLL, time.monotonic()
+        self._looked, self._in_use = -POLL_INTERVAL_S, time.monotonic()
 
     @property
     def places(self) -> Sequence[Place]:
@@ -141,7 +141,7 @@ class ClusterProcesses:
             The scheduler or all workers are unreachable.
         """
         found: list[tuple[Job, Outcome | WorkerError]] = []
-        wait = POLL if seconds is None else min(seconds, POLL)
+        wait = POLL_INTERVAL_S if seconds is None else min(seconds, POLL_INTERVAL_S)
         try:
             while True:
                 job, future = self._ready.get(timeout=0.0 if found else wait)
@@ -149,7 +149,7 @@ class ClusterProcesses:
                     found.append((job, self._outcome(*self._busy.pop(job))))
         except Empty:
             pass
-        if time.monotonic() >= self._looked + POLL:
+        if time.monotonic() >= self._looked + POLL_INTERVAL_S:
             found += self._look()
             self._looked = time.monotonic()
         return found
@@ -174,7 +174,7 @@ class ClusterProcesses:
             raise self._without_scheduler(error) from None
 
     def _without_scheduler(self, error: Exception) -> WorkerError:
-        return without_scheduler(self._scheduler, error, "run the same again: what is done is kept")
+        return lost_scheduler(self._scheduler, error, "run the same again: what is done is kept")
 
     def _outcome(self, member: Member, future: Future[Outcome]) -> Outcome | WorkerError:
         """Return the outcome of finished work, which is stored on the worker."""
@@ -188,10 +188,10 @@ class ClusterProcesses:
         """Wait for the outcome as long as its worker is there, since Dask would wait for a lost worker to return."""
         from distributed import TimeoutError as Late
 
-        late = time.monotonic() + ANSWER
+        late = time.monotonic() + REPLY_TIMEOUT_S
         while True:
             try:
-                found: Outcome = future.result(timeout=POLL)
+                found: Outcome = future.result(timeout=POLL_INTERVAL_S)
                 return found
             except Late:
                 if address not in self._client.nthreads():
@@ -221,7 +221,7 @@ class ClusterProcesses:
     def _meet(self, address: str, future: Future[About]) -> None:
         """Accept a worker that has described itself, unless it cannot do the work."""
         try:
-            about = future.result(timeout=ANSWER)
+            about = future.result(timeout=REPLY_TIMEOUT_S)
         except Exception as error:
             if future.status == "error":  # else the worker has left meanwhile
                 self._refused[address] = dask_message(error)
@@ -247,10 +247,10 @@ class ClusterProcesses:
             address, reason = next(iter(self._refused.items()))
             raise WorkerError(f"the worker {address} cannot be used: {reason}")
         elif now > self._in_use + WORKER_TIMEOUT_S:
-            raise without_workers(self._scheduler, WORKER_TIMEOUT_S)
+            raise no_workers(self._scheduler, WORKER_TIMEOUT_S)
 
     def _restart(self, address: str) -> None:
         try:
-            self._client.restart_workers([address], timeout=ANSWER, raise_for_error=False)
+            self._client.restart_workers([address], timeout=REPLY_TIMEOUT_S, raise_for_error=False)
         except Exception:  # there is no nanny, or the worker has already left
             return

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cascadenorm.batch.inputs import Job
-from cascadenorm.execution.memory import FACE, PROCESS
+from cascadenorm.execution.memory import FACE_BYTES, PROCESS_BYTES
 
 FACE_IN_FILE = {".stl": 50, ".obj": 35, ".off": 30}
 """Minimum number of bytes per face in a file, by extension; `LEAST_BYTES_A_FACE` applies to other formats."""
@@ -20,7 +20,8 @@ ALIKE = 0.9
 
 def needed(job: Job) -> int:
     """Estimate the bytes of memory needed to process a file, from its size."""
-    return PROCESS + job.size * FACE // FACE_IN_FILE.get(Path(job.source).suffix.lower(), LEAST_BYTES_A_FACE)
+    file_bytes = FACE_IN_FILE.get(Path(job.source).suffix.lower(), LEAST_BYTES_A_FACE)  # per face
+    return PROCESS_BYTES + job.size * FACE_BYTES // file_bytes
 
 
 @dataclass(eq=False)

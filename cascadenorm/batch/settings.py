@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cascadenorm.batch.work import Settings
-from cascadenorm.controls.settings import checked
+from cascadenorm.controls.settings import checked_controls
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.digests import file_digest, source_digest
@@ -33,7 +33,7 @@ def settings_of(
     ParameterError
         A name is unknown, a value is out of range, or weights cannot be read.
     """
-    every = checked(controls)
+    every = checked_controls(controls)
     values = find(method).checked(parameters)
     given = {name: value for name, value in every.items() if name not in NO_RESULT}
     defaults = {name: setting.default for name, setting in find(method).settings.items()}

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rich.table import Table
 
 from cascadenorm.api.api import denoise
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
 from cascadenorm.io.interop import as_mesh, save_mesh
@@ -53,7 +53,7 @@ def demo(
     *,
     methods: Sequence[str] = METHODS,
     force: bool = False,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> list[Example]:
     """Denoise the examples and write the meshes to a folder.
 

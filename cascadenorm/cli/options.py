@@ -10,22 +10,31 @@ import typer
 
 from cascadenorm.controls import CONTROLS, ControlSetting
 
-MethodOption = Annotated[str, typer.Option(help="A method; `cascadenorm methods` lists them.")]
-ModelOption = Annotated[Path | None, typer.Option(help="Your own weights file, for auto or cascade.")]
+MethodOption = Annotated[str, typer.Option(metavar="NAME", help="Denoising method; `cascadenorm methods` lists all.")]
+ModelOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Weights file for auto or cascade. By default, the shipped weights are used."),
+]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method; may be given several times."),
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="Set a parameter of the method. Repeat the option to set several."
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 ReportFile = Annotated[
     Path | None,
-    typer.Option("--report", metavar="FILE", help="Also write a report, an HTML file."),
+    typer.Option("--report", metavar="FILE", help="Also write a report to this HTML file."),
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the work; 'local' starts a cluster here."),
+    typer.Option(
+        metavar="ADDRESS", help="Use the workers of this Dask scheduler; 'local' starts a cluster on this machine."
+    ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object; docs/json.md documents it.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print the result as one JSON object, described in docs/json.md.")
+]
 
 OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
 """Controls that have a command line option."""

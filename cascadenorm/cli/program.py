@@ -3,10 +3,8 @@
 import os
 import signal
 import sys
-from _thread import interrupt_main
 from collections.abc import Sequence
 from io import TextIOWrapper
-from threading import Timer
 from types import FrameType
 from typing import NoReturn, cast
 
@@ -15,12 +13,9 @@ import typer
 from cascadenorm.cli.commands import app
 from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, complain, exit_code, worded
 from cascadenorm.compute.compile_time import tell_of_compiling
+from cascadenorm.execution.signals import repeat_if_swallowed
 
 USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # from click, or from the copy of it in typer
-
-
-AGAIN = 0.05
-"""Seconds after which Ctrl-C is raised again if it arrived in code that cannot raise it."""
 
 _interruptions: list[int] = []
 """Ctrl-C signals that this process has received."""
@@ -31,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     signal.signal(signal.SIGTERM, _terminated)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # skipped if the signal is ignored
         signal.signal(signal.SIGINT, _interrupted)
-        sys.unraisablehook = _not_raised
+        repeat_if_swallowed(signal.SIGINT, KeyboardInterrupt)
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:  # closed by the caller
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - until the end
@@ -88,16 +83,6 @@ def _interrupted(number: int, frame: FrameType | None) -> None:
     """Record Ctrl-C and raise KeyboardInterrupt."""
     _interruptions.append(number)
     signal.default_int_handler(number, frame)
-
-
-def _not_raised(unraisable: "sys.UnraisableHookArgs") -> None:
-    """Repeat the interruption shortly after Ctrl-C arrived in a library callback, which cannot raise it."""
-    if issubclass(unraisable.exc_type, KeyboardInterrupt):
-        again = Timer(AGAIN, interrupt_main)
-        again.daemon = True
-        again.start()
-    else:
-        sys.__unraisablehook__(unraisable)
 
 
 def _terminated(number: int, _: object) -> NoReturn:

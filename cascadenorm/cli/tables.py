@@ -164,7 +164,7 @@ def print_measures(measures: Measures) -> None:
     table = Table()
     table.add_column("measure")
     table.add_column("value", justify="right")
-    for name, value in measures.in_words().items():
+    for name, value in measures.formatted().items():
         table.add_row(name, value)
     print_table(table)
 
@@ -195,13 +195,13 @@ def print_public_sets() -> None:
 
 def print_evaluation(done: "Evaluation") -> None:
     """Print one line per pair and method, and the mean of each method."""
-    from cascadenorm.evaluation.tables import NARROW, PARTIAL, by_method, of_means, spread_table
+    from cascadenorm.evaluation.tables import PARTIAL_NOTE, TERMINAL_COLUMNS, means_table, method_table, spread_table
 
     table = Table()
     table.add_column("pair")
     pairs = list(dict.fromkeys(result.pair for result in done.results))
-    blocks = [by_method([one for one in done.results if one.pair == pair], pair, NARROW) for pair in pairs]
-    blocks.append(of_means(done, "mean", NARROW)._replace(title="mean"))
+    blocks = [method_table([one for one in done.results if one.pair == pair], pair, TERMINAL_COLUMNS) for pair in pairs]
+    blocks.append(means_table(done, "mean", TERMINAL_COLUMNS)._replace(title="mean"))
     for number, title in enumerate(blocks[0].head):
         table.add_column(title.replace(" (", "\n").rstrip(")"), justify="right" if number else "left")
     for block in blocks:
@@ -209,7 +209,7 @@ def print_evaluation(done: "Evaluation") -> None:
             cells = [Text(cell.text, style="bold" if cell.best else "") for cell in row]
             table.add_row("" if number else block.title, *cells)
         table.add_section()
-    table.caption = PARTIAL.strip(" ()") if done.partial else None
+    table.caption = PARTIAL_NOTE.strip(" ()") if done.partial else None
     print_table(table)
     if len(set(done.seeds.values())) > 1:
         over = spread_table(done)

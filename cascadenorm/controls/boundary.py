@@ -13,13 +13,13 @@ from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add, unit
 
 BOUNDARY_SPREAD = 1.5  # of the range weight, in median angles between consecutive guidance edges
 ZIGZAG_SPREAD = 0.1  # minimum spread, in mean angles between consecutive boundary edges
-STRAIGHT = 1e-9  # a smaller spread is due to rounding alone
+MIN_SPREAD = 1e-9  # a smaller spread is due to rounding alone
 DIRECTION_PASSES = 10
 VERTEX_PASSES = 20
 TINY = np.finfo(np.float64).tiny
 SMOOTHING_STEP = 0.25  # half of the largest stable step
-PUSHES = 100
-KEPT_AREA = 0.05  # minimum share of its area that each face keeps
+MAX_PUSHES = 100
+MIN_AREA_FRACTION = 0.05  # minimum share of its area that each face keeps
 
 
 class BoundaryEdges(NamedTuple):
@@ -139,9 +139,9 @@ def _unflipped(mesh: Mesh, vertices: Vectors, movable: NDArray[np.int32]) -> Vec
     normals = mesh.vertex_normals
     free = np.zeros(len(vertices))
     free[movable] = 1.0
-    for _ in range(PUSHES):
+    for _ in range(MAX_PUSHES):
         a, b, c = np.moveaxis(vertices[corners], 1, 0)
-        missing = KEPT_AREA * areas - np.einsum("ij,ij->i", directions, np.cross(b - a, c - a)) / 2
+        missing = MIN_AREA_FRACTION * areas - np.einsum("ij,ij->i", directions, np.cross(b - a, c - a)) / 2
         short = missing > 0
         if not short.any():
             break
@@ -218,7 +218,7 @@ def _filtered_directions(vertices: Vectors, boundary: BoundaryEdges, spread: flo
     guidance = _guidance(directions, lengths, boundary)
     spread *= np.median(_chords(guidance, boundary)[has_neighbor])
     spread = max(spread, ZIGZAG_SPREAD * _chords(directions, boundary)[has_neighbor].mean())
-    if spread < STRAIGHT:
+    if spread < MIN_SPREAD:
         return directions
     for _ in range(passes):
         # Weights of both neighbors: length times a Gaussian of the chord between the guidance directions

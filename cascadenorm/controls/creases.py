@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Ints32, Mesh, Vectors, first_places, scatter_add
 
-HOLD = 0.02  # weight h of the mean of the copies, relative to 1 - cos of the angle between two sides
+MEAN_WEIGHT = 0.02  # weight h of the mean of the copies, relative to 1 - cos of the angle between two sides
 
 
 class CreaseSides(NamedTuple):
@@ -67,7 +67,9 @@ class CreaseSides(NamedTuple):
         planes = scatter_add(row, normals[:, :, None] * normals[:, None, :], len(places))
         right = scatter_add(row, normals * residuals[:, None], len(places))[:, :, None]
         joined = vertices[:count].copy()
-        joined[places] = mesh.vertices[places] + mean + np.linalg.solve(planes + HOLD * np.eye(3), right)[:, :, 0]
+        joined[places] = (
+            mesh.vertices[places] + mean + np.linalg.solve(planes + MEAN_WEIGHT * np.eye(3), right)[:, :, 0]
+        )
         return joined
 
 
@@ -94,7 +96,7 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None =
             raise ParameterError(f"is {creases!r}; an angle in degrees must be within 0 … 180", parameter="creases")
         return _angles(mesh) > np.radians(float(creases))
     pairs = np.asarray(creases)
-    return _given(mesh, pairs if pairs.size else np.zeros((0, 2), np.int64), places)
+    return _listed_edges(mesh, pairs if pairs.size else np.zeros((0, 2), np.int64), places)
 
 
 def _angles(mesh: Mesh) -> NDArray[np.float64]:
@@ -110,7 +112,7 @@ def _angles(mesh: Mesh) -> NDArray[np.float64]:
     return angles
 
 
-def _given(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDArray[np.bool_]:
+def _listed_edges(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDArray[np.bool_]:
     """Return (e,) bool, whether each edge joins one of the given pairs of vertices."""
     if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise ParameterError(

@@ -9,7 +9,7 @@ import scipy
 
 from cascadenorm.baselines.rolling_guidance import rolling_guidance_normal
 from cascadenorm.baselines.wide_errors import without_steps, without_wide_errors
-from cascadenorm.controls.displacement import shortened
+from cascadenorm.controls.displacement import clip_lengths
 from cascadenorm.detection.enlarged_steps import enlarged_steps
 from cascadenorm.geometry.coarse_copy import CoarseCopy
 from cascadenorm.geometry.foldovers import without_flips
@@ -23,7 +23,7 @@ WIDEST_DETAIL = 10.0
 """Largest detail width, in mesh diagonals; keeping wider detail removes only the mean displacement of components."""
 
 
-def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
+def high_pass_filter(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     """Return a high-pass filter of displacements, which removes parts as wide as the features to keep.
 
     A feature is half a wave with wave number q = π/width. The filter applies the residual of one implicit diffusion
@@ -58,7 +58,7 @@ def finer_than(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     return finer
 
 
-def applied(method: Method, parameters: Mapping[str, Any], width: float | None, mesh: Mesh) -> Vectors:
+def apply_method(method: Method, parameters: Mapping[str, Any], width: float | None, mesh: Mesh) -> Vectors:
     """Apply a method to a mesh or, if its errors are wide, to coarse copies of it.
 
     Parameters
@@ -106,7 +106,7 @@ def as_unknown_surface(method: Method, parameters: Mapping[str, Any]) -> Mapping
     return {**parameters, TREAT_AS: "unknown"}
 
 
-class Removal(NamedTuple):
+class DetailRemoval(NamedTuple):
     """Detail to remove from the result of a method.
 
     Parameters
@@ -121,22 +121,7 @@ class Removal(NamedTuple):
     share: float
 
 
-class Removed(NamedTuple):
-    """All detail to remove.
-
-    Parameters
-    ----------
-    width
-        Width of the errors that the method removes, in mesh units. None lets the method decide.
-    afterwards
-        Removals from the result of the method, in this order.
-    """
-
-    width: float | None
-    afterwards: list[Removal]
-
-
-def without_finer(removal: Removal, mesh: Mesh, vertices: Vectors) -> Vectors:
+def without_detail(removal: DetailRemoval, mesh: Mesh, vertices: Vectors) -> Vectors:
     """Remove features up to a width from the result of a method, by rolling guidance of the normals.
 
     Parameters
@@ -159,5 +144,5 @@ def without_finer(removal: Removal, mesh: Mesh, vertices: Vectors) -> Vectors:
     width = min(removal.width, WIDEST_DETAIL * mesh.diagonal)
     filtered = rolling_guidance_normal(left, width=width / left.mean_edge_length)
     kept = (vertices == mesh.vertices).all(axis=1)
-    displacement = shortened(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
+    displacement = clip_lengths(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
     return without_flips(mesh, vertices + removal.share * displacement)

@@ -17,7 +17,7 @@ def framed_length(name: str, length: Length | None, framed: Mesh, exponent: int)
         return number * framed.mean_edge_length if in_edges else float(np.ldexp(number, -exponent))
 
 
-def shortened(displacement: Vectors, limit: float) -> Vectors:
+def clip_lengths(displacement: Vectors, limit: float) -> Vectors:
     """Return the displacement with vectors longer than the limit shortened to it."""
     if limit == np.inf:
         return displacement
@@ -28,7 +28,7 @@ def shortened(displacement: Vectors, limit: float) -> Vectors:
     return out
 
 
-def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float, dtype: np.dtype[Any]) -> NDArray[Any]:
+def displace(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Add a displacement in units of the frame to the vertices, in the type of the result.
 
     Parameters
@@ -47,7 +47,7 @@ def displaced(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float,
     """
     limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that the limit also holds when measured in that type
     with np.errstate(over="ignore"):
-        step = np.ldexp(shortened(displacement, limit), exponent)
+        step = np.ldexp(clip_lengths(displacement, limit), exponent)
         moved = mesh.vertices + step
         np.copyto(moved, mesh.vertices, where=step == 0)
         after = moved.astype(dtype, copy=False)

@@ -72,8 +72,9 @@ class Controls(TypedDict, total=False):
     strength: Annotated[
         float,
         Control(
-            help="0 keeps the mesh, 1 applies the method, values between blend linearly. Above 1 the method is applied "
-            "again to its own result; auto removes features up to 2 (strength − 1) mean edge lengths wide instead.",
+            help="Strength of the denoising: 0 keeps the mesh, 1 applies the method, and values in between interpolate "
+            "linearly. Above 1, the method is applied again to its own result; `auto` instead removes features up to "
+            "2 (strength − 1) mean edge lengths wide.",
             minimum=0,
             below=math.inf,
             default=1.0,
@@ -84,9 +85,9 @@ class Controls(TypedDict, total=False):
     mask: Annotated[
         ArrayLike | Path | None,
         Control(
-            help="Weight of the displacement at each vertex, from 0 to 1.",
+            help="Weight of the displacement of each vertex, from 0 (fixed) to 1 (free).",
             arrays="(n,) bool or numbers",
-            words="a vertex attribute of the file (uint8 from 0 to 255), or a .npy or .txt file",
+            words="the name of a vertex attribute of the file (uint8 from 0 to 255), or a .npy or .txt file",
             example="quality",
             metavar="NAME|FILE",
         ),
@@ -94,9 +95,10 @@ class Controls(TypedDict, total=False):
     fixed: Annotated[
         ArrayLike | Path | None,
         Control(
-            help="Vertices that stay unchanged.",
+            help="Vertices that do not move.",
             arrays="(n,) bool or vertex indices",
-            words='indices like "0,5,7-20", a vertex attribute that is not 0 there, or a .npy or .txt file of indices',
+            words='indices such as "0,5,7-20", the name of a vertex attribute that is nonzero at these vertices, or a '
+            ".npy or .txt file of indices",
             example="0,5,7-20",
             metavar="LIST|NAME|FILE",
         ),
@@ -104,10 +106,10 @@ class Controls(TypedDict, total=False):
     only: Annotated[
         ArrayLike | str | list[str] | None,
         Control(
-            help="Faces to denoise: only vertices all of whose faces are among them move.",
+            help="Faces to denoise. A vertex moves only if all of its faces are selected.",
             arrays="(m,) bool or face indices",
-            words="the name of a material, group, object or mesh, or kind=name, such as material=steel or, for a face "
-            "property, segment=3; several are united",
+            words="the name of a material, group, object or mesh, or KIND=NAME, such as material=steel or, for a face "
+            "property, segment=3; several names select their union",
             example="material=steel",
             metavar="[KIND=]NAME",
         ),
@@ -115,8 +117,8 @@ class Controls(TypedDict, total=False):
     boundary: Annotated[
         Boundary,
         Control(
-            help="Boundary vertices: free moves them as the method does, smooth smooths each boundary loop as a curve "
-            "along the surface, fixed leaves them unchanged.",
+            help="Treatment of boundary vertices: free moves them as the method does, smooth smooths each boundary "
+            "loop as a curve along the surface, and fixed leaves them unchanged.",
             default="free",
             example="smooth",
         ),
@@ -124,16 +126,17 @@ class Controls(TypedDict, total=False):
     slide: Annotated[
         Literal["planes"] | None,
         Control(
-            help="Vertices on flat outer sides of the mesh, such as those of the box around a volume mesh, move only "
-            "within their plane, and along the edge where two such sides meet; corners stay.",
+            help="With planes, vertices on flat outer sides of the mesh, such as the box around a volume mesh, move "
+            "only within their plane. Where two such sides meet, vertices move only along the edge, and corners are "
+            "fixed.",
             example="planes",
         ),
     ]
     creases: Annotated[
         float | ArrayLike | Path | None,
         Control(
-            help="Edges across which nothing is averaged: those where the normals of two faces differ by more than an "
-            "angle in degrees, or given ones.",
+            help="Edges across which nothing is averaged: either all edges where the normals of the two faces differ "
+            "by more than an angle in degrees, or a list of edges.",
             arrays="the angle, or (k, 2) vertex indices of edges",
             words="the angle, or a .npy or .txt file with two vertex indices in each row",
             example=40,
@@ -143,7 +146,7 @@ class Controls(TypedDict, total=False):
     keep_detail: Annotated[
         Length | None,
         Control(
-            help='Width of the smallest feature to keep, in the unit of the mesh or like "4 edges".',
+            help='Width of the smallest feature to keep, in mesh units or in mean edge lengths, as in "4 edges".',
             example="4 edges",
             metavar="LENGTH",
         ),
@@ -151,8 +154,8 @@ class Controls(TypedDict, total=False):
     remove_detail: Annotated[
         Length | None,
         Control(
-            help="Width of the errors to remove, such as steps or bumps, in the unit of the mesh or like "
-            '"4 edges"; the method sees coarse copies of the mesh. Wider features and their edges stay.',
+            help="Width of the errors to remove, such as steps or bumps, in mesh units or in mean edge lengths, as in "
+            '"4 edges". The method runs on coarse copies of the mesh. Wider features and their edges are kept.',
             example="4 edges",
             metavar="LENGTH",
         ),
@@ -160,8 +163,8 @@ class Controls(TypedDict, total=False):
     volume: Annotated[
         Literal["keep"] | None,
         Control(
-            help="Scale each closed component about its centroid to the volume that it had; where regions share walls, "
-            "offset these until each region has its volume.",
+            help="Scale each closed component about its centroid to its original volume. If regions share walls, the "
+            "walls are offset until each region has its original volume.",
             example="keep",
             flag="--keep-volume",
         ),
@@ -169,7 +172,8 @@ class Controls(TypedDict, total=False):
     max_displacement: Annotated[
         Length | None,
         Control(
-            help='No vertex moves farther than this, in the unit of the mesh or like "0.5 edges".',
+            help="Largest distance that a vertex may move, in mesh units or in mean edge lengths, as in "
+            '"0.5 edges". By default, the distance is not limited.',
             example="0.5 edges",
             metavar="LENGTH",
         ),
@@ -177,8 +181,8 @@ class Controls(TypedDict, total=False):
     on_bad: Annotated[
         OnBad,
         Control(
-            help="What to do about vertices that are not finite and faces that reference them or missing vertices: "
-            "error refuses the mesh, isolate leaves them, and degenerate faces, as they are and denoises the rest.",
+            help="Treatment of vertices that are not finite, and of faces that reference them or missing vertices: "
+            "error rejects the mesh; isolate leaves them and degenerate faces unchanged and denoises the rest.",
             default="error",
             example="isolate",
         ),
@@ -186,7 +190,7 @@ class Controls(TypedDict, total=False):
     threads: Annotated[
         int | None,
         Control(
-            help="Use at most this many threads, by default all; the result does not depend on it.",
+            help="Maximum number of threads. By default, all cores are used. The result does not depend on it.",
             minimum=1,
             example=2,
             metavar="N",
@@ -195,7 +199,8 @@ class Controls(TypedDict, total=False):
     progress: Annotated[
         Callable[[float], object] | None,
         Control(
-            help="Called with the fraction done, from 0 to 1; an exception that it raises stops the work.",
+            help="Function that is called with the completed fraction, from 0 to 1. An exception that it raises stops "
+            "the work.",
             metavar="function",
             hidden=True,
         ),
@@ -203,8 +208,8 @@ class Controls(TypedDict, total=False):
     halo: Annotated[
         object | None,
         Control(
-            help="The mesh is a patch of a larger one: vertices of its halo stay, the others go where they go in the "
-            "whole. See docs/patches.md.",
+            help="Halo of a mesh that is a patch of a larger one. Vertices of the halo are fixed, and all others move "
+            "exactly as in the whole mesh; see docs/patches.md.",
             metavar="patch.halo",
             hidden=True,
         ),
@@ -237,7 +242,7 @@ CONTROLS = _declared()
 """All controls by name, in the order of the documentation."""
 
 
-def checked(given: Mapping[str, Any]) -> Controls:
+def checked_controls(given: Mapping[str, Any]) -> Controls:
     """Return all controls, with defaults for those not given.
 
     Values that depend on the mesh, such as masks, indices and edges, are checked where they are applied.
@@ -284,7 +289,7 @@ def parsed_length(name: str, length: Length | None) -> tuple[float, bool]:
     return number, bool(match and match[2])
 
 
-def takes_controls(function: Function) -> Function:
+def with_control_parameters(function: Function) -> Function:
     """Replace `**controls` in the signature and docstring of a function by the individual controls.
 
     `**parameters` stays last in the signature. The docstring needs a section Returns, before which the controls are

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, unit
 
-ON_PLANE = 1e-6  # largest distance of a vertex from its plane, in diagonals of the bounding box
-COVERED = 0.5  # smallest share of the outline along its normal that the vertices on a plane span
-PARALLEL = 1e-8  # limit for eigenvalues of Σ n nᵀ: normals that differ by less than 0.01° count as parallel
-LEAST_FACET = 1e-4  # of the area of the convex hull; smaller facets are not sides
+PLANE_TOLERANCE = 1e-6  # largest distance of a vertex from its plane, in diagonals of the bounding box
+MIN_COVERED_FRACTION = 0.5  # smallest share of the outline along its normal that the vertices on a plane span
+PARALLEL_TOLERANCE = 1e-8  # limit for eigenvalues of Σ n nᵀ: normals that differ by less than 0.01° count as parallel
+MIN_FACET_AREA = 1e-4  # of the area of the convex hull; smaller facets are not sides
 
 
 class Sliding(NamedTuple):
@@ -52,12 +52,12 @@ def sliding(mesh: Mesh) -> Sliding:
     """Find the vertices on the flat sides of a mesh, within 1e-6 of its diagonal from a plane of `outer_planes`."""
     normals, offsets = outer_planes(mesh)
     used = np.unique(mesh.faces).astype(np.int64)
-    on = np.abs(mesh.vertices[used] @ normals.T - offsets) <= ON_PLANE * _diagonal(mesh.vertices[used])
+    on = np.abs(mesh.vertices[used] @ normals.T - offsets) <= PLANE_TOLERANCE * _diagonal(mesh.vertices[used])
     on, vertices = on[on.any(axis=1)], used[on.any(axis=1)]
 
     # The free directions are the null space of Σ n nᵀ
     values, axes = np.linalg.eigh(np.einsum("kp,pi,pj->kij", on.astype(float), normals, normals))
-    free = values <= PARALLEL
+    free = values <= PARALLEL_TOLERANCE
     return Sliding(vertices, np.einsum("kia,ka,kja->kij", axes, free.astype(float), axes))
 
 
@@ -80,7 +80,9 @@ def outer_planes(mesh: Mesh) -> tuple[Vectors, NDArray[np.float64]]:
     count = len(normals)
     first, second = np.repeat(np.arange(count), 3), hull.neighbors.ravel()
     away = np.abs(np.einsum("eci,ei->ec", corners[first], normals[second]) - offsets[second, None]).max(axis=1)
-    joined = (away <= ON_PLANE * _diagonal(points)) & (np.einsum("ei,ei->e", normals[first], normals[second]) > 0)
+    joined = (away <= PLANE_TOLERANCE * _diagonal(points)) & (
+        np.einsum("ei,ei->e", normals[first], normals[second]) > 0
+    )
     links = scipy.sparse.coo_array((np.ones(joined.sum()), (first[joined], second[joined])), (count, count))
     facet = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
     size = np.bincount(facet, areas)
@@ -88,9 +90,9 @@ def outer_planes(mesh: Mesh) -> tuple[Vectors, NDArray[np.float64]]:
     offset = np.bincount(facet, areas * offsets) / np.maximum(size, np.finfo(float).tiny)
 
     # The outline along a direction is half of the projected area of the hull
-    large = size > LEAST_FACET * areas.sum()
+    large = size > MIN_FACET_AREA * areas.sum()
     outline = np.abs(normal[large] @ normals.T) @ areas / 2
-    sides = size[large] >= COVERED * outline
+    sides = size[large] >= MIN_COVERED_FRACTION * outline
     return normal[large][sides], offset[large][sides]
 
 

@@ -11,7 +11,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Mesh, first_places
 
 
-def holds_some(controls: Controls) -> bool:
+def may_fix_vertices(controls: Controls) -> bool:
     """Test whether the controls may fix some of the vertices that a face references."""
     return controls["boundary"] == "fixed" or any(
         given is not None for given in (controls["mask"], controls["fixed"], controls["only"])

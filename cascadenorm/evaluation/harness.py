@@ -10,16 +10,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from cascadenorm.controls import checked
+from cascadenorm.controls import checked_controls
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
 from cascadenorm.evaluation.records import Records
-from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, forget, run
-from cascadenorm.execution.cluster import LOCAL_CLUSTER, folder_of_names
-from cascadenorm.execution.cluster_map import side_by_side_on
-from cascadenorm.execution.process_map import side_by_side
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, clear_caches, run
+from cascadenorm.execution.cluster import LOCAL_CLUSTER, required_folder
+from cascadenorm.execution.cluster_map import use_cluster
+from cascadenorm.execution.process_map import parallel_map
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.io.pairs import FilePair, Paths, find_pairs
 from cascadenorm.registry import find
@@ -82,7 +82,7 @@ def evaluate(
     keep: str | PathLike[str] | None = None,
     workers: int = 1,
     scheduler: str | None = None,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> Evaluation:
     """Denoise the noisy mesh of each pair by each method and measure the result against the clean mesh.
 
@@ -135,15 +135,13 @@ def evaluate(
     ReadError
         There are no pairs, a folder of results is missing, or several pairs have the same name and results are given.
     """
-    checked({"strength": strength, "threads": threads})  # raises an error for values out of range
+    checked_controls({"strength": strength, "threads": threads})  # raises an error for values out of range
     settings = {"strength": strength, "threads": threads, **(parameters or {})}
     methods = [methods] if isinstance(methods, str) else methods
     for name in methods:
         find(name).checked(parameters or {})
     programs = {name: checked_command(name, command) for name, command in (commands or {}).items()}
-    _check_numbers(workers, noise, seeds)
-    if not timeout > 0:
-        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
+    _check_numbers(workers, timeout, noise, seeds)
     if noise is not None and keep is None and scheduler not in (None, LOCAL_CLUSTER):
         raise ParameterError("must be a folder that all workers see: the noisy meshes go there", parameter="keep")
     pairs = _pairs(folders)
@@ -151,25 +149,26 @@ def evaluate(
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
     records = Records(Path(keep)) if keep is not None else None
-    rows = _rows(methods, settings, places, programs, timeout)
+    rows: dict[str, dict[str, Any]] = {
+        NOISY: {},
+        **{name: {"settings": settings} for name in methods},
+        **{name: {"results": place} for name, place in places.items()},
+        **{name: {"command": words, "timeout": timeout} for name, words in programs.items()},
+    }
     with TemporaryDirectory() as scratch:
         unread: list[tuple[FilePair, Exception]] = []
         if noise is not None:
             pairs, unread = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
         runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
         done = Evaluation([], [FailedRun(pair.name, None, error) for pair, error in unread], pairs, records)
-        folder = folder_of_names(_names(pairs, places, keep), [*settings.values(), *chain(*programs.values())])
-        with side_by_side_on(scheduler, workers=workers, folder=folder):
-            _work_off(runs, done, workers, progress)
+        files = [file for pair in pairs for file in (pair.noisy, pair.clean)]
+        folder = required_folder(
+            [*files, *places.values(), *([] if keep is None else [keep])],
+            [*settings.values(), *chain(*programs.values())],
+        )
+        with use_cluster(scheduler, workers=workers, folder=folder):
+            _collect_results(runs, done, workers, progress)
     return done
-
-
-def _names(
-    pairs: Sequence[FilePair], places: Mapping[str, Path], keep: str | PathLike[str] | None
-) -> list[str | PathLike[str]]:
-    """Return the files and folders of an evaluation."""
-    files = [file for pair in pairs for file in (pair.noisy, pair.clean)]
-    return [*files, *places.values(), *([] if keep is None else [keep])]
 
 
 def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[FilePair]:
@@ -177,32 +176,15 @@ def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[Fi
         return find_pairs(folders)
     given = list(folders)
     pairs = [one for one in given if isinstance(one, FilePair)]
-    return pairs + (
-        find_pairs([one for one in given if not isinstance(one, FilePair)]) if len(pairs) < len(given) else []
-    )
+    others = [one for one in given if not isinstance(one, FilePair)]
+    return pairs + (find_pairs(others) if others else [])
 
 
-def _rows(
-    methods: Sequence[str],
-    settings: dict[str, Any],
-    places: Mapping[str, Path],
-    programs: Mapping[str, Any],
-    timeout: float,
-) -> dict[str, dict[str, Any]]:
-    """Return the settings of each row by its name, starting with the noisy mesh."""
-    return {
-        NOISY: {},
-        **{name: {"settings": settings} for name in methods},
-        **{name: {"results": place} for name, place in places.items()},
-        **{name: {"command": words, "timeout": timeout} for name, words in programs.items()},
-    }
-
-
-def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:
+def _collect_results(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:
     """Do the runs and collect their results; a pair that cannot be read is listed once."""
     unread: set[str] = set()
     try:
-        with side_by_side(workers) as each:
+        with parallel_map(workers) as each:
             found = each(run, runs)
             for number, task in enumerate(runs):
                 progress("evaluating", number, len(runs), f"{task.pair.name}: {task.name}")
@@ -213,13 +195,15 @@ def _work_off(runs: Sequence[Run], done: Evaluation, workers: int, progress: Pro
                     unread |= {out.pair} if out.method is None else set()
                     done.failures.append(out)
     finally:
-        forget()
+        clear_caches()
     progress("evaluating", len(runs), len(runs))
 
 
-def _check_numbers(workers: int, noise: float | None, seeds: int) -> None:
+def _check_numbers(workers: int, timeout: float, noise: float | None, seeds: int) -> None:
     if workers < 1:
         raise ParameterError(f"is {workers}; it must be at least 1", parameter="workers")
+    if not timeout > 0:
+        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
     if seeds < 1 or (noise is None and seeds > 1):
         raise ParameterError(f"is {seeds}; it must be at least 1, and exactly 1 without noise", parameter="seeds")
     if noise is not None and not 0 <= noise < math.inf:

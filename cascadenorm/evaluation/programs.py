@@ -18,7 +18,7 @@ from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.mesh import Mesh
 
-PLACE = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
+PLACEHOLDER = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
 """Placeholder for a file in a command; an extension selects the format of the file."""
 TIMEOUT_S = 3600.0
 """Default time limit of a program for one mesh, in seconds."""
@@ -58,7 +58,7 @@ def checked_command(name: str, command: str) -> list[str]:
         words = command_words(command, windows=os.name == "nt")
     except ValueError as error:
         raise ParameterError(f"the command {name} cannot be read: {error}") from None
-    kinds = {kind for word in words for kind, _ in PLACE.findall(word)}
+    kinds = {kind for word in words for kind, _ in PLACEHOLDER.findall(word)}
     if kinds != {"in", "out"}:
         raise ParameterError(f"the command {name} needs {{in}} and {{out}} in the place of its files: {command}")
     if shutil.which(words[0]) is None:
@@ -107,16 +107,16 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
                 save_mesh(path, as_mesh(noisy))
             return str(path)
 
-        filled = [PLACE.sub(named, word) for word in words]
-        told = Path(folder) / "told.json"
-        launched = [sys.executable, "-S", "-c", LAUNCHER, str(told), *filled]
+        filled = [PLACEHOLDER.sub(named, word) for word in words]
+        report = Path(folder) / "report.json"
+        launched = [sys.executable, "-S", "-c", LAUNCHER, str(report), *filled]
         done = _run_within(launched, timeout, words[0])
-        code, seconds, memory = (
-            json.loads(told.read_text(encoding="utf-8")) if told.exists() else (done.returncode, 0.0, None)
-        )
+        code, seconds, memory = done.returncode, 0.0, None
+        if report.exists():
+            code, seconds, memory = json.loads(report.read_text(encoding="utf-8"))
         if code:
-            said = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
-            raise DenoiseError(f"{words[0]} ended with code {code}{': ' + said[-1] if said else ''}")
+            lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
+            raise DenoiseError(f"{words[0]} ended with code {code}{': ' + lines[-1] if lines else ''}")
         written = next(path for place, path in files.items() if place.startswith("{out"))
         if not written.exists():
             raise DenoiseError(f"{words[0]} wrote no file {written.name}")

@@ -14,7 +14,7 @@ Split = Literal["train", "test"]
 SPLITS: tuple[Split, ...] = ("train", "test")
 
 
-class Listed(NamedTuple):
+class KnownPair(NamedTuple):
     """A pair of a set with known files.
 
     Parameters
@@ -52,12 +52,12 @@ class PublicSet:
     about: str
     source: str
     place: str
-    listed: dict[str, Listed] = field(default_factory=dict)
+    listed: dict[str, KnownPair] = field(default_factory=dict)
     folder: str = ""
 
 
-def _guided(name: str, *digests: str, clean: str = "") -> Listed:
-    return Listed(f"models/{name}/Noisy.obj", f"models/{clean or name}/Original.obj", digests)
+def _guided_pair(name: str, *digests: str, clean: str = "") -> KnownPair:
+    return KnownPair(f"models/{name}/Noisy.obj", f"models/{clean or name}/Original.obj", digests)
 
 
 CNR = "Wang, Liu, Tong 2016, doi:10.1145/2980179.2980232"
@@ -69,14 +69,14 @@ PUBLIC_SETS = {
         source="Zhang et al. 2015, doi:10.1111/cgf.12742",
         place="git clone https://github.com/bldeng/GuidedDenoising",
         listed={
-            "block": _guided("Block0.4", "c116ec3be7a1b13f", "758b1de6407d45b8"),
-            "bunny": _guided("Bunny0.2", "453713d39ccf3891", "bf780cbd08ce426e"),
-            "fandisk03": _guided("Fandisk0.3", "e5340782d793b797", "38ef02f691380d08", clean="Fandisk0.7"),
-            "fandisk07": _guided("Fandisk0.7", "93af04e1923dad23", "38ef02f691380d08"),
-            "julius": _guided("Julius0.2", "9f2194fcf54355ca", "59fcb18ddf53aa93"),
-            "nicolo": _guided("Nicolo0.2", "33aa7da34548d505", "8fd02ad21ce656e1"),
-            "sharpsphere": _guided("SharpSphere0.3", "0f400699d6b9ba0a", "555825375ca16ec6"),
-            "twelve": _guided("Twelve0.5Impulsive", "30dc7689f8ae308e", "fa65d8c5aba732ba"),
+            "block": _guided_pair("Block0.4", "c116ec3be7a1b13f", "758b1de6407d45b8"),
+            "bunny": _guided_pair("Bunny0.2", "453713d39ccf3891", "bf780cbd08ce426e"),
+            "fandisk03": _guided_pair("Fandisk0.3", "e5340782d793b797", "38ef02f691380d08", clean="Fandisk0.7"),
+            "fandisk07": _guided_pair("Fandisk0.7", "93af04e1923dad23", "38ef02f691380d08"),
+            "julius": _guided_pair("Julius0.2", "9f2194fcf54355ca", "59fcb18ddf53aa93"),
+            "nicolo": _guided_pair("Nicolo0.2", "33aa7da34548d505", "8fd02ad21ce656e1"),
+            "sharpsphere": _guided_pair("SharpSphere0.3", "0f400699d6b9ba0a", "555825375ca16ec6"),
+            "twelve": _guided_pair("Twelve0.5Impulsive", "30dc7689f8ae308e", "fa65d8c5aba732ba"),
         },
     ),
     "mesh-tgv": PublicSet(
@@ -84,17 +84,19 @@ PUBLIC_SETS = {
         source="Liu et al. 2022, the program for mesh TGV",
         place="git clone https://github.com/LabZhengLiu/MeshTGV",
         listed={
-            "kinect_cone": Listed(
+            "kinect_cone": KnownPair(
                 "data/Kinect/Cone/noisy.obj",
                 "data/Kinect/Cone/cone-GroundTruth.obj",
                 ("61856a9202850e68", "c5b19f994994e7a7"),
             ),
-            "kinect_pyramid": Listed("data/Kinect/Pyramid/noisy.obj", "data/Kinect/Pyramid/pyramid_16-GroundTruth.obj"),
-            "block_smooth": Listed(
+            "kinect_pyramid": KnownPair(
+                "data/Kinect/Pyramid/noisy.obj", "data/Kinect/Pyramid/pyramid_16-GroundTruth.obj"
+            ),
+            "block_smooth": KnownPair(
                 "data/CAD/Block/block-smooth-RandomDirectionNoise0.35.obj",
                 "data/CAD/Block/block-smooth-GroundTruth.obj",
             ),
-            "fandisk_tgv": Listed("data/CAD/Fandisk/noisy.obj", "data/CAD/Fandisk/groundtruth.obj"),
+            "fandisk_tgv": KnownPair("data/CAD/Fandisk/noisy.obj", "data/CAD/Fandisk/groundtruth.obj"),
         },
     ),
     "synthetic": PublicSet(
@@ -155,7 +157,7 @@ def geometry_digest(path: Path) -> str:
     return hashlib.sha256(b"".join(parts)).hexdigest()[:16]
 
 
-def _checked(wanted: PublicSet, pair: Listed, root: Path, title: str) -> FilePair:
+def _checked(wanted: PublicSet, pair: KnownPair, root: Path, title: str) -> FilePair:
     noisy, clean = files = (root / pair.noisy, root / pair.clean)
     for file in files:
         if not file.is_file():

@@ -52,7 +52,7 @@ class Records(NamedTuple):
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
-    def known(self, pair: FilePair, name: str, key: str) -> dict[str, Any] | None:
+    def load(self, pair: FilePair, name: str, key: str) -> dict[str, Any] | None:
         """Return the stored row of a result if its key matches, else None."""
         path = self.mesh_file(pair.name, name)
         try:
@@ -62,7 +62,7 @@ class Records(NamedTuple):
         matches = isinstance(kept, dict) and kept.get("key") == key and path.exists()
         return dict(kept["row"]) if matches else None
 
-    def keep(self, pair: FilePair, name: str, key: str, mesh: Mesh, row: Mapping[str, Any]) -> None:
+    def save(self, pair: FilePair, name: str, key: str, mesh: Mesh, row: Mapping[str, Any]) -> None:
         """Store a mesh and then its row, whose presence marks both as complete."""
         path = self.mesh_file(pair.name, name)
         make_folder(path.parent)

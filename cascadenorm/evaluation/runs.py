@@ -105,7 +105,7 @@ def run(task: Run) -> RunResult | FailedRun:
     try:
         file = result_file(task.results, pair) if task.results else None
         key = records.key(pair, name, task.settings, task.command, file) if records else ""
-        known = records.known(pair, name, key) if records else None
+        known = records.load(pair, name, key) if records else None
         if known is not None:
             return _from_record(pair.name, name, known)
         mesh, seconds, memory = _denoised(task, noisy, file)
@@ -119,7 +119,7 @@ def run(task: Run) -> RunResult | FailedRun:
             same_faces=same,
         )
         if records:
-            records.keep(pair, name, key, mesh, result.row())
+            records.save(pair, name, key, mesh, result.row())
     except OutputError:
         raise
     except Exception as error:
@@ -133,13 +133,13 @@ def _meshes(pair: FilePair) -> tuple[Mesh, Mesh]:
     return as_mesh(pair.noisy), as_mesh(pair.clean)
 
 
-def forget() -> None:
+def clear_caches() -> None:
     """Free the meshes of the last pair."""
     _meshes.cache_clear()
-    _warm.clear()
+    _compiled.clear()
 
 
-_warm: set[str] = set()
+_compiled: set[str] = set()
 """Methods that have already run in this process."""
 
 
@@ -151,10 +151,10 @@ def _denoised(task: Run, noisy: Mesh, file: Path | None) -> tuple[Mesh, float, f
         return run_program(task.command, task.pair.noisy, timeout=task.timeout)
     if task.settings is None:
         return noisy, 0.0, None
-    if task.name not in _warm:  # compile kernels before timing
+    if task.name not in _compiled:  # compile kernels before timing
         with suppress(Exception):  # errors are reported by the run on the whole mesh
             denoise(Mesh(noisy.vertices, noisy.faces[:200]), method=task.name, **task.settings)
-        _warm.add(task.name)
+        _compiled.add(task.name)
     fresh = Mesh(noisy.vertices, noisy.faces)  # the time of each method includes the topology
     with peak_memory() as peak:
         start = time.perf_counter()

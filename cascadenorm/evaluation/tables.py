@@ -21,9 +21,9 @@ class Column(NamedTuple):
         Digits after the decimal point.
     value
         Function from a result to its value, or to None if it has none.
-    off
+    deviation
         Function from a value to its distance from the ideal value.
-    none
+    missing
         Text for results without a value.
     """
 
@@ -31,11 +31,11 @@ class Column(NamedTuple):
     unit: str
     digits: int
     value: Callable[[RunResult], float | None]
-    off: Callable[[float], float] = abs
-    none: str = "–"
+    deviation: Callable[[float], float] = abs
+    missing: str = "–"
 
 
-COLUMNS_SHOWN = (
+TABLE_COLUMNS = (
     Column("E_a", "°", 2, lambda one: one.measures.normal_error_deg),
     Column("E_a by area", "°", 2, lambda one: one.measures.normal_error_area_deg),
     Column("E_v", "edges", 3, lambda one: one.measures.vertex_error_edges),
@@ -48,7 +48,7 @@ COLUMNS_SHOWN = (
 )
 
 
-NARROW = tuple(column for column in COLUMNS_SHOWN if column.title not in ("E_a by area", "RMS distance"))
+TERMINAL_COLUMNS = tuple(column for column in TABLE_COLUMNS if column.title not in ("E_a by area", "RMS distance"))
 """Columns that fit into a terminal."""
 
 
@@ -56,7 +56,7 @@ SPREAD_COLUMNS = ("E_a", "E_a by area", "E_v", "Hausdorff")
 """Titles of the columns for which the spread over seeds is shown."""
 
 
-PARTIAL = " (*: mean over the pairs that there is a result for, not compared)"
+PARTIAL_NOTE = " (*: mean over the pairs that there is a result for, not compared)"
 """Addition to a title if methods lack results for some pairs."""
 
 
@@ -75,49 +75,49 @@ class Table(NamedTuple):
     rows: list[tuple[Cell, ...]]
 
 
-def by_pair(done: Evaluation, column: Column = COLUMNS_SHOWN[0]) -> Table:
+def pair_table(done: Evaluation, column: Column = TABLE_COLUMNS[0]) -> Table:
     """Return a table of one quantity and its mean, with one row per pair and one column per method."""
     known = {(one.pair, one.method): one for one in [*done.results, *done.means]}
     names = [pair.name for pair in done.pairs] or list(dict.fromkeys(one.pair for one in done.results))
     rows = []
     for pair in (*names, "mean"):
         of_pair = [known.get((pair, method)) for method in done.methods]
-        apart = done.partial if pair == "mean" else set()
-        cells = zip(done.methods, _cells(column, of_pair, apart), strict=True)
-        rows.append((Cell(pair), *(_marked(cell, apart=method in apart) for method, cell in cells)))
+        incomplete = done.partial if pair == "mean" else set()
+        cells = zip(done.methods, _cells(column, of_pair, incomplete), strict=True)
+        rows.append((Cell(pair), *(_marked(cell, incomplete=method in incomplete) for method, cell in cells)))
     about = f"{column.title}, {column.unit}" if column.unit else column.title
-    return Table(f"{about}{PARTIAL if done.partial else ''}", ("pair", *done.methods), rows)
+    return Table(f"{about}{PARTIAL_NOTE if done.partial else ''}", ("pair", *done.methods), rows)
 
 
-def by_method(
+def method_table(
     results: Sequence[RunResult],
     title: str,
-    columns: Sequence[Column] = COLUMNS_SHOWN,
+    columns: Sequence[Column] = TABLE_COLUMNS,
     *,
-    apart: Set[str] = frozenset(),
+    incomplete: Set[str] = frozenset(),
 ) -> Table:
-    """Return a table with one row per method; methods in `apart` are marked and not considered for the best value."""
+    """Return a table with one row per method; `incomplete` methods are marked and not considered for the best value."""
     head = tuple(f"{column.title} ({column.unit})" if column.unit else column.title for column in columns)
-    cells = [_cells(column, results, apart) for column in columns]
-    names = (_marked(Cell(one.method), apart=one.method in apart) for one in results)
+    cells = [_cells(column, results, incomplete) for column in columns]
+    names = (_marked(Cell(one.method), incomplete=one.method in incomplete) for one in results)
     rows = [(name, *row) for name, *row in zip(names, *cells, strict=True)]
-    return Table(f"{title}{PARTIAL if apart else ''}", ("method", *head), rows)
+    return Table(f"{title}{PARTIAL_NOTE if incomplete else ''}", ("method", *head), rows)
 
 
-def of_means(done: Evaluation, title: str, columns: Sequence[Column] = COLUMNS_SHOWN) -> Table:
+def means_table(done: Evaluation, title: str, columns: Sequence[Column] = TABLE_COLUMNS) -> Table:
     """Return the means over the pairs, with one row per method; methods that lack a pair are not compared."""
-    return by_method(done.means, title, columns, apart=done.partial)
+    return method_table(done.means, title, columns, incomplete=done.partial)
 
 
 def all_tables(done: Evaluation) -> list[Table]:
     """Return the tables of an evaluation: normal errors per pair, means, and the spread over several seeds."""
     several = len(set(done.seeds.values())) > 1
-    return [by_pair(done), of_means(done, "Means over the pairs"), *([spread_table(done)] if several else [])]
+    return [pair_table(done), means_table(done, "Means over the pairs"), *([spread_table(done)] if several else [])]
 
 
 def spread_table(done: Evaluation) -> Table:
     """Return mean ± standard deviation over seeds of the mean over the pairs of each seed, with one row per method."""
-    shown = [column for column in COLUMNS_SHOWN if column.title in SPREAD_COLUMNS]
+    shown = [column for column in TABLE_COLUMNS if column.title in SPREAD_COLUMNS]
     rows = []
     for method in done.methods:
         cells = [Cell(method)]
@@ -130,41 +130,44 @@ def spread_table(done: Evaluation) -> Table:
             means = [mean(values) for values in of_seed.values()]
             known = len(means) > 1
             digits = column.digits + 1
-            cells.append(Cell(f"{mean(means):.{digits}f} ± {stdev(means):.{digits}f}" if known else column.none))
+            cells.append(Cell(f"{mean(means):.{digits}f} ± {stdev(means):.{digits}f}" if known else column.missing))
         rows.append(tuple(cells))
     head = tuple(f"{column.title} ({column.unit})" for column in shown)
     return Table(f"Mean ± standard deviation over {len(set(done.seeds.values()))} seeds", ("method", *head), rows)
 
 
-def _cells(column: Column, results: Sequence[RunResult | None], apart: Set[str] = frozenset()) -> list[Cell]:
+def _cells(column: Column, results: Sequence[RunResult | None], incomplete: Set[str] = frozenset()) -> list[Cell]:
     """Format the values and mark the best as displayed, unless fewer than two methods are comparable."""
-    apart = {NOISY, *apart}
+    incomplete = {NOISY, *incomplete}
     values = [None if one is None else column.value(one) for one in results]
     texts = [
-        "–" if one is None else column.none if value is None else f"{value:.{column.digits}f}"
+        "–" if one is None else column.missing if value is None else f"{value:.{column.digits}f}"
         for one, value in zip(results, values, strict=True)
     ]
     judged = [
-        round(column.off(value), column.digits)
+        round(column.deviation(value), column.digits)
         for one, value in zip(results, values, strict=True)
-        if one is not None and one.method not in apart and value is not None
+        if one is not None and one.method not in incomplete and value is not None
     ]
     least = min(judged) if len(judged) > 1 else None
     return [
-        Cell(text, value is not None and one is not None and one.method not in apart and _is(column, value, least))
+        Cell(
+            text,
+            value is not None and one is not None and one.method not in incomplete and _is_best(column, value, least),
+        )
         for text, value, one in zip(texts, values, results, strict=True)
     ]
 
 
-def _marked(cell: Cell, *, apart: bool) -> Cell:
-    return cell._replace(text=f"{cell.text} *") if apart else cell
+def _marked(cell: Cell, *, incomplete: bool) -> Cell:
+    return cell._replace(text=f"{cell.text} *") if incomplete else cell
 
 
-def _is(column: Column, value: float, least: float | None) -> bool:
-    return least is not None and round(column.off(value), column.digits) == least
+def _is_best(column: Column, value: float, least: float | None) -> bool:
+    return least is not None and round(column.deviation(value), column.digits) == least
 
 
-def comma_separated(done: Evaluation) -> str:
+def csv_text(done: Evaluation) -> str:
     """Return CSV with a header, and one line per pair and method."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from multiprocessing import parent_process, resource_tracker
 from threading import Thread
 
-GRACE = 5.0
+TERMINATION_TIMEOUT_S = 5.0
 """Seconds that a process has to remove its temporary files."""
 
 
@@ -34,7 +34,7 @@ def end_with_parent() -> None:
     def watch() -> None:
         parent.join()
         os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(GRACE)
+        time.sleep(TERMINATION_TIMEOUT_S)
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()

@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 LOCAL_CLUSTER = "local"
 """Name that selects a cluster on this machine instead of the address of a scheduler."""
 
-POLL = 1.0
+POLL_INTERVAL_S = 1.0
 """Seconds between two checks of the available workers."""
 
 WORKER_TIMEOUT_S = 300.0
 """Seconds to wait while a cluster has no usable worker."""
 
-ANSWER = 30.0
+REPLY_TIMEOUT_S = 30.0
 """Maximum number of seconds to receive the outcome of finished work, or to restart a worker."""
 
-OWN_CLUSTER = {"distributed.deploy.lost-worker-timeout": "365 days"}
+LOCAL_CLUSTER_CONFIG = {"distributed.deploy.lost-worker-timeout": "365 days"}
 """Settings of Dask for a cluster on this machine.
 
 After this time, Dask checks once whether a lost worker is back and otherwise closes it permanently. The default of 15 s
@@ -33,12 +33,12 @@ would also close workers that were lost a second time and are just restarting.
 """
 
 
-LARGE_TASKS = {"distributed.admin.large-graph-warning-threshold": "100 GB"}
+LARGE_TASK_CONFIG = {"distributed.admin.large-graph-warning-threshold": "100 GB"}
 """Settings of Dask for tasks that contain patches of a mesh, which would otherwise cause warnings."""
 
 
 @contextmanager
-def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Iterator["Client"]:
+def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> Iterator["Client"]:
     """Connect to a scheduler within the context; log messages of Dask are suppressed, and errors describe the problem.
 
     Parameters
@@ -62,9 +62,9 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
         raise MissingDependencyError("a cluster", package=error.name or "distributed", extra="cluster") from None
     with ExitStack() as stack:
         stack.enter_context(_silent("distributed"))
-        stack.enter_context(dask.config.set(LARGE_TASKS))
+        stack.enter_context(dask.config.set(LARGE_TASK_CONFIG))
         if scheduler == LOCAL_CLUSTER:
-            stack.enter_context(dask.config.set(OWN_CLUSTER))
+            stack.enter_context(dask.config.set(LOCAL_CLUSTER_CONFIG))
             with interrupts_blocked():  # this process handles Ctrl-C
                 address = stack.enter_context(
                     distributed.LocalCluster(
@@ -90,7 +90,7 @@ def connected(scheduler: str, *, workers: int, threads: int, memory: int) -> Ite
         yield stack.enter_context(client)
 
 
-def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> str | None:
+def required_folder(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> str | None:
     """Return the current folder if workers must run in it, or None if all file names are absolute.
 
     Parameters
@@ -105,12 +105,12 @@ def folder_of_names(places: Iterable[str | PathLike[str]], values: Iterable[obje
     return None if absolute else os.getcwd()
 
 
-def without_scheduler(scheduler: str, error: Exception, hint: str = "") -> WorkerError:
+def lost_scheduler(scheduler: str, error: Exception, hint: str = "") -> WorkerError:
     """Return the error for a lost connection."""
     return WorkerError(f"the scheduler at {scheduler} does not answer any more: {dask_message(error)}", hint=hint)
 
 
-def without_workers(scheduler: str, seconds: float) -> WorkerError:
+def no_workers(scheduler: str, seconds: float) -> WorkerError:
     """Return the error for a cluster that has had no worker for this many seconds."""
     return WorkerError(f"the cluster at {scheduler} has had no worker for {seconds:.0f} seconds")
 

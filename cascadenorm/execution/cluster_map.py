@@ -18,17 +18,17 @@ from threadpoolctl import threadpool_limits
 from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import ParameterError, WorkerError
 from cascadenorm.execution.cluster import (
-    ANSWER,
     LOCAL_CLUSTER,
-    POLL,
+    POLL_INTERVAL_S,
+    REPLY_TIMEOUT_S,
     WORKER_TIMEOUT_S,
-    connected,
+    dask_client,
     dask_message,
-    without_scheduler,
-    without_workers,
+    lost_scheduler,
+    no_workers,
 )
-from cascadenorm.execution.memory import FREE, available_memory
-from cascadenorm.execution.process_map import Map, done_by
+from cascadenorm.execution.memory import USABLE_FRACTION, available_memory
+from cascadenorm.execution.process_map import Map, use_map
 from cascadenorm.version import __version__
 
 if TYPE_CHECKING:
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-AHEAD = 2
+PREFETCH = 2
 """Number of items per worker that are started ahead of the current result; results wait in the workers' memory."""
 
 
-class _Here(NamedTuple):
+class _Requirements(NamedTuple):
     """Version and folder that a worker must share with this process; the folder matters for relative file names."""
 
     version: str
@@ -73,7 +73,7 @@ def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[
     Raises
     ------
     MissingDependencyError, ParameterError
-        As in `connected`; also if `workers` is above 1 for a cluster given by its address.
+        As in `dask_client`; also if `workers` is above 1 for a cluster given by its address.
     WorkerError
         An item has killed several workers, the scheduler or all workers are lost, or a worker cannot be used.
     """
@@ -81,32 +81,32 @@ def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[
         raise ParameterError(
             f"is {workers}; at {scheduler} all workers of the cluster work", parameter="workers", hint="leave it out"
         )
-    memory = int(FREE * available_memory() / workers)
-    with connected(scheduler, workers=workers, threads=1, memory=memory) as client:
-        yield partial(_mapped, client, scheduler, _Here(__version__, folder))
+    memory = int(USABLE_FRACTION * available_memory() / workers)
+    with dask_client(scheduler, workers=workers, threads=1, memory=memory) as client:
+        yield partial(_map, client, scheduler, _Requirements(__version__, folder))
 
 
 @contextmanager
-def side_by_side_on(scheduler: str | None, *, workers: int, folder: str | None) -> Iterator[None]:
+def use_cluster(scheduler: str | None, *, workers: int, folder: str | None) -> Iterator[None]:
     """Let `process_map.side_by_side` use a cluster within the context; None keeps local processes."""
     if scheduler is None:
         yield
         return
-    with on_cluster(scheduler, workers=workers, folder=folder) as each, done_by(each):
+    with on_cluster(scheduler, workers=workers, folder=folder) as each, use_map(each):
         yield
 
 
-def _mapped(
-    client: "Client", scheduler: str, here: _Here, work: Callable[[Item], Result], items: Iterable[Item], /
+def _map(
+    client: "Client", scheduler: str, here: _Requirements, work: Callable[[Item], Result], items: Iterable[Item], /
 ) -> Iterator[Result]:
     """Process all items and yield the results in order."""
     left = iter(items)
     begun: deque[Future[Any]] = deque()
     try:
         while True:
-            wanted = AHEAD * max(1, _workers(client, scheduler)) - len(begun)
+            wanted = PREFETCH * max(1, _workers(client, scheduler)) - len(begun)
             for item in islice(left, max(0, wanted)):
-                begun.append(client.submit(_do, here, work, item, pure=False))
+                begun.append(client.submit(_process, here, work, item, pure=False))
             if not begun:
                 return
             found = _result(client, scheduler, begun[0])
@@ -119,7 +119,7 @@ def _mapped(
             future.release()
 
 
-def _do(here: _Here, work: Callable[[Item], Result], item: Item) -> Result | _Raised:
+def _process(here: _Requirements, work: Callable[[Item], Result], item: Item) -> Result | _Raised:
     """Process one item in a worker."""
     from distributed import get_worker
 
@@ -147,8 +147,8 @@ def _result(client: "Client", scheduler: str, future: "Future[Any]") -> Any:
     future.add_done_callback(lambda _: done.set())
     while True:
         try:
-            if done.wait(POLL):
-                return future.result(timeout=ANSWER)
+            if done.wait(POLL_INTERVAL_S):
+                return future.result(timeout=REPLY_TIMEOUT_S)
         except Late:  # the worker that held the result is lost, and another one starts again
             pass
         except WorkerError:
@@ -161,11 +161,11 @@ def _result(client: "Client", scheduler: str, future: "Future[Any]") -> Any:
         now = time.monotonic()
         in_use = now if _workers(client, scheduler) else in_use
         if now > in_use + WORKER_TIMEOUT_S:
-            raise without_workers(scheduler, WORKER_TIMEOUT_S)
+            raise no_workers(scheduler, WORKER_TIMEOUT_S)
 
 
 def _workers(client: "Client", scheduler: str) -> int:
     try:
         return len(client.nthreads())
     except Exception as error:  # connection errors
-        raise without_scheduler(scheduler, error) from None
+        raise lost_scheduler(scheduler, error) from None

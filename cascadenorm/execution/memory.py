@@ -10,13 +10,13 @@ from pathlib import Path
 
 from cascadenorm.errors import ParameterError
 
-PROCESS = 350_000_000
+PROCESS_BYTES = 350_000_000
 """Bytes that a process uses before it reads anything, including kernels."""
-FACE = 1800
+FACE_BYTES = 1800
 """Bytes per face that the learned methods need, more than all others; measured in benchmarks/speed.md."""
-OTHERS = 500
+OTHER_FACE_BYTES = 500
 """Minimum number of bytes per face that other methods need, including the file."""
-FREE = 0.8
+USABLE_FRACTION = 0.8
 """Fraction of the free memory that is used by default."""
 
 _STATUS, _CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
@@ -82,7 +82,7 @@ def _group_limits() -> Iterator[int]:
             yield max(0, int(limit) - used)
 
 
-def memory_size(name: str, text: str | int) -> int:
+def parse_bytes(name: str, text: str | int) -> int:
     """Return the number of bytes for text like "4GB", "500 MB" or "2GiB"; numbers are bytes.
 
     Raises
@@ -100,7 +100,7 @@ def memory_size(name: str, text: str | int) -> int:
     return size
 
 
-def amount(size: int) -> str:
+def format_bytes(size: int) -> str:
     """Format a number of bytes for messages."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
 

@@ -30,10 +30,10 @@ class Map(Protocol):
 
 
 @contextmanager
-def side_by_side(count: int) -> Iterator[Map]:
+def parallel_map(count: int) -> Iterator[Map]:
     """Provide a `map` that uses a pool of processes; a count of 1 starts no process and does not limit threads.
 
-    Processes suit Python code between short kernels, where threads would wait for each other. Within `done_by`, another
+    Processes suit Python code between short kernels, where threads would wait for each other. Within `use_map`, another
     map is used instead.
 
     Raises
@@ -49,7 +49,7 @@ def side_by_side(count: int) -> Iterator[Map]:
         return
     with ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
         try:
-            yield partial(_submitted, pool)
+            yield partial(_submit, pool)
         except BrokenProcessPool:
             raise WorkerError(
                 "a worker process ended before its work was done",
@@ -61,8 +61,8 @@ def side_by_side(count: int) -> Iterator[Map]:
 
 
 @contextmanager
-def done_by(other: Map) -> Iterator[None]:
-    """Let `side_by_side` use another map within the context, such as that of a cluster."""
+def use_map(other: Map) -> Iterator[None]:
+    """Let `parallel_map` use another map within the context, such as that of a cluster."""
     token = _other.set(other)
     try:
         yield
@@ -73,7 +73,7 @@ def done_by(other: Map) -> Iterator[None]:
 _other: ContextVar[Map | None] = ContextVar("_other", default=None)
 
 
-def _submitted(pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item], /) -> Iterator[Result]:
+def _submit(pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item], /) -> Iterator[Result]:
     """Submit work to the pool, whose processes start here; they ignore Ctrl-C, and the parent stops them."""
     with interrupts_blocked():
         return pool.map(partial(_on_one_thread, work), items)

@@ -17,7 +17,7 @@ class Progress(Protocol):
         """Report that `done` of `total` parts of a task are done; the note describes the next step or the result."""
 
 
-def silent(task: str, done: int, total: int, note: str = "") -> None:
+def no_progress(task: str, done: int, total: int, note: str = "") -> None:
     """Ignore the progress."""
 
 

@@ -5,7 +5,6 @@ To let the server of the studio start quickly, this module imports no numerical 
 """
 
 import signal
-import sys
 import time
 from collections.abc import Callable, Sequence
 from multiprocessing import get_context
@@ -14,15 +13,13 @@ from types import FrameType
 from typing import Any, Generic, NoReturn, TypeVar
 
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.child_processes import GRACE, end_with_parent, interrupts_blocked
+from cascadenorm.execution.child_processes import TERMINATION_TIMEOUT_S, end_with_parent, interrupts_blocked
+from cascadenorm.execution.signals import repeat_if_swallowed
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Sent = TypeVar("Sent")
 Received = TypeVar("Received")
-
-RETRY_S = 0.05
-"""Time until a process whose exit was swallowed exits again."""
 
 
 class Worker(Generic[Sent, Received]):
@@ -62,7 +59,7 @@ class Worker(Generic[Sent, Received]):
         try:
             found: Received = self.link.recv()
         except (EOFError, OSError):
-            self._process.join(GRACE)
+            self._process.join(TERMINATION_TIMEOUT_S)
             code = self._process.exitcode
             cause = signal.Signals(-code).name if code is not None and code < 0 else f"exit code {code}"
             raise WorkerError(f"the process that did the work ended early ({cause}): memory may be short") from None
@@ -77,11 +74,11 @@ class Worker(Generic[Sent, Received]):
 
     @staticmethod
     def stop(workers: "Sequence[Worker[Any, Any]]") -> None:
-        """Terminate processes; those that do not end within `GRACE` seconds are killed."""
+        """Terminate processes; those that do not end within `TERMINATION_TIMEOUT_S` seconds are killed."""
         for worker in workers:
             worker.link.close()
             worker._process.terminate()
-        end = time.monotonic() + GRACE
+        end = time.monotonic() + TERMINATION_TIMEOUT_S
         for worker in workers:
             worker._process.join(max(0.0, end - time.monotonic()))
             worker.kill()
@@ -113,7 +110,7 @@ def do_jobs(link: Connection, work: Callable[[Item], Result]) -> None:
 def _run(link: Connection, serve: Callable[[Connection], object]) -> None:
     """Run the new process until its function returns or the parent exits."""
     signal.signal(signal.SIGTERM, _terminated)
-    sys.unraisablehook = _exit_again
+    repeat_if_swallowed(signal.SIGTERM, SystemExit)
     end_with_parent()
     serve(link)
     _ending()
@@ -123,15 +120,6 @@ def _terminated(number: int, _: FrameType | None) -> NoReturn:
     """Exit as after an error, so that temporary files are removed."""
     _ending()
     raise SystemExit(128 + number)
-
-
-def _exit_again(lost: "sys.UnraisableHookArgs") -> None:
-    """Exit a little later if a callback of a library, such as the compiler of kernels, has swallowed the exit."""
-    if isinstance(lost.exc_value, SystemExit) and hasattr(signal, "setitimer"):
-        signal.signal(signal.SIGALRM, _terminated)
-        signal.setitimer(signal.ITIMER_REAL, RETRY_S)
-    else:
-        sys.__unraisablehook__(lost)
 
 
 def _ending() -> None:

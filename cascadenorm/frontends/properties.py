@@ -43,8 +43,9 @@ def properties() -> Iterator[Property]:
             yield Property(_camel(name), control, "", control.help(""))
     for method in methods().values():
         for setting in method.given_by_name:
-            about = ", ".join(filter(None, (setting.about.help, setting.about.unit, setting.about.allowed)))
-            yield Property(_camel(method.name) + _camel(setting.name), setting, method.name, f"{about}.")
+            values = ", ".join(filter(None, (setting.about.unit, setting.about.allowed)))
+            about = f"{setting.about.help} ({values})." if values else f"{setting.about.help}."
+            yield Property(_camel(method.name) + _camel(setting.name), setting, method.name, about)
 
 
 def with_properties(kind: Filter) -> Filter:

@@ -7,7 +7,7 @@ from typing import Any
 import pyvista
 
 from cascadenorm.api.api import DEFAULT_METHOD, compare
-from cascadenorm.controls.settings import takes_controls
+from cascadenorm.controls.settings import with_control_parameters
 from cascadenorm.execution.progress import Listener
 from cascadenorm.frontends.progress_bars import progress_bar
 from cascadenorm.frontends.vtk_data import denoised
@@ -24,7 +24,7 @@ class BlocksAccessor:
     def __init__(self, dataset: Any) -> None:
         self._dataset = dataset
 
-    @takes_controls
+    @with_control_parameters
     def denoise(self, *, method: str = DEFAULT_METHOD, progress_bar: bool = False, **parameters: Any) -> Any:
         """Return a denoised copy of the dataset.
 

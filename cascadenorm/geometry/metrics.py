@@ -55,12 +55,12 @@ class Measures:
     hausdorff_diagonal: float
     volume_ratio: float | None
 
-    def in_words(self) -> dict[str, str]:
+    def formatted(self) -> dict[str, str]:
         """Return the formatted measures with units, by description."""
         return {
             "normal error E_a, mean": f"{self.normal_error_deg:.3f} deg",
             "normal error, root mean square": f"{self.normal_error_rms_deg:.3f} deg",
-            "normal error, 95 % of the faces": f"{self.normal_error_p95_deg:.3f} deg",
+            "normal error, 95th percentile": f"{self.normal_error_p95_deg:.3f} deg",
             "normal error, mean by area": f"{self.normal_error_area_deg:.3f} deg",
             "faces flipped (off by more than 90 deg)": f"{self.flipped_percent:.3f} %",
             "vertex error E_v, mean": f"{self.vertex_error_edges:.4f} mean edge lengths",

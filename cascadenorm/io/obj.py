@@ -14,7 +14,7 @@ from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.materials import textures
 from cascadenorm.io.references import content_beside, file_beside
-from cascadenorm.io.text.spelling import lines_of, respelled, rows_of
+from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals
@@ -93,7 +93,7 @@ class ObjFile(MeshFile):
             named[named >= len(lines)] = -1
             normals, renewed = self._renewed(Normals(stored, self._at_triangles(named)))
             replaced.append((columns[renewed].ravel(), normals[renewed].astype(np.float32).ravel()))
-        return respelled(text, *replaced)
+        return replace_words(text, *replaced)
 
     def with_patches(self, patches: HolePatches) -> "ObjFile":
         """Return this file with additional vertices and triangles at its end. Existing bytes are kept.

@@ -14,7 +14,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import channels, from_words
 from cascadenorm.io.content import Content
-from cascadenorm.io.text.spelling import lines_of, respelled, rows_of
+from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals
@@ -67,7 +67,7 @@ class OffFile(MeshFile):
             stored = self._text.numbers_at(self._text.starts[columns], self._text.ends[columns], lax=True)
             normals, renewed = self._renewed(Normals(stored, self.triangles))
             replaced.append((columns[renewed].ravel(), normals[renewed].astype(np.float32).ravel()))
-        return respelled(self._text, *replaced)
+        return replace_words(self._text, *replaced)
 
     def _read_content(self) -> Content:
         counts = self.polygons.counts

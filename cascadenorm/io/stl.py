@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.text.spelling import respelled
+from cascadenorm.io.text.spelling import replace_words
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh import any_in_rows
@@ -57,7 +57,7 @@ class StlFile(MeshFile):
         if (text.stop[facet_lines] - text.first[facet_lines] >= 5).all():  # facet normal x y z
             normals = unit_normals(self.positions, self.triangles[moved], largest)
             replaced.append((text.columns(facet_lines[moved], 3, start=2).ravel(), normals.ravel()))
-        return respelled(text, *replaced)
+        return replace_words(text, *replaced)
 
     def _moved_records(self, moved: NDArray[np.bool_], largest: float) -> Iterator[Piece]:
         """Yield the records with the current positions, and new normals where these moved, block by block."""

@@ -23,11 +23,11 @@ from cascadenorm.registry import Parameter, ParameterError, method
 
 Learned = Cascade | GatedCascades
 Model = Annotated[
-    Learned | Path | None, Parameter("weights file that `cascadenorm train` made. Default: the shipped weights")
+    Learned | Path | None, Parameter("Weights file written by `cascadenorm train`. Default: the shipped weights")
 ]
 TreatAs = Annotated[
     Treatment | None,
-    Parameter("what the mesh is treated as. Default: decided for each component from how its triangles lie"),
+    Parameter("Kind of surface to assume. Default: detected for each component from its triangulation"),
 ]
 
 

@@ -10,9 +10,9 @@ from cascadenorm.detection.segmentation_steps import has_voxel_faces
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
 from cascadenorm.patches.cutting import MeshPatch
-from cascadenorm.patches.work import moved_in_patches, patching_of
+from cascadenorm.patches.work import active_patching, moved_in_patches
 
-NOISES = 30.0
+NOISE_FACTOR = 30.0
 """Bound on the displacement of a vertex, as a multiple of the noise estimated around it. For independent noise a
 factor of 4 is enough. For errors that are spatially correlated, and for edges that a reconstruction has rounded, the
 estimate is only about a fifteenth of the error."""
@@ -41,12 +41,14 @@ def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) ->
     -------
     (n, 3) limited vertices.
     """
-    patching = patching_of(mesh)
+    patching = active_patching(mesh)
     if patching is None:
         bounded = within_bounds(mesh, vertices)
     else:
         work = partial(_within_bounds_of_patch, what_is_bounded(mesh))
-        bounded = moved_in_patches(mesh, patching, work, vertices, reach=CHORD_RINGS + NOISE_PASSES, components=True)
+        bounded = moved_in_patches(
+            mesh, patching, work, vertices, receptive_field=CHORD_RINGS + NOISE_PASSES, components=True
+        )
     return without_flips(mesh, bounded, smooth=measured)
 
 
@@ -85,9 +87,10 @@ class Bounded(NamedTuple):
 def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
     """Return the largest displacement allowed at each vertex.
 
-    The bound is the smaller of NOISES times the noise estimated around the vertex (see `chord_noise`) and FACE_HEIGHTS
-    times the height of its tallest face. Only the height counts where there is no estimate: on components with fewer
-    than FEWEST_COMPONENT_EDGES edges between two faces, around vertices without such an edge, and on voxel faces.
+    The bound is the smaller of NOISE_FACTOR times the noise estimated around the vertex (see `chord_noise`) and
+    FACE_HEIGHTS times the height of its tallest face. Only the height counts where there is no estimate: on components
+    with fewer than FEWEST_COMPONENT_EDGES edges between two faces, around vertices without such an edge, and on voxel
+    faces.
 
     Parameters
     ----------
@@ -107,7 +110,7 @@ def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
     noise[mesh.faces[bounded.untold[mesh.topology.face_components]]] = np.inf
     if bounded.voxel_faces:  # along voxel edges, the normals of both ends agree
         noise[:] = np.inf
-    return np.minimum(NOISES * noise, FACE_HEIGHTS * tallest)
+    return np.minimum(NOISE_FACTOR * noise, FACE_HEIGHTS * tallest)
 
 
 def what_is_bounded(mesh: Mesh) -> Bounded:

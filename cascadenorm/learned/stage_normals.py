@@ -14,7 +14,7 @@ from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.patches.cutting import MeshPatch
-from cascadenorm.patches.work import EXTRA, Patching, each_patch, patching_of, rows_of_faces
+from cascadenorm.patches.work import HALO_MARGIN, Patching, active_patching, each_patch, face_rows
 
 BY_DISTANCE = 14
 """First halo width in edges that is tried for filters with a neighbourhood by distance."""
@@ -38,12 +38,14 @@ def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
     -------
     (m, 3) unit normals.
     """
-    patching = patching_of(mesh)
+    patching = active_patching(mesh)
     if patching is None:
         return stage.normals(mesh, stage_stack(stage.settings, mesh, noisy))
     if not stage.scaler.projection.size:
         work = partial(_without_context, stage)
-        return rows_of_faces(mesh, work, reach=_reach(stage.settings), facts=FACTS, vertices=[noisy.vertices])
+        return face_rows(
+            mesh, work, receptive_field=_receptive_field(stage.settings), facts=FACTS, vertices=[noisy.vertices]
+        )
     return _with_context(stage, mesh, noisy, patching)
 
 
@@ -60,8 +62,10 @@ def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching
     The means need a separate first pass over the patches. Its filtered normals are kept for the second pass for as many
     patches as fit into memory. The other patches are filtered twice.
     """
-    reach = _reach(stage.settings) + CONTEXT_STEPS[-1] + EXTRA
-    each = partial(each_patch, mesh, patching, reach=reach, facts=FACTS, vertices=[noisy.vertices], components=True)
+    field = _receptive_field(stage.settings) + CONTEXT_STEPS[-1] + HALO_MARGIN
+    each = partial(
+        each_patch, mesh, patching, receptive_field=field, facts=FACTS, vertices=[noisy.vertices], components=True
+    )
     totals = _no_sums(stage, int(mesh.topology.components.max()) + 1)
     kept, again, spare = list[_Filtered](), list[int](), patching.spare
     for patch, (sums, filtered) in each(partial(_sums, stage, spare > 0)):
@@ -110,7 +114,7 @@ def _filtered_again(stage: Regression, totals: ComponentSums, patch: MeshPatch, 
 
 def _filtered(stage: Regression, patch: MeshPatch, noisy: Vectors) -> _Filtered:
     stack = _stack(stage.settings, patch, noisy)
-    narrow, faces = patch.narrowed(CONTEXT_STEPS[-1] + EXTRA)
+    narrow, faces = patch.narrowed(CONTEXT_STEPS[-1] + HALO_MARGIN)
     return _Filtered(narrow, stack[faces])
 
 
@@ -137,7 +141,7 @@ def _stack(settings: Stage, patch: MeshPatch, noisy: Vectors) -> Stack:
     return stage_stack(settings, patch.mesh, patch.mesh.moved(noisy).with_facts(**patch.facts))
 
 
-def _reach(settings: Stage) -> int:
-    """Return the reach of the filtered normals in edges, or the first reach to try."""
+def _receptive_field(settings: Stage) -> int:
+    """Return the receptive field of the filtered normals in edges, or the first one to try."""
     descriptor = DESCRIPTORS[settings.descriptor]
     return BY_DISTANCE if descriptor.filters and settings.neighborhood == "distance" else descriptor.rings

@@ -10,11 +10,11 @@ from typing import Any
 
 from cascadenorm.io.digests import file_digest
 from cascadenorm.learned.methods import weights_file
-from cascadenorm.models.models import SHIPPED, named
+from cascadenorm.models.models import SHIPPED, load_model
 
 TAGS = ("mesh-denoising", "geometry-processing", "triangle-mesh", "3d", "safetensors")
 
-TEXT = """\
+CARD_TEMPLATE = """\
 ---
 license: {license}
 library_name: cascadenorm
@@ -44,7 +44,7 @@ or `cascadenorm denoise scan.ply --model {file}`. The file is read as plain arra
 The settings are in the file: `cascadenorm models {file}` prints them.
 """
 
-NETWORK = """## Training data{of}
+NETWORK_TEMPLATE = """## Training data{of}
 
 {data}. Faces trained on: {faces}.
 
@@ -72,10 +72,10 @@ def hub_card(model: str) -> str:
     ParameterError
         The file is missing or is not a model.
     """
-    networks = named(model).model.networks
+    networks = load_model(model).model.networks
     card = next(iter(networks.values())).card
     file = weights_file(model) if model in SHIPPED else Path(model)
-    return TEXT.format(
+    return CARD_TEMPLATE.format(
         license=card["licence"].lower(),
         licence=card["licence"],
         tags="\n".join(f"- {tag}" for tag in TAGS),
@@ -89,7 +89,7 @@ def hub_card(model: str) -> str:
 
 
 def _network(name: str, card: Mapping[str, Any]) -> str:
-    return NETWORK.format(
+    return NETWORK_TEMPLATE.format(
         of=f" of the {name} network" if name else "",
         data=_sentence(card["data"]),
         faces=f"{card['faces_trained_on']:,}",

@@ -10,7 +10,7 @@ from typing import Any
 
 from cascadenorm.api.api import denoise
 from cascadenorm.errors import MissingDependencyError, ParameterError
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
 from cascadenorm.io.pairs import Paths
 from cascadenorm.learned.cascade import Cascade
@@ -70,7 +70,7 @@ class Denoiser:
         return denoise(mesh, faces, method=self.method, model=self.model, **settings)
 
 
-def named(model: str) -> Denoiser:
+def load_model(model: str) -> Denoiser:
     """Return a shipped model by its name, or load one from a file by its path."""
     return Denoiser.shipped(model) if model in SHIPPED else Denoiser.load(model)
 
@@ -128,7 +128,7 @@ def train(
     threads: int | None = None,
     log: str | PathLike[str] | None = None,
     tensorboard: str | PathLike[str] | None = None,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> Denoiser:
     """Train a cascade and write it to a weights file; if interrupted, the next call resumes the training.
 
@@ -156,7 +156,6 @@ def train(
         Folder for the same values in the format of TensorBoard.
     progress
         Called with (task, parts done, total parts, note); if there are several clusters, from several threads.
-        Called with (task, parts done, parts in all, note); of several clusters from several threads.
 
     Returns
     -------
@@ -205,7 +204,7 @@ def train_gate(
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> Denoiser:
     """Train a gate that chooses between two trained cascades, and write all three to a weights file.
 

@@ -8,8 +8,8 @@ import numpy as np
 from cascadenorm.data_gen import OWN_FAMILY, DatasetConfig, Pair, own_pair, write_dataset
 from cascadenorm.data_gen.meshing.patches import training_patches
 from cascadenorm.errors import MissingDependencyError
-from cascadenorm.execution.cluster_map import side_by_side_on
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.execution.cluster_map import use_cluster
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
 from cascadenorm.io.interop import as_mesh, save_mesh
@@ -80,7 +80,7 @@ def write_pairs(
     workers: int = 1,
     scheduler: str | None = None,
     force: bool = False,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> None:
     """Generate pairs of shapes of all families, each in its own folder, and write `dataset.json` beside them.
 
@@ -117,7 +117,7 @@ def write_pairs(
         raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
     config = DatasetConfig(count=count, seed=seed)
     try:
-        with side_by_side_on(scheduler, workers=workers, folder=None):
+        with use_cluster(scheduler, workers=workers, folder=None):
             write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)
     except OutputError:
         raise

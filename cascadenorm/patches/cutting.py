@@ -148,7 +148,7 @@ class Cutter:
         return MeshPatch(mesh.vertices[near], corners, number, near, numbers, inside, complete, facts, of_here)
 
 
-def lighter(patch: MeshPatch) -> MeshPatch:
+def without_positions(patch: MeshPatch) -> MeshPatch:
     """Return a patch without its positions, with only the data needed to store its results."""
     return replace(patch, vertices=patch.vertices[:0], complete=patch.complete[:0])
 

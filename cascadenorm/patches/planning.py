@@ -7,18 +7,18 @@ from typing import Any
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.cluster import LOCAL_CLUSTER
 from cascadenorm.execution.cluster_map import on_cluster
-from cascadenorm.execution.memory import PROCESS, amount
+from cascadenorm.execution.memory import PROCESS_BYTES, format_bytes
 from cascadenorm.mesh import thread_count
 from cascadenorm.patches.work import Patching, working_in_patches
 from cascadenorm.registry import Method, registered
 
-WHOLE = 350
+WHOLE_FACE_BYTES = 350
 """Largest memory use in bytes per face of the whole mesh, including its file, during work in patches."""
-PATCH = 900
-"""Largest memory use in bytes per face of the current patch; benchmarks/speed/patches.py measures both."""
-SMALLEST, LARGEST = 500_000, 4_000_000
+PATCH_FACE_BYTES = 900
+"""Largest memory use in bytes per face of the current patch; benchmarks/speed/scale.py measures both."""
+MIN_PATCH_FACES, MAX_PATCH_FACES = 500_000, 4_000_000
 """Limits on the faces of a patch: halos of smaller patches are too expensive, larger patches save little."""
-IN_STEPS = ("auto", "cascade", "guided-normal")
+STEPWISE_METHODS = ("auto", "cascade", "guided-normal")
 """Methods with steps that each have a small receptive field, although that of the whole method is large."""
 
 
@@ -26,7 +26,7 @@ def works_in_patches(method: Method, parameters: Mapping[str, Any]) -> bool:
     """Return whether a method with these parameters can work patch by patch, as a whole or in each of its steps."""
     given = method.with_defaults(parameters)
     return method.receptive_field(given, 1) is not None or (
-        method.name in IN_STEPS and given.get("fit", "sweeps") == "sweeps"
+        method.name in STEPWISE_METHODS and given.get("fit", "sweeps") == "sweeps"
     )
 
 
@@ -61,20 +61,26 @@ def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[N
     MissingDependencyError, WorkerError
         The cluster is not available or fails.
     """
-    whole = WHOLE * faces if scheduler is None else 0
-    left = memory - PROCESS - whole
-    if left < PATCH * min(SMALLEST, faces):
-        least = PROCESS + whole + PATCH * min(SMALLEST, faces)
-        raise ParameterError(f"is {amount(memory)}; {faces:,} faces need at least {amount(least)}", parameter="memory")
+    whole = WHOLE_FACE_BYTES * faces if scheduler is None else 0
+    left = memory - PROCESS_BYTES - whole
+    if left < PATCH_FACE_BYTES * min(MIN_PATCH_FACES, faces):
+        least = PROCESS_BYTES + whole + PATCH_FACE_BYTES * min(MIN_PATCH_FACES, faces)
+        raise ParameterError(
+            f"is {format_bytes(memory)}; {faces:,} faces need at least {format_bytes(least)}", parameter="memory"
+        )
     if scheduler is None:
         # a larger patch would save little; the remaining memory caches results between passes
-        size = left // PATCH if left >= PATCH * faces else min(LARGEST, max(SMALLEST, left // 2 // PATCH))
-        with working_in_patches(Patching(size, spare=left - size * PATCH)):
+        size = (
+            left // PATCH_FACE_BYTES
+            if left >= PATCH_FACE_BYTES * faces
+            else min(MAX_PATCH_FACES, max(MIN_PATCH_FACES, left // 2 // PATCH_FACE_BYTES))
+        )
+        with working_in_patches(Patching(size, spare=left - size * PATCH_FACE_BYTES)):
             yield
         return
     workers = thread_count() if scheduler == LOCAL_CLUSTER else 1
     with (
         on_cluster(scheduler, workers=workers, folder=None) as each,
-        working_in_patches(Patching(min(LARGEST, left // PATCH), each)),
+        working_in_patches(Patching(min(MAX_PATCH_FACES, left // PATCH_FACE_BYTES), each)),
     ):
         yield

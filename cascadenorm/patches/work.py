@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from cascadenorm.execution.process_map import Map
 from cascadenorm.mesh import Ints32, Mesh, Vectors
-from cascadenorm.patches.cutting import Cutter, MeshPatch, TooNarrow, lighter
+from cascadenorm.patches.cutting import Cutter, MeshPatch, TooNarrow, without_positions
 
 Result = TypeVar("Result")
 
-EXTRA = 2
-"""Extra width of a halo in edges beyond the reach of the work.
+HALO_MARGIN = 2
+"""Extra width of a halo in edges beyond the receptive field of the work.
 
 A face inside may have two corners in the halo, and the faces around the outermost vertices are incomplete."""
 
@@ -64,7 +64,7 @@ def working_in_patches(patching: Patching | None) -> Iterator[None]:
         _current.reset(token)
 
 
-def patching_of(mesh: Mesh) -> Patching | None:
+def active_patching(mesh: Mesh) -> Patching | None:
     """Return the settings for work on a mesh in patches, or None if the whole mesh is processed at once."""
     patching = _current.get()
     return None if patching is None or len(mesh.faces) <= patching.faces else patching
@@ -73,7 +73,7 @@ def patching_of(mesh: Mesh) -> Patching | None:
 def free_derived(*meshes: Mesh) -> None:
     """Free the cached arrays of meshes that are processed in patches; they are recomputed when needed."""
     for mesh in meshes:
-        if patching_of(mesh) is not None:
+        if active_patching(mesh) is not None:
             mesh.forget()
 
 
@@ -82,7 +82,7 @@ def each_patch(
     patching: Patching,
     work: Callable[..., Result],
     *,
-    reach: int,
+    receptive_field: int,
     facts: Sequence[str] = (),
     vertices: Sequence[NDArray[Any]] = (),
     faces: Sequence[NDArray[Any]] = (),
@@ -100,7 +100,7 @@ def each_patch(
     work
         Picklable function, called with a `MeshPatch` and its rows of `vertices` and `faces`, which it must not change.
         If it raises `TooNarrow`, it is repeated with a halo of twice the width.
-    reach
+    receptive_field
         Receptive field of the work: the number of edges around the corners of a face that affect its result.
     facts
         Properties of the whole mesh that the work depends on, such as "mean_edge_length".
@@ -114,7 +114,7 @@ def each_patch(
     known = {name: float(getattr(mesh, name)) for name in facts}
     labels = mesh.topology.components if components else None
     mesh.forget()
-    rings = reach + EXTRA
+    rings = receptive_field + HALO_MARGIN
     cutter = patching.cutter(mesh, rings)
     left = list(range(cutter.count)) if boxes is None else list(boxes)
     begun = deque[MeshPatch]()
@@ -123,14 +123,14 @@ def each_patch(
         for box in boxes:
             patch = cutter.patch(mesh, box, rings, known, labels)
             if len(patch.corners):
-                begun.append(lighter(patch))
+                begun.append(without_positions(patch))
                 ids, numbers = patch.vertex_numbers, patch.face_numbers
                 yield patch, *(rows[ids] for rows in vertices), *(rows[numbers] for rows in faces)
             del patch  # free its memory before the next patch is cut
 
     while left:
         narrow = list[int]()
-        for found in patching.each(partial(_done, work), items(left, rings)):
+        for found in patching.each(partial(_try_work, work), items(left, rings)):
             patch = begun.popleft()
             if found:
                 yield patch, found.pop()
@@ -139,7 +139,7 @@ def each_patch(
         left, rings = narrow, 2 * rings
 
 
-def rows_of_faces(mesh: Mesh, work: Callable[..., NDArray[Any]], *, reach: int, **given: Any) -> NDArray[Any]:
+def face_rows(mesh: Mesh, work: Callable[..., NDArray[Any]], *, receptive_field: int, **given: Any) -> NDArray[Any]:
     """Compute a row for each face, patch by patch if requested with `working_in_patches`.
 
     Parameters
@@ -148,18 +148,18 @@ def rows_of_faces(mesh: Mesh, work: Callable[..., NDArray[Any]], *, reach: int, 
         Mesh with m faces.
     work
         As in `each_patch`; returns a row for each face of the patch. Rows of faces in the halo may be wrong.
-    reach, given
+    receptive_field, given
         As in `each_patch`.
 
     Returns
     -------
     (m, …) rows.
     """
-    patching = patching_of(mesh)
+    patching = active_patching(mesh)
     if patching is None:
         return work(MeshPatch.whole(mesh), *given.get("vertices", ()), *given.get("faces", ()))
     out: NDArray[Any] | None = None
-    for patch, rows in each_patch(mesh, patching, partial(_own_rows, work), reach=reach, **given):
+    for patch, rows in each_patch(mesh, patching, partial(_own_rows, work), receptive_field=receptive_field, **given):
         if out is None:
             out = np.empty((len(mesh.faces), *rows.shape[1:]), rows.dtype)
         out[patch.face_numbers[patch.own]] = rows
@@ -168,7 +168,13 @@ def rows_of_faces(mesh: Mesh, work: Callable[..., NDArray[Any]], *, reach: int, 
 
 
 def moved_in_patches(
-    mesh: Mesh, patching: Patching, work: Callable[..., Vectors], vertices: Vectors, *, reach: int, components: bool
+    mesh: Mesh,
+    patching: Patching,
+    work: Callable[..., Vectors],
+    vertices: Vectors,
+    *,
+    receptive_field: int,
+    components: bool,
 ) -> Vectors:
     """Move vertices patch by patch.
 
@@ -183,7 +189,7 @@ def moved_in_patches(
         Positions in the halo may be wrong.
     vertices
         (n, 3) original positions; a vertex without a face stays in place.
-    reach, components
+    receptive_field, components
         As in `each_patch`.
 
     Returns
@@ -192,13 +198,15 @@ def moved_in_patches(
     """
     out = vertices.copy()
     inside = partial(_inside_rows, work)
-    each = each_patch(mesh, patching, inside, reach=reach, vertices=[vertices], components=components)
+    each = each_patch(
+        mesh, patching, inside, receptive_field=receptive_field, vertices=[vertices], components=components
+    )
     for patch, rows in each:
         out[patch.vertex_numbers[patch.inside]] = rows
     return out
 
 
-def normals_by_patches(mesh: Mesh, filtered: Callable[[Mesh], Vectors], *, reach: int) -> Vectors:
+def normals_by_patches(mesh: Mesh, filtered: Callable[[Mesh], Vectors], *, receptive_field: int) -> Vectors:
     """Filter face normals, patch by patch if requested with `working_in_patches`.
 
     Parameters
@@ -208,21 +216,23 @@ def normals_by_patches(mesh: Mesh, filtered: Callable[[Mesh], Vectors], *, reach
     filtered
         Picklable function that returns the filtered normals of a mesh. A patch has the mean edge length of the whole
         mesh.
-    reach
+    receptive_field
         Receptive field of the filter: the number of edges around the corners of a face that affect its normal.
 
     Returns
     -------
     (m, 3) filtered normals.
     """
-    return rows_of_faces(mesh, partial(_of_mesh, filtered), reach=reach, facts=["mean_edge_length"])
+    return face_rows(
+        mesh, partial(_filter_patch, filtered), receptive_field=receptive_field, facts=["mean_edge_length"]
+    )
 
 
-def _of_mesh(filtered: Callable[[Mesh], Vectors], patch: MeshPatch) -> Vectors:
+def _filter_patch(filtered: Callable[[Mesh], Vectors], patch: MeshPatch) -> Vectors:
     return filtered(patch.mesh)
 
 
-def _done(work: Callable[..., Result], item: tuple[Any, ...]) -> list[Result]:
+def _try_work(work: Callable[..., Result], item: tuple[Any, ...]) -> list[Result]:
     """Return the result for a patch as a list, which is empty if the halo is too narrow."""
     try:
         with working_in_patches(None):

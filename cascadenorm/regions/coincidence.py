@@ -8,11 +8,11 @@ import scipy
 
 from cascadenorm.mesh import Ints, Mesh, connected_components
 
-COINCIDENT = 2.0**-20
+COINCIDENCE_TOLERANCE = 2.0**-20
 """Tolerance for coincident vertices as a fraction of the largest coordinate.
 
 It exceeds the rounding to single precision and to six decimal digits."""
-LEAST_APART = 0.01
+MAX_TOLERANCE_EDGES = 0.01
 """Upper limit of the tolerance in mean edge lengths, for meshes with large coordinates."""
 
 
@@ -31,7 +31,7 @@ class Joined(NamedTuple):
     vertices: Ints
 
 
-def coincident(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
+def coincident_vertices(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     """Find the vertices of different meshes that coincide within rounding.
 
     Vertices of the same mesh are joined only if both coincide with a vertex of another mesh.
@@ -47,7 +47,7 @@ def coincident(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     owner = np.repeat(np.arange(len(meshes)), counts)
     used = np.flatnonzero(np.concatenate([mesh.topology.used_vertices for mesh in meshes]))
     size = float(np.abs(positions[used]).max())
-    tolerance = min(COINCIDENT * size, LEAST_APART * min(mesh.mean_edge_length for mesh in meshes))
+    tolerance = min(COINCIDENCE_TOLERANCE * size, MAX_TOLERANCE_EDGES * min(mesh.mean_edge_length for mesh in meshes))
     pairs = used[scipy.spatial.cKDTree(positions[used]).query_pairs(tolerance, output_type="ndarray")]
     pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
 
@@ -57,7 +57,7 @@ def coincident(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     return first[which.reshape(-1)].astype(np.int64), connected_components(owner[pairs], len(meshes)).astype(np.int64)
 
 
-def joined_meshes(meshes: Sequence[Mesh], first: Ints) -> Joined:
+def join_meshes(meshes: Sequence[Mesh], first: Ints) -> Joined:
     """Join meshes into one.
 
     Parameters
@@ -65,7 +65,7 @@ def joined_meshes(meshes: Sequence[Mesh], first: Ints) -> Joined:
     meshes
         Meshes with k vertices in total.
     first
-        (k,) first coincident vertex of each vertex, as returned by `coincident`.
+        (k,) first coincident vertex of each vertex, as returned by `coincident_vertices`.
     """
     kept = first == np.arange(len(first))
     vertices = (np.cumsum(kept) - 1)[first]

@@ -66,7 +66,7 @@ class Shells(NamedTuple):
         return scatter_add(self.faces, signed, len(mesh.faces))
 
 
-def into_shells(mesh: Mesh) -> tuple[Mesh, Shells | None]:
+def split_into_shells(mesh: Mesh) -> tuple[Mesh, Shells | None]:
     """Return a mesh without duplicate faces on shared walls, and its shells.
 
     If no regions share walls, the mesh is returned unchanged with None (see `shells`).
@@ -99,7 +99,7 @@ def shells(mesh: Mesh) -> Shells | None:
     """
     if (mesh.topology.edge_faces.counts < 3).all():
         return None
-    distinct = _first_of_twins(mesh.faces)
+    distinct = _first_duplicates(mesh.faces)
     junctions = _junctions(mesh, distinct)
     if not len(junctions):
         return None
@@ -162,7 +162,7 @@ def _side_by_side(
     return Mesh(mesh.vertices[owners], corners), owners, faces, flipped
 
 
-def _first_of_twins(faces: Ints32) -> Bools:
+def _first_duplicates(faces: Ints32) -> Bools:
     """Return (m,) whether each face is the first on its three vertices."""
     _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     distinct = np.zeros(len(faces), bool)
@@ -180,7 +180,7 @@ def _patterns(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple
     for edge in junctions:
         faces = around.row(edge)
         faces = faces[distinct[faces]]
-        order, runs, narrowest = _around(mesh.vertices, mesh.faces, faces, *mesh.topology.edges[edge])
+        order, runs, narrowest = _sorted_around_edge(mesh.vertices, mesh.faces, faces, *mesh.topology.edges[edge])
         pattern = _canonical(tuple((2 * wall[faces[order]] + runs[order]).tolist()))
         found.append(pattern)
         votes[pattern] += narrowest
@@ -245,7 +245,7 @@ def _wedges(pattern: Pattern) -> list[tuple[int, int]]:
 
 
 @kernel
-def _around(vertices: Floats, faces: Ints32, around: Ints32, a: int, b: int) -> tuple[Ints, Ints, float]:
+def _sorted_around_edge(vertices: Floats, faces: Ints32, around: Ints32, a: int, b: int) -> tuple[Ints, Ints, float]:
     """Sort the faces at an edge by angle, counterclockwise when viewed against the direction from a to b.
 
     Returns

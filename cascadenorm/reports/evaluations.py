@@ -15,7 +15,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import tables
 from cascadenorm.evaluation.harness import Evaluation, FailedRun, RunResult
 from cascadenorm.evaluation.runs import NOISY
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import errors
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, write_atomically
@@ -64,7 +64,7 @@ def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
 
 
 def report_evaluation(
-    output: str | PathLike[str], done: Evaluation, *, force: bool = False, progress: Progress = silent
+    output: str | PathLike[str], done: Evaluation, *, force: bool = False, progress: Progress = no_progress
 ) -> None:
     """Write an evaluation as an HTML page, and beside it a folder with a page for each pair.
 
@@ -144,7 +144,7 @@ def _shown(done: Evaluation, pair: FilePair) -> _Shown:
 def _pair_sections(shown: _Shown) -> list[tuple[str, str]]:
     """Return the measures of a pair, and how its errors are spread."""
     rows = {one.method: _angles(mesh, shown.clean) for one, mesh in zip(shown.results, shown.meshes, strict=True)}
-    measured = tables.by_method(shown.results, "Measures")
+    measured = tables.method_table(shown.results, "Measures")
     title = "Angles of all faces: median, quartiles, and 5th to 95th percentile"
     plot = box_plot(rows, title=title, label="angle between face normal and the true one (°)")
     return [("Measures", _table(measured)), ("Angle between the face normals and the true ones", plot)]

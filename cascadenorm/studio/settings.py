@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cascadenorm.api.api import DEFAULT_METHOD
-from cascadenorm.api.selection import FILES
+from cascadenorm.api.selection import ARRAY_FILES
 from cascadenorm.controls import CONTROLS
-from cascadenorm.controls.settings import Controls, checked
+from cascadenorm.controls.settings import Controls, checked_controls
 from cascadenorm.errors import ParameterError
 from cascadenorm.registry import Method, Setting, by_family, find
 from cascadenorm.studio.names import label
@@ -68,7 +68,7 @@ def chosen(given: Mapping[str, Any]) -> Chosen:
             raise ParameterError("is a file, and the studio reads no file but the mesh", parameter=name)
     if "progress" in controls:
         raise ParameterError("cannot be set in the studio", parameter="progress")
-    return Chosen(method, method.checked(parameters), checked(controls), controls)
+    return Chosen(method, method.checked(parameters), checked_controls(controls), controls)
 
 
 def _input(setting: Setting) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def _fits(setting: Setting) -> bool:
 
 def _names_a_file(setting: Setting, value: Any) -> bool:
     takes = any(kind is Path or getattr(kind, "__origin__", kind) is PathLike for kind in setting.kinds)
-    return takes and isinstance(value, str) and value.strip().lower().endswith(FILES)
+    return takes and isinstance(value, str) and value.strip().lower().endswith(ARRAY_FILES)
 
 
 def _plain(given: Any) -> dict[str, Any]:

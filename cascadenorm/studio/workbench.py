@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.api.apply import controlled, step_key
-from cascadenorm.api.opened_files import error_found
-from cascadenorm.api.selection import selected
+from cascadenorm.api.apply import run_with_controls, step_key
+from cascadenorm.api.opened_files import detected_error
+from cascadenorm.api.selection import resolve_controls
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import CascadenormError, MeshError
@@ -62,7 +62,7 @@ class Result(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Results of a method on the whole and the coarse mesh, and `removed`, as `controlled` uses and fills them."""
+    """Results of a method on the whole and the coarse mesh, and `removed`, as for `run_with_controls`."""
 
     whole: list[Vectors]
     coarse: list[Vectors]
@@ -156,7 +156,7 @@ class Workbench:
         controls = asked.controls.copy()
         if self.notice:
             controls["on_bad"] = "isolate"
-        return asked._replace(controls=with_paint(selected(controls, self.file), self.paint))
+        return asked._replace(controls=with_paint(resolve_controls(controls, self.file), self.paint))
 
     def result(self, settings: dict[str, Any], listener: Listener) -> Result:
         """Return the result of some settings, possibly from the cache."""
@@ -175,7 +175,7 @@ class Workbench:
     def _error(self, asked: Chosen) -> tuple[str | None, str | None]:
         """Return the kind of error of the mesh and what the mesh was treated as, in words."""
         small, exponent = in_frame(without_lines(self.mesh))
-        found = error_found(asked.method, small, exponent, self._steps_of(asked).removed, asked.parameters)
+        found = detected_error(asked.method, small, exponent, self._steps_of(asked).removed, asked.parameters)
         error, treated_as = (None if found[name] is None else str(found[name]) for name in ("error", "treated_as"))
         return error, treated_as
 
@@ -184,7 +184,7 @@ class Workbench:
         dtype = self.file.positions.dtype
         with limit_threads(controls["threads"]):
             steps, _, removed = self._steps_of(asked)
-            return controlled(
+            return run_with_controls(
                 asked.method, self.mesh, asked.parameters, controls, dtype=dtype, steps=steps, removed=removed
             )
 
@@ -192,7 +192,7 @@ class Workbench:
         controls: Controls = {**coarse.controls(asked.controls, self.mesh), "progress": listener}
         with limit_threads(controls["threads"]):
             steps = self._steps_of(asked).coarse
-            vertices = controlled(asked.method, coarse.mesh, asked.parameters, controls, steps=steps)
+            vertices = run_with_controls(asked.method, coarse.mesh, asked.parameters, controls, steps=steps)
         before, after = (io.from_arrays(v, coarse.mesh.faces) for v in (coarse.mesh.vertices, vertices))
         meshes = [Given("before", self.name, before), Given("after", self.target, after)]
         return packed_scene(scene(meshes, []), faces=len(self.mesh.faces))

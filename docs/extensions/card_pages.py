@@ -6,7 +6,7 @@ from typing import Any
 
 from markdown_table import table
 
-from cascadenorm.models.models import named
+from cascadenorm.models.models import load_model
 
 MODELS = ("auto", "cascade")
 
@@ -22,10 +22,10 @@ describes their limits and their accuracy.
     networks = {
         f"`{model}`, {name} network" if name else f"`{model}`": dict(cascade.card)
         for model in MODELS
-        for name, cascade in named(model).model.networks.items()
+        for name, cascade in load_model(model).model.networks.items()
     }
     return "\n".join(
-        [head, *(_card(title, card) for title, card in networks.items()), _gate(named("auto").card["gate"])]
+        [head, *(_card(title, card) for title, card in networks.items()), _gate(load_model("auto").card["gate"])]
     )
 
 

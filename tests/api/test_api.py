@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.apply import controlled, step_key
-from cascadenorm.controls import checked
+from cascadenorm.api.apply import run_with_controls, step_key
+from cascadenorm.controls import checked_controls
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.volume import closed_parts, is_closed, with_volume_of
 from cascadenorm.io.interop import adapter, save_mesh
@@ -25,7 +25,7 @@ def shifted(mesh: Mesh) -> np.ndarray:
 
 
 def apply(function, mesh=BALL, **controls):
-    return controlled(Method("stand-in", function, "", {}), mesh, {}, checked(controls))
+    return run_with_controls(Method("stand-in", function, "", {}), mesh, {}, checked_controls(controls))
 
 
 @given(st.floats(0, 4), st.floats(0, 1))
@@ -48,12 +48,12 @@ def test_another_strength_of_the_same_key_blends_what_is_known_and_gives_the_sam
     method = Method("stand-in", halved, "", {}, converges)
     steps = {}
     for strength in (1.0, 0.3, 0.8, 2.5, 2.0, 1.5):
-        controls = checked({"strength": strength})
+        controls = checked_controls({"strength": strength})
         known = steps.setdefault(step_key(method, strength), [])
         made = len(calls) + max(0, int(np.ceil(min(strength, 1.0) if converges else strength)) - len(known))
-        out = controlled(method, BALL, {}, controls, steps=known)
+        out = run_with_controls(method, BALL, {}, controls, steps=known)
         assert len(calls) == made
-        assert out.tobytes() == controlled(method, BALL, {}, controls).tobytes()
+        assert out.tobytes() == run_with_controls(method, BALL, {}, controls).tobytes()
         del calls[made:]
     assert len(steps) == (4 if converges else 1)
 

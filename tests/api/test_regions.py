@@ -11,7 +11,7 @@ from cascadenorm.cli import run
 from cascadenorm.errors import MeshError
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
-from cascadenorm.regions.coincidence import coincident, joined_meshes
+from cascadenorm.regions.coincidence import coincident_vertices, join_meshes
 
 OPTIONS = {"method": "bilateral-normal", "iterations": 5}
 
@@ -120,7 +120,7 @@ def test_files_go_beside_their_sources_and_are_not_overwritten(halves, tmp_path)
 def test_coincident_vertices_of_one_mesh_stay_two():
     twice = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), (0, -1, 0)], [(0, 1, 2), (3, 4, 1)])
     far = Mesh([(5, 0, 0), (6, 0, 0), (5, 1, 0)], [(0, 1, 2)])
-    first, groups = coincident([twice, far])
+    first, groups = coincident_vertices([twice, far])
     np.testing.assert_array_equal(first, np.arange(8))
     assert groups[0] != groups[1]
 
@@ -128,10 +128,10 @@ def test_coincident_vertices_of_one_mesh_stay_two():
 def test_joined_meshes_share_the_vertices_that_coincide():
     one = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
     other = Mesh([(1, 0, 0), (0, 0, 1e-9), (0, -1, 0)], [(0, 1, 2)])
-    first, groups = coincident([one, other])
+    first, groups = coincident_vertices([one, other])
     np.testing.assert_array_equal(first, [0, 1, 2, 1, 0, 5])
     assert groups[0] == groups[1]
-    whole = joined_meshes([one, other], first)
+    whole = join_meshes([one, other], first)
     np.testing.assert_array_equal(whole.mesh.faces, [(0, 1, 2), (1, 0, 3)])
     np.testing.assert_array_equal(whole.mesh.vertices[whole.vertices[:3]], one.vertices)
 

@@ -7,8 +7,8 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.selection import faces_labelled, selected
-from cascadenorm.controls import checked
+from cascadenorm.api.selection import labelled_faces, resolve_controls
+from cascadenorm.controls import checked_controls
 from cascadenorm.io.content import Content
 from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.mesh.polygons import Polygons
@@ -111,11 +111,13 @@ def test_copies_at_a_seam_have_the_smallest_weight_and_are_fixed_together(tmp_pa
     for copy, weight in zip(file.welds, weights, strict=True):
         smallest[copy] = min(smallest[copy], weight)
     for mask in ("w", weights, smallest):
-        np.testing.assert_array_equal(selected(checked({"mask": mask}), file)["mask"], smallest)
+        np.testing.assert_array_equal(resolve_controls(checked_controls({"mask": mask}), file)["mask"], smallest)
     last = len(owners) - 1
-    assert selected(checked({"fixed": str(last)}), file)["fixed"].tolist() == [file.welds[last]]
+    assert resolve_controls(checked_controls({"fixed": str(last)}), file)["fixed"].tolist() == [file.welds[last]]
     one = np.arange(len(owners)) == last
-    np.testing.assert_array_equal(np.flatnonzero(selected(checked({"fixed": one}), file)["fixed"]), file.welds[[last]])
+    np.testing.assert_array_equal(
+        np.flatnonzero(resolve_controls(checked_controls({"fixed": one}), file)["fixed"]), file.welds[[last]]
+    )
 
 
 def test_only_moves_what_lies_within_the_faces(ball):
@@ -131,8 +133,8 @@ def test_only_moves_what_lies_within_the_faces(ball):
 
 def test_face_properties_are_named_with_their_value(ball):
     for name, faces in (("part=1", PARTS == 1), ("part=0.0", PARTS == 0)):
-        np.testing.assert_array_equal(faces_labelled([name], ball), faces)
-    assert faces_labelled(["part=0", "part=1"], ball).all()
+        np.testing.assert_array_equal(labelled_faces([name], ball), faces)
+    assert labelled_faces(["part=0", "part=1"], ball).all()
     np.testing.assert_array_equal(denoised(only=["part=0", "part=1"]), expected())
     np.testing.assert_array_equal(denoised(only="part=1"), expected(only=PARTS == 1))
 
@@ -173,7 +175,7 @@ f 1 2 6
 def test_obj_faces_have_materials_objects_and_groups(tmp_path, name, triangles):
     (tmp_path / "things.obj").write_text(OBJ, encoding="ascii")
     file = cn.read(tmp_path / "things.obj")
-    np.testing.assert_array_equal(np.flatnonzero(faces_labelled([name], file)), triangles)
+    np.testing.assert_array_equal(np.flatnonzero(labelled_faces([name], file)), triangles)
 
 
 def test_unknown_labels_are_answered_with_those_that_there_are(tmp_path, ball):
@@ -182,14 +184,14 @@ def test_unknown_labels_are_answered_with_those_that_there_are(tmp_path, ball):
         r"'wheel'; there are: material=dark steel, material=b=2, object=a thing, group=left, group=right, group=wheels"
     )
     with pytest.raises(cn.ParameterError, match=rf"only matches no face with {there}"):
-        faces_labelled(["wheel"], cn.read(tmp_path / "things.obj"))
+        labelled_faces(["wheel"], cn.read(tmp_path / "things.obj"))
     with pytest.raises(cn.ParameterError, match="'part=7'; there are: part=0, part=1"):
         denoised(only="part=7")
     with pytest.raises(cn.ParameterError, match="'part=red'; there are"):
         denoised(only="part=red")
     (tmp_path / "plain.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="ascii")
     with pytest.raises(cn.ParameterError, match="'x'; the file has no labels of faces"):
-        faces_labelled(["x"], cn.read(tmp_path / "plain.obj"))
+        labelled_faces(["x"], cn.read(tmp_path / "plain.obj"))
 
 
 def test_gltf_faces_have_meshes_and_materials(tmp_path):
@@ -219,9 +221,9 @@ def test_gltf_faces_have_meshes_and_materials(tmp_path):
     (tmp_path / "box.glb").write_bytes(b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks)
     file = cn.read(tmp_path / "box.glb")
     for name in ("lid", "brass", "mesh=lid", "material=brass"):
-        np.testing.assert_array_equal(np.flatnonzero(faces_labelled([name], file)), np.arange(6))
+        np.testing.assert_array_equal(np.flatnonzero(labelled_faces([name], file)), np.arange(6))
     with pytest.raises(cn.ParameterError, match=r"there are: mesh=lid, material=brass$"):
-        faces_labelled([""], file)
+        labelled_faces([""], file)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from cascadenorm.batch import cluster_processes
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.cli import run
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.cluster import connected
+from cascadenorm.execution.cluster import dask_client
 
 LocalCluster = pytest.importorskip("distributed").LocalCluster
 
@@ -58,7 +58,7 @@ def test_workers_killed_at_random_moments_change_no_byte_and_nothing_is_done_twi
 @LINUX
 @pytest.mark.slow  # it waits for the moment at which Dask looks whether a lost worker has come back
 def test_a_worker_that_is_lost_twice_is_restarted_twice():
-    with connected("local", workers=1, threads=1, memory=2**30) as client:
+    with dask_client("local", workers=1, threads=1, memory=2**30) as client:
 
         def kill() -> None:
             (process,) = client.run(os.getpid).values()

@@ -3,7 +3,7 @@
 from batches import job
 
 from cascadenorm.batch.scheduling import Place, Schedule, needed
-from cascadenorm.execution.memory import PROCESS
+from cascadenorm.execution.memory import PROCESS_BYTES
 
 
 def test_files_run_side_by_side_as_far_as_memory_goes():
@@ -26,7 +26,7 @@ def test_files_run_side_by_side_as_far_as_memory_goes():
 
 
 def test_a_file_larger_than_memory_runs_alone():
-    place = Place(2, PROCESS, processes=2)
+    place = Place(2, PROCESS_BYTES, processes=2)
     schedule = Schedule()
     schedule.add([job(10**9, "a.ply"), job(10**9, "b.ply")])
     assert schedule.next([place]) == (place, job(10**9, "a.ply"), 2)

@@ -11,7 +11,7 @@ from cascadenorm.batch.scheduling import Place
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.memory import PROCESS
+from cascadenorm.execution.memory import PROCESS_BYTES
 from cascadenorm.io.interop import save_mesh
 
 
@@ -46,7 +46,7 @@ def answer(task: Task) -> Outcome:
 
 def test_a_process_whose_outcome_cannot_be_read_is_stopped_and_the_others_go_on():
     tasks = [Task(job(1, name), None) for name in ("odd", "even")]
-    with closing(LocalProcesses(answer, Place(2, PROCESS, processes=2))) as processes:
+    with closing(LocalProcesses(answer, Place(2, PROCESS_BYTES, processes=2))) as processes:
         for task in tasks:
             processes.begin(processes.places[0], task, 1)
         begun = [worker._process for worker in processes._busy.values()]

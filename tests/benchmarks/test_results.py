@@ -35,10 +35,10 @@ def test_figures_are_printed_and_only_kept_under_a_name(tmp_path, capsys):
         return results.markdown(["a", "b"], [[name, f"{value:.1f}"] for name, value in figures.items()])
 
     (tmp_path / results.FOLDER).mkdir(parents=True)
-    results.keep(None, {"x": 1.25}, table, root=tmp_path)
+    results.report(None, {"x": 1.25}, table, root=tmp_path)
     assert capsys.readouterr().out == "| a | b |\n| --- | ---: |\n| x | 1.2 |\n"
     assert not list((tmp_path / results.FOLDER).iterdir())
-    results.keep("mine", {"x": 1.25}, table, root=tmp_path)
+    results.report("mine", {"x": 1.25}, table, root=tmp_path)
     assert results.read("mine", root=tmp_path) == {"x": 1.25}
 
 
@@ -46,7 +46,7 @@ def test_a_record_with_a_page_is_shown_there(tmp_path):
     (tmp_path / results.FOLDER).mkdir(parents=True)
     (tmp_path / "benchmarks" / "controls.md").write_text("<!-- controls: x -->\n<!-- end of controls -->\n")
     figures = {"boundaries": [["auto", 0.1, 0.08, 0.04]], "creases": [["auto", 0.1, 0.12, 0.13, 0.14]]}
-    results.keep("controls", figures, results.table_of("accuracy.controls.table"), root=tmp_path)
+    results.report("controls", figures, results.table_of("accuracy.controls.table"), root=tmp_path)
     assert "| `auto` | 0.1 | 0.12 | 0.13 | 0.14 |" in (tmp_path / "benchmarks" / "controls.md").read_text()
     assert json.loads((tmp_path / results.FOLDER / "controls.json").read_text()) == figures
 

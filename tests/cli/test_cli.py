@@ -574,7 +574,7 @@ def test_an_interruption_that_a_library_turns_into_its_own_error_is_one(place, c
         raise ImportError("numpy failed to import")
 
     monkeypatch.setattr("cascadenorm.cli.program._interruptions", [signal.SIGINT])
-    monkeypatch.setattr("cascadenorm.api.api.controlled", failing)
+    monkeypatch.setattr("cascadenorm.api.api.run_with_controls", failing)
     assert refused(capsys, "denoise", "ball.ply") == (130, "cascadenorm: interrupted; no file was left half written\n")
 
 
@@ -582,7 +582,7 @@ def test_interruption_is_exit_code_130(place, capsys, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cascadenorm.api.api.controlled", interrupt)
+    monkeypatch.setattr("cascadenorm.api.api.run_with_controls", interrupt)
     code, message = refused(capsys, "denoise", "ball.ply", *FAST)
     assert code == 130 and "interrupted" in message
     assert not (place / "ball_denoised.ply").exists()
@@ -592,7 +592,7 @@ def test_an_error_of_ours_is_one_line_as_well(place, capsys, monkeypatch):
     def fail(*_, **__):
         raise KeyError("left over")
 
-    monkeypatch.setattr("cascadenorm.api.api.controlled", fail)
+    monkeypatch.setattr("cascadenorm.api.api.run_with_controls", fail)
     code, message = refused(capsys, "denoise", "ball.ply", *FAST)
     assert code == 1 and "KeyError" in message and "report" in message
     monkeypatch.setenv("CASCADENORM_TRACEBACK", "1")

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import pytest
 from shapes import icosphere, noisy
 
-from cascadenorm.cli import main, program
+from cascadenorm.cli import main
+from cascadenorm.execution.signals import repeat_if_swallowed
 from cascadenorm.io.interop import save_mesh
 
 ROUGH = noisy(icosphere(2), 0.2)
@@ -57,10 +58,12 @@ def test_worker_processes_do_not_run_the_script_that_started_the_program(tmp_pat
     assert sorted(path.name for path in (tmp_path / "out").glob("*.ply")) == ["a.ply", "b.ply"]
 
 
-def test_an_interruption_that_cannot_be_raised_comes_again():
+def test_an_interruption_that_cannot_be_raised_comes_again(monkeypatch):
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # it is ignored in the background of a shell
     try:
-        program._not_raised(SimpleNamespace(exc_type=KeyboardInterrupt))
+        repeat_if_swallowed(signal.SIGINT, KeyboardInterrupt)
+        sys.unraisablehook(SimpleNamespace(exc_type=KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             for _ in range(60_000):
                 time.sleep(0.01)

@@ -6,9 +6,9 @@ from scipy.linalg import eigh
 from shapes import cube, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.apply import controlled
-from cascadenorm.controls import checked
-from cascadenorm.controls.detail import finer_than
+from cascadenorm.api.apply import run_with_controls
+from cascadenorm.controls import checked_controls
+from cascadenorm.controls.detail import high_pass_filter
 from cascadenorm.data_gen.dataset import DatasetConfig, pair
 from cascadenorm.data_gen.noise.noise import NoiseKind
 from cascadenorm.geometry.laplacians import cotangent_laplacian
@@ -41,13 +41,13 @@ def share(wide: float) -> float:
 def moved(displacement: Vectors, mesh: Mesh = BALL, **controls) -> Vectors:
     """What the controls leave of a displacement that a method would give."""
     method = Method("stand-in", lambda seen: seen.vertices + displacement * seen.diagonal / mesh.diagonal, "", {})
-    return controlled(method, mesh, {}, checked(controls)) - mesh.vertices
+    return run_with_controls(method, mesh, {}, checked_controls(controls)) - mesh.vertices
 
 
 @pytest.mark.parametrize("degree", [2, 5, 8])
 @pytest.mark.parametrize("wide", [0.25, 0.5, 1, 2, 4])
 def test_waves_go_by_their_width(degree, wide):
-    out = finer_than(width(degree) / wide, BALL)(wave(degree)[:, None] * (1.0, -2.0, 0.0))
+    out = high_pass_filter(width(degree) / wide, BALL)(wave(degree)[:, None] * (1.0, -2.0, 0.0))
     left = [amplitude(column, degree) for column in out.T]
     np.testing.assert_allclose(left, share(wide) * np.array([1, -2, 0]), rtol=0.06, atol=1e-12)
 
@@ -57,7 +57,7 @@ def test_eigenvectors_of_the_laplacian_are_scaled(mesh):
     laplacian = cotangent_laplacian(mesh)
     values, vectors = eigh(laplacian.stiffness.toarray(), np.diag(laplacian.mass))
     for feature in (0.1, 1.0, 10.0):
-        finer = finer_than(feature, mesh)
+        finer = high_pass_filter(feature, mesh)
         for column in range(0, len(values), 7):
             wide = np.pi / np.sqrt(max(values[column], 1e-9)) / feature
             out = finer(np.repeat(vectors[:, [column]], 3, axis=1))
@@ -108,7 +108,7 @@ def test_a_length_counts_edges_where_it_says_so_and_the_limit_comes_last():
 
 @pytest.mark.parametrize("mesh", [grid(20, 20), noisy(grid(20, 20), 0.3)], ids=["flat", "rough"])
 def test_moving_an_open_mesh_as_a_whole_moves_nothing(mesh):
-    out = finer_than(3.0, mesh)(np.ones_like(mesh.vertices))
+    out = high_pass_filter(3.0, mesh)(np.ones_like(mesh.vertices))
     np.testing.assert_allclose(out, 0, atol=1e-8)
 
 

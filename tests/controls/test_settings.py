@@ -12,7 +12,7 @@ from shapes import icosphere
 import cascadenorm as cn
 from cascadenorm.api.apply import UNREPORTED
 from cascadenorm.cli import options, run
-from cascadenorm.controls import CONTROLS, Controls, ControlSetting, checked, settings
+from cascadenorm.controls import CONTROLS, Controls, ControlSetting, checked_controls, settings
 from cascadenorm.io.interop import save_mesh
 
 ROOT = Path(__file__).parents[2]
@@ -66,7 +66,7 @@ def test_a_new_control_appears_wherever_controls_do(docs, monkeypatch, tmp_path)
     monkeypatch.setitem(CONTROLS, "glow", ControlSetting("glow", float, 0.0, about))
     monkeypatch.setitem(options.OPTIONS, "glow", CONTROLS["glow"])
 
-    @settings.takes_controls
+    @settings.with_control_parameters
     def work(**controls):
         """Work.
 
@@ -78,7 +78,7 @@ def test_a_new_control_appears_wherever_controls_do(docs, monkeypatch, tmp_path)
     assert inspect.signature(work).parameters["glow"].default == 0.0 and "\nglow\n    Shine.\n" in work.__doc__
     command = options.control_options()(lambda **controls: None)
     assert inspect.signature(command).parameters["glow"].default == 0.0
-    assert checked({})["glow"] == 0.0 and checked({"glow": "3"})["glow"] == 3.0
+    assert checked_controls({})["glow"] == 0.0 and checked_controls({"glow": "3"})["glow"] == 3.0
     with pytest.raises(cn.ParameterError, match=r"^glow is -1; it must be at least 0$"):
         cn.denoise(icosphere(1), method="laplacian", glow=-1)
     assert "| `glow=2` | `--glow 2` | Shine. | `0.0` |\n" in docs.controls_table()
@@ -88,8 +88,8 @@ def test_a_new_control_appears_wherever_controls_do(docs, monkeypatch, tmp_path)
 
 
 def test_examples_and_defaults_are_values_that_the_controls_take():
-    checked({name: setting.about.example for name, setting in CONTROLS.items()})
-    assert checked({}) == {name: setting.default for name, setting in CONTROLS.items()}
+    checked_controls({name: setting.about.example for name, setting in CONTROLS.items()})
+    assert checked_controls({}) == {name: setting.default for name, setting in CONTROLS.items()}
 
 
 def test_no_method_has_a_parameter_that_is_a_control():

@@ -15,12 +15,12 @@ import pytest
 from shapes import icosphere
 
 import cascadenorm as cn
-from benchmarks.accuracy import collect_pairs
+from benchmarks.accuracy.pairs import collect
 from cascadenorm import registry
 from cascadenorm.api.api import methods
 from cascadenorm.cli import run
 from cascadenorm.evaluation import public_sets
-from cascadenorm.evaluation.public_sets import PUBLIC_SETS, Listed, geometry_digest
+from cascadenorm.evaluation.public_sets import PUBLIC_SETS, KnownPair, geometry_digest
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.stage import Stage
@@ -235,13 +235,13 @@ def test_the_pairs_of_the_readme_are_collected_from_clones(tmp_path, monkeypatch
         save_mesh(tmp_path / name, icosphere(1))
     digest = geometry_digest(tmp_path / "n.obj")
     of = {name: replace(one, listed={}) for name, one in PUBLIC_SETS.items()}
-    of["guided"].listed["ball"] = Listed("n.obj", "c.obj", (digest, digest))
+    of["guided"].listed["ball"] = KnownPair("n.obj", "c.obj", (digest, digest))
     monkeypatch.setattr(public_sets, "PUBLIC_SETS", of)
-    collect_pairs.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
+    collect(tmp_path, tmp_path, tmp_path / "pairs")
     assert (tmp_path / "pairs" / "ball" / "clean.obj").read_bytes() == (tmp_path / "c.obj").read_bytes()
     save_mesh(tmp_path / "c.obj", icosphere(2), force=True)
     with pytest.raises(cn.ReadError, match=r"c\.obj differs from the published mesh: get it again: git clone"):
-        collect_pairs.main([str(tmp_path), str(tmp_path), str(tmp_path / "pairs")])
+        collect(tmp_path, tmp_path, tmp_path / "pairs")
 
 
 def test_the_training_page_lists_every_setting_with_its_default():

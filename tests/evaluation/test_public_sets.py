@@ -57,7 +57,9 @@ def test_listed_pairs_are_checked_by_digests_that_no_format_changes(tmp_path, mo
         digests == tuple(public_sets.geometry_digest(tmp_path / f"{name}.ply") for name in "nc")
         and len(set(digests)) == 2
     )
-    guided = replace(public_sets.PUBLIC_SETS["guided"], listed={"ball": public_sets.Listed("n.off", "c.ply", digests)})
+    guided = replace(
+        public_sets.PUBLIC_SETS["guided"], listed={"ball": public_sets.KnownPair("n.off", "c.ply", digests)}
+    )
     monkeypatch.setitem(public_sets.PUBLIC_SETS, "guided", guided)
     assert [pair.name for pair in public_pairs("guided", tmp_path)] == ["ball"]
     with pytest.raises(ParameterError, match="the set guided has only a test split"):

@@ -30,14 +30,14 @@ def measured(folder, tmp_path_factory) -> Evaluation:
 
 
 def test_the_best_of_each_pair_is_in_bold_and_never_the_input(measured):
-    table = tables.by_pair(measured)
+    table = tables.pair_table(measured)
     assert [row[0].text for row in table.rows] == ["ball", "cube", "mean"]
     for row, pair in zip(table.rows, SHAPES, strict=False):
         errors = {r.method: r.measures.normal_error_deg for r in measured.results if r.pair == pair}
         assert [cell.text for cell in row[1:]] == [f"{errors[method]:.2f}" for method in measured.methods]
         best = min((method for method in errors if method != NOISY), key=errors.get)
         assert [method for method, cell in zip(measured.methods, row[1:], strict=True) if cell.best] == [best]
-    means = tables.by_method(measured.means, "")
+    means = tables.method_table(measured.means, "")
     volume = next(number for number, title in enumerate(means.head) if "volume" in title)
     ratios = {one.method: abs(one.measures.volume_ratio - 1) for one in measured.means if one.method != NOISY}
     assert [row[0].text for row in means.rows if row[volume].best] == [min(ratios, key=ratios.get)]
@@ -71,7 +71,7 @@ def test_tables_are_written_for_pages_and_papers(measured):
     for table in paper.split(r"\begin{tabular}")[1:]:
         rows = [line for line in table.splitlines() if line.endswith(r"\\")]
         assert len({row.replace(r"\&", "").count("&") for row in rows}) == 1
-    listed = list(csv.DictReader(io.StringIO(tables.comma_separated(measured))))
+    listed = list(csv.DictReader(io.StringIO(tables.csv_text(measured))))
     assert [row["method"] for row in listed] == [result.method for result in measured.results]
     assert float(listed[1]["vertex_rms_edges"]) == measured.results[1].measures.vertex_rms_edges
 

@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg  # noqa: F401 - brings a BLAS of its own
 from threadpoolctl import threadpool_info
 
-from cascadenorm.execution.process_map import WorkerError, side_by_side
+from cascadenorm.execution.process_map import WorkerError, parallel_map
 from cascadenorm.mesh import thread_count
 
 
@@ -25,7 +25,7 @@ def failing(number: int) -> int:
 
 
 def test_each_piece_of_work_has_one_thread_and_results_come_in_order():
-    with side_by_side(2) as each:
+    with parallel_map(2) as each:
         found = list(each(most_threads, range(20)))
     assert [number for number, *_ in found] == list(range(20))
     assert {threads for _, *threads in found for threads in threads} == {1}
@@ -33,7 +33,7 @@ def test_each_piece_of_work_has_one_thread_and_results_come_in_order():
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_an_error_is_raised_where_its_result_is_asked_for(count):
-    with side_by_side(count) as each:
+    with parallel_map(count) as each:
         results = each(failing, range(5))
         assert list(islice(results, 3)) == [0, 1, 2]
         with pytest.raises(ValueError, match="the third"):
@@ -41,7 +41,7 @@ def test_an_error_is_raised_where_its_result_is_asked_for(count):
 
 
 def test_a_process_that_ends_early_is_a_worker_error():
-    with pytest.raises(WorkerError, match="memory is short"), side_by_side(2) as each:
+    with pytest.raises(WorkerError, match="memory is short"), parallel_map(2) as each:
         list(each(os._exit, [1]))
 
 

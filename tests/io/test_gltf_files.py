@@ -51,7 +51,7 @@ def test_another_folder_gets_all_that_is_needed(place, strength):
 
 
 def test_what_lies_in_the_way_is_found_before_anything_is_computed(place, capsys, monkeypatch):
-    monkeypatch.setattr("cascadenorm.api.api.controlled", None)
+    monkeypatch.setattr("cascadenorm.api.api.run_with_controls", None)
     (place / "ball_denoised.bin").write_bytes(b"precious")
     (place / "out").mkdir()
     (place / "out" / "faces.bin").write_bytes(b"precious")

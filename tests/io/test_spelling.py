@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from cascadenorm.io.text.spelling import lines_of, respelled, rows_of
+from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text
 
 
 def spelled(values):
     """Spell numbers in place of the words of a text."""
-    return b"".join(respelled(Text(b"x " * len(values)), (np.arange(len(values)), values))).split()
+    return b"".join(replace_words(Text(b"x " * len(values)), (np.arange(len(values)), values))).split()
 
 
 def of_all_sizes(kind):
@@ -78,5 +78,5 @@ def test_words_of_a_long_text_are_replaced_by_numbers_of_two_types():
     doubles, singles = first / 3, (second / 3).astype(np.float32)
     for word, value in zip([*first, *second], [*doubles, *singles], strict=True):
         words[word] = (repr(float(value)) if value.dtype == np.float64 else str(value)).encode()
-    assert b"".join(respelled(text, (first, doubles), (second, singles))) == b"\t".join(words)
-    assert b"".join(respelled(text)) == text.data
+    assert b"".join(replace_words(text, (first, doubles), (second, singles))) == b"\t".join(words)
+    assert b"".join(replace_words(text)) == text.data

@@ -9,7 +9,7 @@ from test_foldovers import flipped
 
 from cascadenorm.detection.chords import chord_noise, chord_residuals
 from cascadenorm.geometry.foldovers import foldovers
-from cascadenorm.learned.safeguards import FACE_HEIGHTS, NOISES, displacement_bounds, safeguarded
+from cascadenorm.learned.safeguards import FACE_HEIGHTS, NOISE_FACTOR, displacement_bounds, safeguarded
 from cascadenorm.mesh import Mesh
 
 ROUGH = {
@@ -47,7 +47,9 @@ def test_the_bound_is_what_the_docs_say(name):
     mesh = ROUGH[name]
     noise = chord_noise(mesh, chord_residuals(mesh))
     tallest = [mesh.heights[mesh.topology.vertex_faces.row(i)].max() for i in range(len(mesh.vertices))]
-    np.testing.assert_allclose(displacement_bounds(mesh), np.minimum(NOISES * noise, FACE_HEIGHTS * np.array(tallest)))
+    np.testing.assert_allclose(
+        displacement_bounds(mesh), np.minimum(NOISE_FACTOR * noise, FACE_HEIGHTS * np.array(tallest))
+    )
 
 
 def test_what_is_within_the_bounds_is_not_touched():

@@ -5,9 +5,9 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.apply import controlled
+from cascadenorm.api.apply import run_with_controls
 from cascadenorm.controls.creases import crease_edges
-from cascadenorm.controls.settings import checked
+from cascadenorm.controls.settings import checked_controls
 from cascadenorm.mesh import Mesh, ordered_for_cache, ordering
 from cascadenorm.registry import Method
 
@@ -166,7 +166,7 @@ def test_messages_name_vertices_as_they_were_given(always):
     low, high = BALL.vertices.min(axis=0), BALL.vertices.max(axis=0)
     corner = np.ldexp(order.mesh.vertices[17] - 0.5 * (low + high), -1)
     with pytest.raises(cn.DenoiseError, match=r"\(vertices 17\)"):
-        controlled(Method("broken", broken, "", {}), order.mesh, {}, checked({}))
+        run_with_controls(Method("broken", broken, "", {}), order.mesh, {}, checked_controls({}))
     with pytest.raises(cn.ParameterError, match=r"the first is 5-5\)"):
         cn.denoise(order.mesh, method="taubin", creases=[[5, 5]])
     with pytest.raises(cn.ParameterError, match=r"1 of 2 pairs that are not edges .* the first is -1-4\)"):

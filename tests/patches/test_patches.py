@@ -15,7 +15,7 @@ from cascadenorm.learned import stage_normals
 from cascadenorm.mesh import Mesh
 from cascadenorm.patches import planning
 from cascadenorm.patches.cutting import Cutter
-from cascadenorm.patches.work import Patching, rows_of_faces, working_in_patches
+from cascadenorm.patches.work import Patching, face_rows, working_in_patches
 
 AGREES = 1e-5  # of an edge; rounding in products of matrices, made larger by what follows
 RIBBON = noisy(grid(400, 6), 0.25, seed=1)
@@ -199,11 +199,11 @@ def counted(patch):
 
 def test_work_is_repeated_until_the_halo_is_wide_enough():
     with working_in_patches(Patching(700)):
-        found = rows_of_faces(BALL, counted, reach=0)
+        found = face_rows(BALL, counted, receptive_field=0)
     assert (found == BALL.topology.face_rings(6).counts).all()
 
 
-FEW = {"SMALLEST": 900, "LARGEST": 900, "PROCESS": 0, "WHOLE": 1, "PATCH": 1}
+FEW = {"MIN_PATCH_FACES": 900, "MAX_PATCH_FACES": 900, "PROCESS_BYTES": 0, "WHOLE_FACE_BYTES": 1, "PATCH_FACE_BYTES": 1}
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from cascadenorm.patches import planning
 @LINUX
 @pytest.mark.parametrize("method", ["bilateral-normal", "auto"])
 def test_workers_give_the_result_of_this_process(place, cluster, method, monkeypatch):  # noqa: F811
-    monkeypatch.setattr(planning, "LARGEST", 2400)
+    monkeypatch.setattr(planning, "MAX_PATCH_FACES", 2400)
     save_mesh(place / "scan.ply", RIBBON if method == "auto" else BALL)
     whole = cn.denoise_file("scan.ply", "whole.ply", method=method)
     there = cn.denoise_file("scan.ply", "there.ply", method=method, memory=2500, scheduler=cluster[0])

@@ -25,25 +25,30 @@ from cascadenorm.compute.compile_time import tell_of_compiling
 @app.command()
 @control_options()
 def denoise(
-    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],
+    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for standard input.")],
     *,
     output: Annotated[
         str | None,
-        typer.Option("-o", "--output", help="Output file, whose extension selects the format, or - for stdout."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Output file, or - for standard output. The extension selects the format.",
+        ),
     ] = None,
     method: MethodOption = "auto",
     model: ModelOption = None,
     settings: Set = None,
     format: Annotated[
         str | None,
-        typer.Option("--format", metavar="EXT", help="Format of stdout, such as stl; by default that of IN."),
+        typer.Option("--format", metavar="EXT", help="Format of standard output, such as stl. By default, that of IN."),
     ] = None,
     report: ReportFile = None,
-    truth: Annotated[Path | None, typer.Option(metavar="FILE", help="Ground truth mesh, for the report.")] = None,
+    truth: Annotated[Path | None, typer.Option(metavar="FILE", help="Ground truth mesh for the report.")] = None,
     memory: Annotated[
         str | None,
         typer.Option(
-            metavar="SIZE", help="Memory to use, such as 4GB; larger meshes are denoised in patches (docs/patches.md)."
+            metavar="SIZE", help="Memory to use, such as 4GB. Larger meshes are denoised in patches (docs/patches.md)."
         ),
     ] = None,
     scheduler: Scheduler = None,
@@ -51,21 +56,23 @@ def denoise(
         str | None,
         typer.Option(
             metavar="LENGTH",
-            help='Join boundary vertices at most this far apart, in the unit of the mesh or like "0.001 edges".',
+            help="Weld boundary vertices at most this far apart, in mesh units or in mean edge lengths, as in "
+            '"0.001 edges".',
         ),
     ] = None,
     drop_components: Annotated[
         str | None,
         typer.Option(
             metavar="SIZE",
-            help="Leave out components with fewer faces than this: a number, or a share of the largest one such as 1%.",
+            help="Drop connected components with fewer faces than this number, or than this percentage of the largest "
+            "component, such as 1%.",
         ),
     ] = None,
     force: Force = False,
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise a mesh file; by default, write the result to <stem>_denoised<suffix> beside it."""
+    """Denoise a mesh file. By default, the result is written to <stem>_denoised<suffix> beside the input."""
     from cascadenorm.api import api
     from cascadenorm.cli import json_output, progress_bars, tables
 
@@ -116,7 +123,7 @@ def denoise(
 def batch(
     sources: Annotated[
         list[str],
-        typer.Argument(metavar="IN...", help="Files, folders, URLs, or quoted patterns like 'scans/**/*.ply'."),
+        typer.Argument(metavar="IN...", help="Files, folders, URLs, or quoted patterns such as 'scans/**/*.ply'."),
     ],
     *,
     output: Annotated[
@@ -128,38 +135,47 @@ def batch(
     format: Annotated[
         str | None,
         typer.Option(
-            "--format", metavar="EXT", help="Format of the results, such as stl; by default that of each input."
+            "--format", metavar="EXT", help="Format of the results, such as stl. By default, that of each input."
         ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Maximum number of processes; by default one per core.")
+        int | None, typer.Option(min=1, help="Maximum number of processes. By default, one per core.")
     ] = None,
     memory: Annotated[
         str | None,
-        typer.Option(metavar="SIZE", help="Memory for all processes, such as 4GB; by default most of the free memory."),
+        typer.Option(
+            metavar="SIZE", help="Memory for all processes together, such as 4GB. By default, 80 % of the free memory."
+        ),
     ] = None,
     retries: Annotated[
-        int, typer.Option(min=0, help="Further attempts for files that ran out of memory, or whose process was lost.")
+        int, typer.Option(min=0, help="Further attempts for a file that ran out of memory or whose process ended.")
     ] = 1,
     timeout: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Stop a process that works on a file for longer than this, more than 0."),
+        typer.Option(
+            metavar="SECONDS", help="Stop working on a file after this many seconds. By default, there is no limit."
+        ),
     ] = None,
     watch: Annotated[
         float | None,
         typer.Option(
-            min=0, metavar="SECONDS", help="Keep watching for new files; each is denoised once unchanged for this long."
+            min=0,
+            metavar="SECONDS",
+            help="Keep watching for new files, and denoise each once it has not changed for this many seconds.",
         ),
     ] = None,
     scheduler: Scheduler = None,
     manifest: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Record of what is done; by default manifest.jsonl in DIR.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="File that records which inputs are done. By default, manifest.jsonl in DIR."
+        ),
     ] = None,
     force: Force = False,
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise many files into a folder; files already done are skipped, and failures do not stop the others."""
+    """Denoise many files into a folder. Files already done are skipped, and failures do not stop the others."""
     from cascadenorm.batch.batch import denoise_files
     from cascadenorm.cli import json_output, progress_bars, tables
 
@@ -199,7 +215,7 @@ def denoise_regions(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="DIR", help="Folder for the results, which keep the names of their inputs."
+            "-o", "--output", metavar="DIR", help="Folder for the results, which keep the file names of the inputs."
         ),
     ] = None,
     method: MethodOption = "auto",
@@ -209,7 +225,7 @@ def denoise_regions(
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise mesh files whose walls coincide, such as segmented regions; shared walls stay shared."""
+    """Denoise mesh files with coincident walls, such as segmented regions. Shared walls remain identical."""
     from cascadenorm.api import regions
     from cascadenorm.cli import json_output, progress_bars, tables
 
@@ -228,11 +244,13 @@ def denoise_regions(
 
 @app.command()
 def inspect(
-    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for stdin.")],
+    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for standard input.")],
     *,
     self_intersections: Annotated[
         bool | None,
-        typer.Option(help="Check for self-intersections or not; by default only in meshes of moderate size."),
+        typer.Option(
+            help="Whether to check for self-intersections. By default, only meshes of moderate size are checked."
+        ),
     ] = None,
     report: ReportFile = None,
     force: Force = False,
@@ -263,22 +281,30 @@ def fill_holes(
     *,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Output file; by default <stem>_filled<suffix> beside the input."),
+        typer.Option("-o", "--output", help="Output file. By default, <stem>_filled<suffix> beside the input."),
     ] = None,
     order: Annotated[
         int,
         typer.Option(
-            min=1, max=3, help="Smoothness across the hole's boundary: 1 membrane, 2 tangent planes, 3 curvature."
+            min=1, max=3, help="Continuity across the boundary of a hole: 1 position, 2 tangent plane, 3 curvature."
         ),
     ] = 2,
-    max_edges: Annotated[int | None, typer.Option(min=3, help="Leave holes with more boundary edges open.")] = None,
+    max_edges: Annotated[
+        int | None,
+        typer.Option(
+            min=3, help="Leave holes with more boundary edges than this open. By default, all holes are filled."
+        ),
+    ] = None,
     outer: Annotated[
         Literal["keep", "fill"],
-        typer.Option(help="Keep the outer boundary of an open surface, such as a scan from one side, or fill it too."),
+        typer.Option(
+            metavar="keep|fill",
+            help="Whether to keep or fill the outer boundary of an open surface, such as a scan from one side.",
+        ),
     ] = "keep",
     force: Force = False,
 ) -> None:
-    """Fill the holes of a mesh with patches of matching density; existing vertices and faces stay unchanged.
+    """Fill the holes of a mesh with patches of matching density. Existing vertices and faces stay unchanged.
 
     PLY, OBJ and glTF files keep all their other content. In glTF, a patch continues the surrounding material, texture
     coordinates and colours; a patch across a seam of the texture coordinates gets the material without its textures.

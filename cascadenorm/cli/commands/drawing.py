@@ -13,7 +13,7 @@ from cascadenorm.cli.options import Force
 
 @app.command()
 def demo(
-    folder: Annotated[Path, typer.Argument(help="Folder for meshes and pictures; it is created.")] = Path(
+    folder: Annotated[Path, typer.Argument(help="Folder to create for meshes and pictures.")] = Path(
         "cascadenorm-demo"
     ),
     *,
@@ -32,53 +32,64 @@ def demo(
 
 Meshes = Annotated[
     list[str],
-    typer.Argument(metavar="MESH...", help="Mesh files, drawn side by side; from one camera if they overlap."),
+    typer.Argument(metavar="MESH...", help="Mesh files, drawn side by side. Overlapping meshes share one camera."),
 ]
-Output = Annotated[Path | None, typer.Option("-o", "--output", help="PNG, WebP, SVG or PDF file.", show_default=False)]
+Output = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Output file in PNG, WebP, SVG or PDF format.", show_default=False)
+]
 Turntable = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Animated WebP file of one full turn of the meshes, or MP4, by ffmpeg."),
+    typer.Option(
+        metavar="FILE", help="Animation of one full turn of the meshes: a WebP file, or MP4 if ffmpeg is installed."
+    ),
 ]
 Size = Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")]
 View = Annotated[
     str | None,
     typer.Option(
         metavar="WHERE",
-        help="Where the camera is: front, back, left, right, top, bottom or three-quarter; or AZIMUTH,ELEVATION in "
-        "degrees; or in the direction X,Y,Z.",
+        help="Position of the camera: front, back, left, right, top, bottom or three-quarter; an azimuth and an "
+        "elevation in degrees, such as 30,20; or a direction X,Y,Z. The default is the front of an open "
+        "surface and a three-quarter view of others.",
     ),
 ]
 Upward = Annotated[str, typer.Option(metavar="x|y|z", help="Up axis of the meshes.")]
 Target = Annotated[
     str | None,
-    typer.Option(metavar="X,Y,Z", help="Point in the middle of the picture; by default the middle of the mesh."),
+    typer.Option(metavar="X,Y,Z", help="Point in the centre of the picture. By default, the centre of the mesh."),
 ]
 Distance = Annotated[
     float | None,
-    typer.Option(help="Distance of the camera from the target, in the unit of the meshes; by default all is visible."),
+    typer.Option(help="Distance from the camera to the target, in mesh units. By default, the whole mesh is visible."),
 ]
 ValuesOption = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="Heat map: normal-error, distance, angle, displacement, normal-displacement, curvature or noise.",
+        help="Quantity to show as a heat map: normal-error, distance, angle, displacement, normal-displacement, "
+        "curvature or noise.",
     ),
 ]
 Reference = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Mesh to compare with; by default the first mesh.")
+    Path | None, typer.Option(metavar="FILE", help="Mesh to compare with. By default, the first mesh.")
 ]
-Limits = Annotated[str | None, typer.Option(metavar="LOW,HIGH", help="Values at the ends of the colours.")]
+Limits = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LOW,HIGH", help="Values at the two ends of the colour scale. By default, they follow from the meshes."
+    ),
+]
 Crops = Annotated[
     list[str] | None,
     typer.Option(
         metavar="X,Y,WIDTH",
-        help="Enlarge a square below each picture: its middle and width as shares of the picture from the upper "
-        "left. May be given several times.",
+        help="Show an enlarged square below each picture, given by its centre and width as fractions of the picture, "
+        "measured from the upper left corner. Repeat the option to show several.",
     ),
 ]
-Smooth = Annotated[bool, typer.Option("--smooth", help="Smooth shading.")]
+Smooth = Annotated[bool, typer.Option("--smooth", help="Use smooth shading.")]
 Wireframe = Annotated[bool, typer.Option("--wireframe", help="Draw the edges.")]
-Transparent = Annotated[bool, typer.Option("--transparent", help="Transparent background.")]
+Transparent = Annotated[bool, typer.Option("--transparent", help="Make the background transparent.")]
 
 
 @app.command()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @app.command()
 def compare(
-    mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh to measure, or - for stdin.")],
+    mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh to measure, or - for standard input.")],
     reference: Annotated[str, typer.Argument(metavar="REFERENCE", help="Ground truth mesh.")],
     *,
     report: ReportFile = None,
@@ -54,15 +54,18 @@ def compare(
 
 @app.command()
 def spectrum(
-    mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh file, or - for stdin.")],
-    other: Annotated[str | None, typer.Argument(metavar="[OTHER]", help="Another mesh to compare it with.")] = None,
+    mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh file, or - for standard input.")],
+    other: Annotated[str | None, typer.Argument(metavar="[OTHER]", help="Mesh to compare with.")] = None,
     *,
-    count: Annotated[int, typer.Option("-n", "--count", min=1, help="Number of eigenvalues.")] = 50,
+    count: Annotated[
+        int, typer.Option("-n", "--count", min=1, help="Number of eigenvalues, the lowest of which is 0.")
+    ] = 50,
     scale: Annotated[
         str,
         typer.Option(
             metavar="area|keep",
-            help="area multiplies them by the surface area, so that scale does not matter; keep does not.",
+            help="With area, the eigenvalues are multiplied by the surface area and so do not depend on the scale of "
+            "the mesh; with keep, they are not.",
         ),
     ] = "area",
     as_json: JsonOption = False,
@@ -84,43 +87,57 @@ def spectrum(
 Folders = Annotated[
     list[Path] | None,
     typer.Argument(
-        metavar="[DIR...]", help="Folders with noisy.* and clean.*, or folders of these.", show_default=False
+        metavar="[DIR...]",
+        help="Folders that each contain noisy.* and clean.*, or folders of such folders.",
+        show_default=False,
     ),
 ]
 Dataset = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="A public data set, read from --from; `list` says where to get them."),
+    typer.Option(
+        metavar="NAME", help="Public data set, read from --from. Use `list` to see all sets and where to get them."
+    ),
 ]
 Copy = Annotated[
     Path | None,
-    typer.Option("--from", metavar="DIR", help="Your copy of the public set: a clone or an unpacked archive."),
+    typer.Option("--from", metavar="DIR", help="Your copy of the public set, which is a clone or an unpacked archive."),
 ]
-SplitOption = Annotated[str, typer.Option(metavar="test|train", help="Split of the public set, as published.")]
+SplitOption = Annotated[str, typer.Option(metavar="test|train", help="Published split of the public set.")]
 Noise = Annotated[
     float | None,
     typer.Option(
         metavar="LEVEL",
-        help="Add Gaussian noise along the normals to clean.* in the place of noisy.*: standard deviation in mean "
-        "edge lengths.",
+        help="Instead of using noisy.*, add Gaussian noise along the normals to clean.*, with this standard "
+        "deviation in mean edge lengths.",
     ),
 ]
-Seeds = Annotated[int, typer.Option(min=1, help="Noisy versions of each clean mesh; the tables show the spread.")]
-Methods = Annotated[list[str] | None, typer.Option(help="Method to evaluate; may be given several times.")]
+Seeds = Annotated[
+    int, typer.Option(min=1, help="Number of noisy versions of each clean mesh. The tables show the spread over them.")
+]
+Methods = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="Method to evaluate. Repeat the option to evaluate several. By default: auto, cascade, bilateral-normal, "
+        "guided-normal and l0.",
+    ),
+]
 Results = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="NAME=DIR", help="Meshes DIR/<pair>.* from another program as a row; may be given several times."
+        metavar="NAME=DIR",
+        help="Add results of another program, which are the meshes DIR/<pair>.*. Repeat the option to add several.",
     ),
 ]
 Timeout = Annotated[
-    float, typer.Option(metavar="SECONDS", help="Stop a program of --command that takes longer than this on a mesh.")
+    float, typer.Option(metavar="SECONDS", help="Stop a program of --command that takes longer than this for one mesh.")
 ]
 Programs = Annotated[
     list[str] | None,
     typer.Option(
         metavar="'NAME=PROG {in} {out}'",
-        help="Run another program on each noisy mesh; {in.obj} and {out.obj} are files of that format. "
-        "May be given several times.",
+        help="Run another program on each noisy mesh. {in.obj} and {out.obj} convert to and from that format. "
+        "Repeat the option to run several.",
     ),
 ]
 Csv = Annotated[Path | None, typer.Option(metavar="FILE", help="Write all results as CSV.")]
@@ -128,14 +145,16 @@ Markdown = Annotated[Path | None, typer.Option(metavar="FILE", help="Write table
 Latex = Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as LaTeX.")]
 Html = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Write a page with tables and figures, and one with a 3-D viewer for each pair."),
+    typer.Option(
+        metavar="FILE", help="Write an HTML page of tables and figures, and a page with a 3-D viewer for each pair."
+    ),
 ]
 Keep = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
-        help="Keep the denoised meshes in this folder; a later run reuses them. With --html, by default a folder "
-        "beside that file.",
+        help="Keep the denoised meshes in this folder, from which a later run reuses them. With --html, the default "
+        "is a folder beside that file.",
     ),
 ]
 Workers = Annotated[int, typer.Option(min=1, help="Number of processes.")]
@@ -167,7 +186,7 @@ def evaluate(
     as_json: JsonOption = False,
     **controls: Any,
 ) -> None:
-    """Denoise pairs of noisy.* and clean.* by several methods and measure the results, also of other programs."""
+    """Denoise pairs of noisy.* and clean.* with several methods, or with other programs, and measure the results."""
     from cascadenorm.cli import progress_bars, tables
     from cascadenorm.evaluation import harness
     from cascadenorm.io.atomic import check_output
@@ -229,7 +248,7 @@ def _write_tables(
     from cascadenorm.io.atomic import write_atomically
 
     every = tables.all_tables(done)
-    texts = ((csv, tables.comma_separated(done)), (markdown, tables.markdown(every)), (latex, tables.latex(every)))
+    texts = ((csv, tables.csv_text(done)), (markdown, tables.markdown(every)), (latex, tables.latex(every)))
     for target, text in texts:
         if target is not None:
             write_atomically(target, [text.encode()], force=force)
@@ -252,7 +271,9 @@ def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[F
 
 @app.command()
 def methods(
-    name: Annotated[str | None, typer.Argument(help="Show this method's parameters.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Method whose parameters to show. By default, all methods are listed.")
+    ] = None,
     *,
     as_json: JsonOption = False,
 ) -> None:

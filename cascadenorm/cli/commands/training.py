@@ -12,11 +12,13 @@ from cascadenorm.errors import counted
 
 @app.command()
 def generate(
-    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the data set; it is created.")],
+    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to create for the data set.")],
     *,
     count: Annotated[int, typer.Option(min=1, help="Number of pairs.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same files.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Number of processes; the files do not depend on it.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the random numbers. The same seed generates the same files.")
+    ] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes. The files do not depend on it.")] = 1,
     scheduler: Scheduler = None,
     force: Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")] = False,
 ) -> None:
@@ -39,34 +41,39 @@ def train(
         "cascade.safetensors"
     ),
     config: Annotated[
-        Path | None, typer.Option(help="TOML file of settings; missing settings keep their defaults.")
+        Path | None, typer.Option(help="TOML file of settings. Missing settings have their default values.")
     ] = None,
     shapes: Annotated[
-        list[Path] | None, typer.Option(help="Your own clean meshes, a file or folder; may be given several times.")
+        list[Path] | None,
+        typer.Option(metavar="PATH", help="File or folder of your own clean meshes. Repeat the option to add several."),
     ] = None,
     noisy: Annotated[
         list[Path] | None,
-        typer.Option(help="Folder of your own pairs, noisy.* and clean.*; may be given several times."),
+        typer.Option(
+            metavar="DIR", help="Folder of your own pairs of noisy.* and clean.*. Repeat the option to add several."
+        ),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Train for about a minute, to check that training works.")
+        bool, typer.Option("--quick", help="Train for about a minute to check that training works.")
     ] = False,
-    seed: Annotated[int | None, typer.Option(min=0, help="The same seed makes the same file.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the random numbers. The same seed produces the same file.")
+    ] = None,
     log: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write losses and the validation error in degrees after each epoch, as .csv or .jsonl; a resumed "
-            "training appends to the file.",
+            help="Write the losses and the validation error in degrees after each epoch to this .csv or .jsonl file. "
+            "A resumed training appends to it.",
         ),
     ] = None,
     tensorboard: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the same for TensorBoard, if it is installed.")
+        Path | None, typer.Option(metavar="DIR", help="Write the same values for TensorBoard, which must be installed.")
     ] = None,
     force: Force = False,
     **controls: Any,
 ) -> None:
-    """Train a cascade on generated shapes; if interrupted, training resumes when it is started again."""
+    """Train a cascade on generated shapes. An interrupted training resumes when it is started again."""
     from dataclasses import replace
 
     from cascadenorm.cli import progress_bars
@@ -98,11 +105,13 @@ def train(
 @app.command("train-gate")
 @control_options("threads")
 def train_gate(
-    vertex: Annotated[Path, typer.Argument(help="Weights trained with configs/vertex.toml.")],
-    surface: Annotated[Path, typer.Argument(help="Weights trained with configs/surface.toml.")],
+    vertex: Annotated[Path, typer.Argument(help="Weights file trained with configs/vertex.toml.")],
+    surface: Annotated[Path, typer.Argument(help="Weights file trained with configs/surface.toml.")],
     *,
     output: Annotated[Path, typer.Option("-o", "--output", help="Weights file to write.")] = Path("auto.safetensors"),
-    seed: Annotated[int | None, typer.Option(min=0, help="The same seed makes the same file.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the random numbers. The same seed produces the same file.")
+    ] = None,
     force: Force = False,
     **controls: Any,
 ) -> None:
@@ -117,16 +126,17 @@ def train_gate(
 
 @app.command("models")
 def show_model(
-    model: Annotated[str, typer.Argument(help="auto or cascade, which are shipped, or a weights file.")] = "auto",
+    model: Annotated[str, typer.Argument(help="Shipped model (auto or cascade), or a weights file.")] = "auto",
     *,
     curves: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Show the training curves in a file written by `train --log` instead."),
+        typer.Option(metavar="FILE", help="Show the training curves of a file written by `train --log` instead."),
     ] = None,
     hub: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Write the model card in the format of the Hugging Face Hub, with the digest."
+            metavar="FILE",
+            help="Write the model card to this file in the format of the Hugging Face Hub, with the digest.",
         ),
     ] = None,
     force: Force = False,
@@ -146,18 +156,22 @@ def show_model(
         write_atomically(hub, [hub_card(model).encode()], force=force)
         return
 
-    json_output.print_json("models", {"model": model, "card": models.named(model).card})
+    json_output.print_json("models", {"model": model, "card": models.load_model(model).card})
 
 
 @app.command("export-onnx")
 def export_onnx(
-    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for stage1.onnx and so on; it is created.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="OUT", help="Folder to create for stage1.onnx, stage2.onnx, and so on.")
+    ],
     *,
-    model: Annotated[str, typer.Option(help="auto or cascade, which are shipped, or a weights file.")] = "auto",
+    model: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="Shipped model (auto or cascade), or a weights file.")
+    ] = "auto",
     force: Force = False,
 ) -> None:
-    """Export the networks of a model as ONNX files, one per stage; docs/models.md describes inputs and outputs."""
+    """Export the networks of a model as ONNX files, one per stage. See docs/models.md for inputs and outputs."""
     from cascadenorm.models import models
 
-    for path in models.export_onnx(models.named(model), folder, force=force):
+    for path in models.export_onnx(models.load_model(model), folder, force=force):
         print(path)

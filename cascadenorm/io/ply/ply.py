@@ -20,7 +20,7 @@ from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
 from cascadenorm.io.ply.table import Body, PropertyColumn, PropertyKind, columns
-from cascadenorm.io.text.spelling import respelled
+from cascadenorm.io.text.spelling import replace_words
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import splice
 from cascadenorm.mesh.normals import Normals
@@ -192,7 +192,7 @@ class PlyFile(MeshFile):
                 words = np.asarray(self._columns[element, name].offsets)[chosen[:, axis]] // WORD
                 kind = np.float32 if declared.kind == "f4" and values.dtype != np.float64 else np.float64
                 tables.append((words, values[chosen[:, axis], axis].astype(kind)))
-        return respelled(text, *tables)
+        return replace_words(text, *tables)
 
     def with_patches(self, patches: HolePatches) -> "PlyFile":
         """Return this file with additional vertices and triangles. Only the two row counts change in existing bytes.

@@ -20,7 +20,7 @@ PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
 """Range in which numbers are formatted without exponent. Outside it, orjson uses another layout."""
 
 
-def respelled(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Piece]:
+def replace_words(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Piece]:
     """Return a text, in pieces, with words replaced by numbers.
 
     Parameters

@@ -16,7 +16,7 @@ from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, Values, joined, placements, values_of_vertices
-from cascadenorm.io.text.spelling import lines_of, respelled
+from cascadenorm.io.text.spelling import lines_of, replace_words
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.xml.collada_nodes import instances
 from cascadenorm.io.xml.documents import Edit, Element, edited, tree_of
@@ -312,7 +312,7 @@ def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:
     order = np.argsort(words.ravel(), kind="stable")
     ascending = words.ravel()[order]
     last = np.append(ascending[1:] != ascending[:-1], True)
-    pieces = respelled(array.text, (ascending[last], values.ravel()[order][last]))
+    pieces = replace_words(array.text, (ascending[last], values.ravel()[order][last]))
     return array.begin, array.end, b"".join(pieces)
 
 

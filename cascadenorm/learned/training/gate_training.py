@@ -13,8 +13,8 @@ from sklearn.model_selection import KFold
 from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, pair
 from cascadenorm.detection.gate import THRESHOLD, Gate
 from cascadenorm.detection.triangulation import triangulation_figures
-from cascadenorm.execution.process_map import side_by_side
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.execution.process_map import parallel_map
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.gated import GatedCascades
@@ -94,7 +94,7 @@ def _angle(mesh: Mesh, cascade: Cascade, normals: Vectors, known: NDArray[np.int
 
 
 def trained_gate(
-    vertex: Cascade, surface: Cascade, config: GateConfig, *, progress: Progress = silent
+    vertex: Cascade, surface: Cascade, config: GateConfig, *, progress: Progress = no_progress
 ) -> GatedCascades:
     """Train a gate that chooses the better of two networks for a mesh, and combine them with it.
 
@@ -109,7 +109,7 @@ def trained_gate(
     cross-validation, and of the better network.
     """
     rows: list[Compared] = []
-    with side_by_side(thread_count()) as each:
+    with parallel_map(thread_count()) as each:
         for row in each(partial(compare_networks, vertex, surface, config.data), range(config.data.count)):
             rows.append(row)
             progress("meshes for the gate", len(rows), config.data.count)

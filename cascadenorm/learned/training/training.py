@@ -19,8 +19,8 @@ from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from cascadenorm.data_gen import Pair, pairs
-from cascadenorm.execution.process_map import Map, side_by_side
-from cascadenorm.execution.progress import Progress, silent
+from cascadenorm.execution.process_map import Map, parallel_map
+from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
 from cascadenorm.learned.features import Array, FeatureScaler, pairwise_features
@@ -46,7 +46,7 @@ def train_cascade(
     *,
     own: Sequence[Pair] = (),
     generated: Path | None = None,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
     record: Recorder = unrecorded,
 ) -> Cascade:
     """Train a cascade. An interrupted training resumes and gives byte-identical results.
@@ -75,7 +75,7 @@ def train_cascade(
         The folder holds a training with another config or other pairs, or there are fewer meshes than processes.
     """
     with distributed.process_group(), _one_thread_each():
-        progress, record = (progress, record) if is_main() else (silent, unrecorded)
+        progress, record = (progress, record) if is_main() else (no_progress, unrecorded)
         return _trained(config, checkpoint, own, generated or checkpoint / "pairs", progress, record)
 
 
@@ -90,7 +90,7 @@ def _trained(
     samples = _samples(config, own, generated, progress)
     stages: list[Regression] = []
     losses: list[list[float]] = []
-    with side_by_side(distributed.cores()) as each:
+    with parallel_map(distributed.cores()) as each:
         for number, settings in enumerate(config.stages):
             arrays = _train_stage(samples, each, config, checkpoint, number, settings, progress, record)
             stage = Regression.from_arrays(settings, arrays)
