@@ -3,8 +3,20 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.csr import joined_rows
-from cascadenorm.mesh import Csr, Floats, Index, Ints, Ints32, Mesh, Topology, Vectors, doubled, kernel, parallel_for
+from cascadenorm.mesh import (
+    Csr,
+    Floats,
+    Index,
+    Ints,
+    Ints32,
+    Mesh,
+    Topology,
+    Vectors,
+    doubled,
+    joined_rows,
+    kernel,
+    parallel_for,
+)
 from cascadenorm.mesh.vectors import row, squared_distance
 
 UNLIMITED = 2**31 - 1
