@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cascadenorm.compute.elementary import expf
 from cascadenorm.geometry.neighborhoods import UNLIMITED, faces_near, search_faces
 from cascadenorm.mesh import Bools, Csr, Floats, Floats32, Ints32, Mesh, Vectors, kernel, parallel_for
-from cascadenorm.mesh.vectors import length, row, squared_distance
+from cascadenorm.mesh.vectors import row, squared_distance
 
 MOST_NEIGHBORS = 2048
 """Maximum number of faces of a filter, which limits the cost where tiny faces lie among much larger ones. Even meshes
@@ -119,7 +119,7 @@ def _filter_range(
                 exponent, g = spatial[s] * distances[k], found[k]
                 if exponent <= largest:
                     u[near], chord[near] = exponent, squared_distance(row(guides[s], g), row(guides[s], f))
-                    x[near], y[near], z[near] = row(vectors, g)
+                    x[near], y[near], z[near] = vectors[g, 0], vectors[g, 1], vectors[g, 2]
                     near += 1
 
             # A loop over the weights alone is vectorised.
@@ -129,6 +129,7 @@ def _filter_range(
                 total = np.float32(0), np.float32(0), np.float32(0)
                 for k in range(near):
                     total = total[0] + weight[k] * x[k], total[1] + weight[k] * y[k], total[2] + weight[k] * z[k]
-                size, column = length(total), s * len(spreads) + r
+                size = np.sqrt(total[0] * total[0] + total[1] * total[1] + total[2] * total[2])
+                column = s * len(spreads) + r
                 for d in range(3):
                     out[f, column, d] = total[d] / size if size > 0 else normals[f, d]

@@ -17,10 +17,12 @@ with suppress(Exception):  # a numba with incompatible events: compilation is no
 def kernel(function: KernelLoop) -> KernelLoop:
     """Compile a function with numba: it releases the GIL, divides by zero as numpy does, and is cached on disk.
 
+    It gets no wrapper for calls from C, which would have to be compiled and loaded as well.
+
     If no cache folder is writable, or numba's cache classes are incompatible, the function is compiled in each process.
     numba's own cache is not used instead, because concurrent processes may mix up its files.
     """
-    compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
     if compiled is not function:  # they are identical when compilation is disabled
         with suppress(Exception):
             from cascadenorm.compute.kernel_cache import KernelCache
